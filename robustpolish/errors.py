@@ -1,0 +1,46 @@
+"""The errors and the warning that robustpolish raises, and nothing else does.
+
+Every message names the argument, the value that came, what was expected and
+what to do next; :func:`robustpolish.validation.invalid` builds such messages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class RobustPolishError(Exception):
+    """Base of all errors that the package raises on purpose."""
+
+
+class InvalidInputError(RobustPolishError, ValueError):
+    """An argument has the wrong shape, value, name or unit."""
+
+
+class MissingDependencyError(RobustPolishError, ImportError):
+    """An optional solver is not installed; the message says what to install."""
+
+
+class SolverError(RobustPolishError, RuntimeError):
+    """No certified answer was found, though none was ruled out either."""
+
+
+class InfeasibleError(RobustPolishError):
+    """No controller of the requested kind exists; the message names the cause.
+
+    Parameters
+    ----------
+    message : str
+        Cause and remedy.
+    modes : sequence of complex, optional
+        The eigenvalues, in rad/s (or of the discrete-time state matrix), that
+        no controller can move.
+    """
+
+    def __init__(self, message: str, modes: Sequence[complex] = ()) -> None:
+        super().__init__(message)
+        self.modes = tuple(complex(mode) for mode in modes)
+
+
+class RobustPolishWarning(UserWarning):
+    """The one warning class of the package."""

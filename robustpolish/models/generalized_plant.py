@@ -1,0 +1,424 @@
+"""The plant of robust control: disturbance and control in, performance and measurement out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robustpolish.validation import described, invalid, matrix, state_space
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class GeneralizedPlant:
+    r"""A state-space system whose signals are sorted into w, u, z and y.
+
+    ::
+
+                 +-----------------------+
+        w  ----->|  x' = A x  + B1 w  + B2 u |-----> z
+                 |  z  = C1 x + D11 w + D12 u |
+        u  ----->|  y  = C2 x + D21 w + D22 u |-----> y
+           |     +-----------------------+     |
+           |            +---------+            |
+           +------------|    K    |<-----------+
+                        +---------+
+
+    The disturbances w come before the controls u among the inputs, the
+    performance outputs z before the measurements y among the outputs, as in
+    ``control.hinfsyn``. The controller is connected with **positive** sign,
+    u = K y; a state feedback is u = F x.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        The whole plant, continuous or discrete; its signal names are kept.
+    measurements : int
+        Number of measurements y: the last outputs.
+    controls : int
+        Number of controls u: the last inputs.
+    units : mapping of str to str, optional
+        Unit of each named signal or state, such as ``{"x": "m"}``.
+
+    Raises
+    ------
+    InvalidInputError
+        If the system is no ``StateSpace``, has entries that are not finite, or
+        if the counts do not fit.
+
+    Examples
+    --------
+    >>> import control
+    >>> from robustpolish import GeneralizedPlant
+    >>> P = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0], [1.0]], 0)
+    >>> plant = GeneralizedPlant(P, measurements=1, controls=1)
+    >>> plant.B1, plant.B2
+    (array([[1.]]), array([[1.]]))
+    """
+
+    system: control.StateSpace
+    measurements: int
+    controls: int
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def __init__(
+        self,
+        system: control.StateSpace,
+        measurements: int,
+        controls: int,
+        units: Mapping[str, str] | None = None,
+    ) -> None:
+        state_space("system", system)
+        _count("measurements", measurements, system.noutputs, "outputs")
+        _count("controls", controls, system.ninputs, "inputs")
+        named = {*system.input_labels, *system.output_labels, *system.state_labels}
+        for name in units or {}:
+            if name not in named:
+                raise invalid("units", name, "names of signals or states", "Check its spelling.")
+        object.__setattr__(self, "system", system)
+        object.__setattr__(self, "measurements", int(measurements))
+        object.__setattr__(self, "controls", int(controls))
+        object.__setattr__(self, "units", MappingProxyType(dict(units or {})))
+
+    @classmethod
+    def from_matrices(
+        cls,
+        A: ArrayLike,
+        B1: ArrayLike,
+        B2: ArrayLike,
+        C1: ArrayLike,
+        C2: ArrayLike,
+        D11: ArrayLike | None = None,
+        D12: ArrayLike | None = None,
+        D21: ArrayLike | None = None,
+        D22: ArrayLike | None = None,
+        *,
+        dt: float | bool = 0,
+        states: Sequence[str] | None = None,
+        disturbances: Sequence[str] | None = None,
+        controls: Sequence[str] | None = None,
+        performance: Sequence[str] | None = None,
+        measurements: Sequence[str] | None = None,
+        units: Mapping[str, str] | None = None,
+    ) -> GeneralizedPlant:
+        """Build a plant from its nine matrices; a D that is not given is zero.
+
+        Parameters
+        ----------
+        A, B1, B2, C1, C2 : array_like
+            Shapes (nx, nx), (nx, nw), (nx, nu), (nz, nx), (ny, nx).
+        D11, D12, D21, D22 : array_like, optional
+            Shapes (nz, nw), (nz, nu), (ny, nw), (ny, nu).
+        dt : float or True, optional
+            Sampling time in s; 0 is continuous time, True discrete without a unit.
+        states, disturbances, controls, performance, measurements : sequence of str, optional
+            Names of x, w, u, z and y; w1, w2, ... and so on by default.
+        units : mapping of str to str, optional
+            Unit of each named signal or state.
+
+        Returns
+        -------
+        GeneralizedPlant
+
+        Raises
+        ------
+        InvalidInputError
+            If a matrix does not fit the others, or a list of names its matrix.
+        """
+        A = matrix("A", A)
+        nx = A.shape[0]
+        A = matrix("A", A, (nx, nx))
+        B1, B2 = matrix("B1", B1, (nx, None)), matrix("B2", B2, (nx, None))
+        C1, C2 = matrix("C1", C1, (None, nx)), matrix("C2", C2, (None, nx))
+        nw, nu, nz, ny = B1.shape[1], B2.shape[1], C1.shape[0], C2.shape[0]
+
+        def feedthrough(name: str, value: ArrayLike | None, rows: int, columns: int) -> Matrix:
+            shape = (rows, columns)
+            return np.zeros(shape) if value is None else matrix(name, value, shape)
+
+        D = np.block(
+            [
+                [feedthrough("D11", D11, nz, nw), feedthrough("D12", D12, nz, nu)],
+                [feedthrough("D21", D21, ny, nw), feedthrough("D22", D22, ny, nu)],
+            ]
+        )
+        inputs = [
+            *_names("disturbances", disturbances, nw, "w"),
+            *_names("controls", controls, nu, "u"),
+        ]
+        outputs = [
+            *_names("performance", performance, nz, "z"),
+            *_names("measurements", measurements, ny, "y"),
+        ]
+        system = control.ss(
+            A,
+            np.hstack([B1, B2]),
+            np.vstack([C1, C2]),
+            D,
+            dt,
+            inputs=inputs,
+            outputs=outputs,
+            states=_names("states", states, nx, "x"),
+        )
+        return cls(system, measurements=ny, controls=nu, units=units)
+
+    @property
+    def nx(self) -> int:
+        """Number of states."""
+        return int(self.system.nstates)
+
+    @property
+    def nw(self) -> int:
+        """Number of disturbances."""
+        return int(self.system.ninputs) - self.controls
+
+    @property
+    def nu(self) -> int:
+        """Number of controls."""
+        return self.controls
+
+    @property
+    def nz(self) -> int:
+        """Number of performance outputs."""
+        return int(self.system.noutputs) - self.measurements
+
+    @property
+    def ny(self) -> int:
+        """Number of measurements."""
+        return self.measurements
+
+    @property
+    def A(self) -> Matrix:
+        """State matrix, shape (nx, nx)."""
+        return np.array(self.system.A)
+
+    @property
+    def B1(self) -> Matrix:
+        """Disturbance to state, shape (nx, nw)."""
+        return np.array(self.system.B[:, : self.nw])
+
+    @property
+    def B2(self) -> Matrix:
+        """Control to state, shape (nx, nu); the thesis's B."""
+        return np.array(self.system.B[:, self.nw :])
+
+    @property
+    def C1(self) -> Matrix:
+        """State to performance, shape (nz, nx)."""
+        return np.array(self.system.C[: self.nz])
+
+    @property
+    def C2(self) -> Matrix:
+        """State to measurement, shape (ny, nx); the thesis's C."""
+        return np.array(self.system.C[self.nz :])
+
+    @property
+    def D11(self) -> Matrix:
+        """Disturbance to performance, shape (nz, nw); the thesis's D1."""
+        return np.array(self.system.D[: self.nz, : self.nw])
+
+    @property
+    def D12(self) -> Matrix:
+        """Control to performance, shape (nz, nu)."""
+        return np.array(self.system.D[: self.nz, self.nw :])
+
+    @property
+    def D21(self) -> Matrix:
+        """Disturbance to measurement, shape (ny, nw)."""
+        return np.array(self.system.D[self.nz :, : self.nw])
+
+    @property
+    def D22(self) -> Matrix:
+        """Control to measurement, shape (ny, nu)."""
+        return np.array(self.system.D[self.nz :, self.nw :])
+
+    @property
+    def dt(self) -> float | bool:
+        """Sampling time in s; 0 in continuous time."""
+        return 0 if self.system.dt is None else self.system.dt
+
+    @property
+    def is_discrete(self) -> bool:
+        """Whether the plant is a discrete-time system."""
+        return self.dt != 0
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of x."""
+        return tuple(self.system.state_labels)
+
+    @property
+    def disturbance_names(self) -> tuple[str, ...]:
+        """Names of w."""
+        return tuple(self.system.input_labels[: self.nw])
+
+    @property
+    def control_names(self) -> tuple[str, ...]:
+        """Names of u."""
+        return tuple(self.system.input_labels[self.nw :])
+
+    @property
+    def performance_names(self) -> tuple[str, ...]:
+        """Names of z."""
+        return tuple(self.system.output_labels[: self.nz])
+
+    @property
+    def measurement_names(self) -> tuple[str, ...]:
+        """Names of y."""
+        return tuple(self.system.output_labels[self.nz :])
+
+    @property
+    def open_loop(self) -> control.StateSpace:
+        """The system from w to z with u = 0."""
+        return control.ss(
+            self.A,
+            self.B1,
+            self.C1,
+            self.D11,
+            self.dt,
+            inputs=list(self.disturbance_names),
+            outputs=list(self.performance_names),
+            states=list(self.states),
+        )
+
+    def closed_loop(self, controller: control.StateSpace | ArrayLike) -> control.StateSpace:
+        """Connect u = K y and return the system from w to z.
+
+        Parameters
+        ----------
+        controller : control.StateSpace or array_like
+            K: a system with ny inputs and nu outputs, or a gain of shape (nu, ny).
+
+        Returns
+        -------
+        control.StateSpace
+            The lower linear fractional transformation of plant and controller;
+            its states are those of the plant, then those of the controller.
+
+        Raises
+        ------
+        InvalidInputError
+            If shapes or sampling times differ, or if I - D22 Dk is singular, so
+            that the loop has no solution.
+        """
+        K = self._controller(controller)
+        Ak, Bk, Ck, Dk = (np.asarray(M) for M in (K.A, K.B, K.C, K.D))
+        loop = np.eye(self.nu) - Dk @ self.D22
+        if np.linalg.cond(loop) > 1 / np.finfo(float).eps:
+            raise invalid(
+                "controller",
+                described(f"a loop matrix I - Dk D22 with condition {np.linalg.cond(loop):.1e}"),
+                "a well-posed loop",
+                "Change the controller's feedthrough or the plant's D22.",
+            )
+        # u = solve(loop, Ck xk + Dk (C2 x + D21 w)), then y follows from u.
+        on_x = np.linalg.solve(loop, Dk @ self.C2)
+        on_k = np.linalg.solve(loop, Ck)
+        on_w = np.linalg.solve(loop, Dk @ self.D21)
+        A = np.block(
+            [
+                [self.A + self.B2 @ on_x, self.B2 @ on_k],
+                [Bk @ (self.C2 + self.D22 @ on_x), Ak + Bk @ self.D22 @ on_k],
+            ]
+        )
+        B = np.vstack([self.B1 + self.B2 @ on_w, Bk @ (self.D21 + self.D22 @ on_w)])
+        C = np.hstack([self.C1 + self.D12 @ on_x, self.D12 @ on_k])
+        D = self.D11 + self.D12 @ on_w
+        taken = set(self.states)
+        extra = [f"{'controller_' if name in taken else ''}{name}" for name in K.state_labels]
+        return control.ss(
+            A,
+            B,
+            C,
+            D,
+            self.dt,
+            inputs=list(self.disturbance_names),
+            outputs=list(self.performance_names),
+            states=list(self.states) + extra,
+        )
+
+    def state_feedback_loop(self, gain: ArrayLike) -> control.StateSpace:
+        """Connect u = F x, whatever is measured, and return the system from w to z.
+
+        Parameters
+        ----------
+        gain : array_like, shape (nu, nx)
+            F; the thesis's D_c of (10.8) with C = I.
+
+        Returns
+        -------
+        control.StateSpace
+        """
+        return self.with_full_state().closed_loop(matrix("gain", gain, (self.nu, self.nx)))
+
+    def with_full_state(self) -> GeneralizedPlant:
+        """Return the same plant with y = x, for state feedback."""
+        system = control.ss(
+            self.A,
+            self.system.B,
+            np.vstack([self.C1, np.eye(self.nx)]),
+            np.vstack([self.system.D[: self.nz], np.zeros((self.nx, self.nw + self.nu))]),
+            self.dt,
+            inputs=self.system.input_labels,
+            outputs=[*self.performance_names, *(f"measured_{name}" for name in self.states)],
+            states=list(self.states),
+        )
+        known = {*system.input_labels, *system.output_labels, *system.state_labels}
+        units = {name: unit for name, unit in self.units.items() if name in known}
+        return GeneralizedPlant(system, self.nx, self.nu, units)
+
+    def _controller(self, controller: control.StateSpace | ArrayLike) -> control.StateSpace:
+        if not isinstance(controller, control.StateSpace):
+            gain = matrix("controller", controller, (self.nu, self.ny))
+            return control.ss([], [], [], gain, self.dt)
+        state_space("controller", controller)
+        if (controller.noutputs, controller.ninputs) != (self.nu, self.ny):
+            raise invalid(
+                "controller",
+                described(f"{controller.ninputs} inputs and {controller.noutputs} outputs"),
+                f"{self.ny} inputs (y) and {self.nu} outputs (u)",
+                "Check measurements= and controls= of the plant.",
+            )
+        static = controller.nstates == 0
+        if not static and controller.dt is not None and controller.dt != self.dt:
+            raise invalid(
+                "controller",
+                described(f"sampling time {controller.dt}"),
+                f"{self.dt} like the plant",
+                "Discretise the plant or the controller first.",
+            )
+        return controller
+
+    def __repr__(self) -> str:
+        time = f"discrete, dt = {self.dt}" if self.is_discrete else "continuous"
+        return (
+            f"GeneralizedPlant({self.nx} states, {time}; w: {', '.join(self.disturbance_names)}; "
+            f"u: {', '.join(self.control_names)}; z: {', '.join(self.performance_names)}; "
+            f"y: {', '.join(self.measurement_names)})"
+        )
+
+
+def _count(argument: str, value: Any, available: int | None, what: str) -> None:
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or not 0 <= value <= (available or 0):
+        raise invalid(
+            argument,
+            value,
+            f"a whole number from 0 to {available}, the system's number of {what}",
+            f"Count the {what} at the end of the list.",
+        )
+
+
+def _names(argument: str, given: Sequence[str] | None, count: int, letter: str) -> list[str]:
+    if given is None:
+        return [f"{letter}{i + 1}" for i in range(count)]
+    if isinstance(given, str) or len(given) != count or len(set(given)) != count:
+        raise invalid(argument, given, f"{count} different names", "Name each signal once.")
+    return list(given)

@@ -1,0 +1,141 @@
+"""Checks of arguments, and the one form in which they complain."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Hashable
+from typing import Any, TypeVar
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robustpolish.errors import InvalidInputError
+
+T = TypeVar("T", bound=Hashable)
+
+
+def invalid(argument: str, value: object, expected: str, remedy: str) -> InvalidInputError:
+    """Build the error for a bad argument; the caller raises it.
+
+    Parameters
+    ----------
+    argument : str
+        Name of the argument.
+    value : object
+        What came; shown shortened.
+    expected : str
+        What the argument has to be.
+    remedy : str
+        What to do next, as an imperative sentence.
+
+    Returns
+    -------
+    InvalidInputError
+    """
+    shown = value if isinstance(value, _Described) else repr(value)
+    text = str(shown)
+    if len(text) > 120:
+        text = text[:117] + "..."
+    return InvalidInputError(f"{argument}: got {text}, expected {expected}. {remedy}")
+
+
+class _Described(str):
+    """A description that :func:`invalid` prints without quotation marks."""
+
+
+def described(text: str) -> str:
+    """Mark `text` as a description of a value, to be printed as it is."""
+    return _Described(text)
+
+
+def matrix(
+    argument: str,
+    value: ArrayLike,
+    shape: tuple[int | None, int | None] = (None, None),
+) -> NDArray[np.float64]:
+    """Return `value` as a finite real matrix of the given shape.
+
+    Parameters
+    ----------
+    argument : str
+        Name of the argument, for the message.
+    value : array_like
+        Two-dimensional, real, finite. A scalar stands for a 1 x 1 matrix.
+    shape : tuple
+        Required rows and columns; None leaves one free.
+
+    Returns
+    -------
+    ndarray of float, shape (rows, columns)
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not numeric, complex, not two-dimensional, of another shape, or not finite.
+    """
+    want = "a real matrix" if shape == (None, None) else f"a real matrix of shape {_show(shape)}"
+    if np.iscomplexobj(value):
+        raise invalid(argument, described("complex entries"), want, "Pass real numbers.")
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise invalid(argument, value, want, "Pass nested lists or a NumPy array.") from None
+    if array.ndim == 0:
+        array = array.reshape(1, 1)
+    if array.ndim != 2 or any(
+        want_n is not None and n != want_n for n, want_n in zip(array.shape, shape, strict=True)
+    ):
+        raise invalid(
+            argument, described(f"shape {array.shape}"), want, "Check its rows and columns."
+        )
+    if not np.isfinite(array).all():
+        row, column = np.argwhere(~np.isfinite(array))[0]
+        raise invalid(
+            argument,
+            described(f"{array[row, column]} at row {row}, column {column}"),
+            "finite numbers",
+            "Remove or replace the entry.",
+        )
+    return array
+
+
+def _show(shape: tuple[int | None, int | None]) -> str:
+    return "(" + ", ".join("any" if n is None else str(n) for n in shape) + ")"
+
+
+def positive(argument: str, value: Any, unit: str = "", zero: bool = False) -> float:
+    """Return `value` as a finite float above zero (at least zero if `zero`)."""
+    want = f"a finite number {'of at least' if zero else 'above'} 0{' ' + unit if unit else ''}"
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise invalid(argument, value, want, "Pass a number.") from None
+    if not np.isfinite(number) or number < 0 or (number == 0 and not zero):
+        raise invalid(argument, value, want, "Check its sign and unit.")
+    return number
+
+
+def one_of(argument: str, value: T, choices: Collection[T]) -> T:
+    """Return `value` if it is one of `choices`."""
+    if value not in choices:
+        listed = ", ".join(repr(choice) for choice in choices)
+        raise invalid(argument, value, f"one of {listed}", "Choose one of these.")
+    return value
+
+
+def state_space(argument: str, value: Any) -> control.StateSpace:
+    """Return `value` if it is a state-space system with finite matrices.
+
+    Transfer functions and other systems are refused rather than realised
+    silently, because a realisation has states without a meaning.
+    """
+    if not isinstance(value, control.StateSpace):
+        raise invalid(
+            argument,
+            described(type(value).__name__),
+            "a control.StateSpace",
+            "Convert it with control.ss(...).",
+        )
+    for name in "ABCD":
+        matrix(f"{argument}.{name}", getattr(value, name))
+    return value
