@@ -1,0 +1,178 @@
+"""A linear model of a nonlinear one near an equilibrium."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import root
+
+from robustpolish.errors import SolverError
+from robustpolish.validation import described, invalid
+
+Vector = NDArray[np.float64]
+VectorField = Callable[[Vector, Vector], ArrayLike]
+
+
+@dataclass(frozen=True, eq=False)
+class Linearization:
+    """A nonlinear model near an equilibrium.
+
+    Attributes
+    ----------
+    system : control.StateSpace
+        dz/dt = A z + B v with y = C z + D v, in deviations from the equilibrium.
+    state : ndarray, shape (n,)
+        q*.
+    control : ndarray, shape (m,)
+        u*.
+    residual : float
+        Largest entry of abs(f(q*, u*)), relative to the sizes of A q* and B u*.
+    """
+
+    system: control.StateSpace
+    state: Vector
+    control: Vector
+    residual: float
+
+
+def linearize(
+    dynamics: VectorField,
+    state: ArrayLike,
+    control_value: ArrayLike = (),
+    output: VectorField | None = None,
+    *,
+    find_equilibrium: bool = True,
+    scale: ArrayLike | None = None,
+    states: Sequence[str] | None = None,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> Linearization:
+    """Linearise dq/dt = f(q, u), y = g(q, u) about an equilibrium, (10.1) to (10.5).
+
+    The derivatives are central differences extrapolated to step zero (Richardson), with a step
+    proportional to each variable's size.
+
+    Parameters
+    ----------
+    dynamics : callable
+        f(q, u) with q of shape (n,) and u of shape (m,); returns shape (n,).
+    state : array_like, shape (n,)
+        The equilibrium, or a guess of it.
+    control_value : array_like, shape (m,), optional
+        u*, which is held fixed; empty for an autonomous model.
+    output : callable, optional
+        g(q, u); the state by default.
+    find_equilibrium : bool, optional
+        Search f(q, u*) = 0 from `state`; otherwise `state` has to be one already.
+    scale : array_like, shape (n + m,), optional
+        Typical size of each state and control, which sets the differentiation step;
+        max(abs(value), 1) by default.
+    states, inputs, outputs : sequence of str, optional
+        Names of the signals.
+
+    Returns
+    -------
+    Linearization
+
+    Raises
+    ------
+    InvalidInputError
+        If a shape does not fit, or `state` is no equilibrium.
+    SolverError
+        If no equilibrium is found.
+
+    Examples
+    --------
+    A pendulum hanging down, with g/l = 9.81:
+
+    >>> import numpy as np
+    >>> from robustpolish.models import linearize
+    >>> pendulum = linearize(lambda q, u: [q[1], -9.81 * np.sin(q[0])], [0.1, 0.0])
+    >>> print(np.round(pendulum.system.A, 6))
+    [[ 0.    1.  ]
+     [-9.81  0.  ]]
+    """
+    q = np.array(state, dtype=float).ravel()
+    u = np.array(control_value, dtype=float).ravel()
+    n, m = q.size, u.size
+    size = np.maximum(np.abs(np.concatenate([q, u])), 1.0)
+    if scale is not None:
+        size = np.array(scale, dtype=float).ravel()
+        if size.shape != (n + m,) or not (size > 0).all():
+            raise invalid(
+                "scale", scale, f"{n + m} positive sizes", "Give one for each state and control."
+            )
+
+    def f(point: Vector) -> Vector:
+        value = np.asarray(dynamics(point[:n], point[n:]), dtype=float).ravel()
+        if value.shape != (n,):
+            raise invalid(
+                "dynamics",
+                described(f"a result of shape {value.shape}"),
+                f"shape ({n},), like the state",
+                "Return one derivative for each state.",
+            )
+        return value
+
+    def g(point: Vector) -> Vector:
+        return (
+            point[:n]
+            if output is None
+            else np.asarray(output(point[:n], point[n:]), dtype=float).ravel()
+        )
+
+    if find_equilibrium and n:
+        q = _equilibrium(f, q, u, size[:n])
+    point = np.concatenate([q, u])
+    jacobian = _derivative(f, point, size)
+    # What each term of f amounts to: the yardstick for "f is zero", whatever the units.
+    yardstick = np.abs(jacobian) @ size
+    residual = float(np.max(np.abs(f(point)) / np.where(yardstick > 0, yardstick, 1.0), initial=0))
+    if residual > 1e-6:
+        raise invalid(
+            "state",
+            described(f"a state with relative residual {residual:.1e}"),
+            "an equilibrium, f(q, u) = 0",
+            "Let find_equilibrium search for it, or improve the guess.",
+        )
+    output_jacobian = _derivative(g, point, size)
+    names = {"states": states, "inputs": inputs, "outputs": outputs}
+    system = control.ss(
+        jacobian[:, :n],
+        jacobian[:, n:],
+        output_jacobian[:, :n],
+        output_jacobian[:, n:],
+        **{key: list(value) for key, value in names.items() if value is not None},
+    )
+    return Linearization(system, q, u, residual)
+
+
+def _equilibrium(f: Callable[[Vector], Vector], q: Vector, u: Vector, size: Vector) -> Vector:
+    """Solve f(q, u) = 0 for q, each state in units of its size."""
+    answer = root(lambda scaled: f(np.concatenate([scaled * size, u])), q / size, tol=1e-12)
+    found = answer.x * size
+    if not np.isfinite(found).all():
+        raise SolverError(
+            f"state: no equilibrium found near {q} ({answer.message}). "
+            "Give a better guess, or pass find_equilibrium=False with a known equilibrium."
+        )
+    return found
+
+
+def _derivative(f: Callable[[Vector], Vector], point: Vector, size: Vector) -> Vector:
+    """Jacobian by central differences at steps h and h/2, extrapolated to fourth order."""
+    rows = f(point).size
+    jacobian = np.zeros((rows, point.size))
+    for j in range(point.size):
+        slopes = []
+        for step in (1e-3 * size[j], 5e-4 * size[j]):
+            ahead, behind = point.copy(), point.copy()
+            ahead[j] += step
+            behind[j] -= step
+            slopes.append((f(ahead) - f(behind)) / (ahead[j] - behind[j]))
+        jacobian[:, j] = (4 * slopes[1] - slopes[0]) / 3
+    return jacobian
