@@ -1,0 +1,126 @@
+"""State-space matrices as plain arrays, rescaled by powers of two so that nothing is rounded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from robustpolish.validation import state_space
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Realisation:
+    """The matrices of a system in scaled units, and how to come back.
+
+    Attributes
+    ----------
+    A, B, C, D : ndarray
+        Scaled matrices; every scale is a power of two, so they are exact.
+    discrete : bool
+        True for discrete time.
+    step : float
+        Sampling time in s (1 if none was given); 1 in continuous time.
+    time : float
+        Scaled frequency times `time` is rad/s; 1 in discrete time.
+    gain : float
+        Scaled gain times `gain` is the gain of the original system.
+    """
+
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+    discrete: bool
+    step: float = 1.0
+    time: float = 1.0
+    gain: float = 1.0
+
+    @property
+    def states(self) -> int:
+        """Number of states."""
+        return self.A.shape[0]
+
+
+def realisation(argument: str, system: Any) -> Realisation:
+    """Read a validated ``control.StateSpace``; an unspecified `dt` means continuous time."""
+    system = state_space(argument, system)
+    n, m, p = system.nstates, system.ninputs, system.noutputs
+    discrete = bool(system.isdtime(strict=True))
+    step = 1.0 if system.dt is None or system.dt is True or not discrete else float(system.dt)
+    return Realisation(
+        np.array(system.A, dtype=float).reshape(n, n),
+        np.array(system.B, dtype=float).reshape(n, m),
+        np.array(system.C, dtype=float).reshape(p, n),
+        np.array(system.D, dtype=float).reshape(p, m),
+        discrete,
+        step,
+    )
+
+
+def power_of_two(value: float) -> float:
+    """Return the power of two nearest to a positive `value`; 1 for zero and infinity."""
+    if not (value > 0 and np.isfinite(value)):
+        return 1.0
+    return float(np.exp2(np.clip(np.round(np.log2(value)), -1000, 1000)))
+
+
+def state_scales(A: Matrix, B: Matrix, C: Matrix) -> tuple[Matrix, float]:
+    """Balance A together with B and C by powers of two.
+
+    All inputs together, and all outputs together, are treated as one more
+    state, because only a common factor of them may be traded for a gain.
+
+    Returns
+    -------
+    scales : ndarray of shape (n,)
+        x = scales * (scaled x).
+    signal : float
+        B is multiplied by `signal` and C divided by it.
+    """
+    n = A.shape[0]
+    bordered = np.zeros((n + 1, n + 1))
+    bordered[:n, :n] = A
+    bordered[:n, n] = np.linalg.norm(B, axis=1)
+    bordered[n, :n] = np.linalg.norm(C, axis=0)
+    _, (scales, _) = sla.matrix_balance(bordered, permute=False, separate=True)
+    return scales[:n], float(scales[n])
+
+
+def rescaled(system: Realisation) -> Realisation:
+    """Balance the states, then choose units of time and gain that make the entries near one."""
+    if system.states == 0:
+        return system
+    A, B, C, D = system.A, system.B, system.C, system.D
+    time = 1.0 if system.discrete else power_of_two(float(np.abs(A).max()))
+    A, B = A / time, B / time
+    scales, signal = state_scales(A, B, C)
+    A = A * scales / scales[:, None]
+    B, C = B / scales[:, None] * signal, C * scales / signal
+    if not system.discrete:
+        again = power_of_two(_typical_rate(A))
+        A, B, time = A / again, B / again, time * again
+    b, c = power_of_two(float(np.linalg.norm(B))), power_of_two(float(np.linalg.norm(C)))
+    gain = b * c
+    if not np.isfinite(gain) or gain == 0:  # beyond the exponents of double precision
+        b = c = gain = 1.0
+    return replace(
+        system,
+        A=A,
+        B=B / b,
+        C=C / c,
+        D=D / gain,
+        time=system.time * time,
+        gain=system.gain * gain,
+    )
+
+
+def _typical_rate(A: Matrix) -> float:
+    rates = np.abs(np.linalg.eigvals(A))
+    rates = rates[rates > np.finfo(float).eps * np.linalg.norm(A)]
+    return float(np.exp(np.mean(np.log(rates)))) if rates.size else 1.0
