@@ -63,7 +63,7 @@ def linearize(
     state : array_like, shape (n,)
         The equilibrium, or a guess of it.
     control_value : array_like, shape (m,), optional
-        u*, which is held fixed; empty for an autonomous model.
+        u*, which is held fixed; empty for an autonomous model of two or more states.
     output : callable, optional
         g(q, u); the state by default.
     find_equilibrium : bool, optional
@@ -99,6 +99,14 @@ def linearize(
     q = np.array(state, dtype=float).ravel()
     u = np.array(control_value, dtype=float).ravel()
     n, m = q.size, u.size
+    if n == 1 and m == 0:
+        # python-control reads a 1 x 0 input matrix as an empty one.
+        raise invalid(
+            "control_value",
+            described("no control for a single state"),
+            "at least one control",
+            "Add an input, if only a disturbance that is zero at the equilibrium.",
+        )
     size = np.maximum(np.abs(np.concatenate([q, u])), 1.0)
     if scale is not None:
         size = np.array(scale, dtype=float).ravel()

@@ -1,0 +1,247 @@
+"""Masses joined by springs and dampers, with forces in and motions out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import control
+
+from robustpolish.models import mechanical_parameters as _parameters
+from robustpolish.models.generalized_plant import GeneralizedPlant
+from robustpolish.models.mechanical_checks import check_model
+from robustpolish.models.mechanical_matrices import MechanicalMatrices, assemble
+from robustpolish.models.mechanical_parts import (
+    UNITS,
+    AddedEffect,
+    Damper,
+    Dof,
+    Input,
+    Output,
+    Spring,
+)
+
+
+@dataclass(frozen=True)
+class MechanicalModel:
+    r"""Masses joined by springs and dampers, and the physical effects that were added.
+
+    The equations of motion are ``M q'' + C q' + K q = forces - effects``; a spring,
+    a damper or an effect between a pair ``(a, b)`` pulls coordinate a back with the
+    force it makes of ``q_a - q_b``.
+
+    Parameters
+    ----------
+    dofs : sequence of Dof
+        Degrees of freedom, translational or rotational.
+    springs, dampers : sequence of Spring, Damper, optional
+        Connections between two coordinates, or of one to ``"ground"``.
+    inputs, outputs : sequence of Input, Output, optional
+        Measured signals that drive the model, and that it predicts. Without an input
+        the model decays freely.
+    effects : sequence of AddedEffect, optional
+        Physical effects by their names in the catalogue.
+    spin_frequency : float, optional
+        Known rotation speed in Hz.
+    name : str, optional
+        What the model is of.
+
+    Raises
+    ------
+    InvalidInputError
+        If a number is no finite number, a mass negative, a name used twice, a place
+        unknown, or if translation and rotation are mixed up. The message names the key.
+
+    Examples
+    --------
+    >>> from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+    >>> model = MechanicalModel(
+    ...     dofs=[Dof("x", 2.0)],
+    ...     springs=[Spring(("x", "ground"), 800.0)],
+    ...     dampers=[Damper(("x", "ground"), 4.0)],
+    ...     inputs=[Input("F", ("x", "ground"))],
+    ...     outputs=[Output("x", ("x", "ground"))],
+    ... )
+    >>> model.state_space().A
+    array([[   0.,    1.],
+           [-400.,   -2.]])
+    """
+
+    dofs: tuple[Dof, ...]
+    springs: tuple[Spring, ...] = ()
+    dampers: tuple[Damper, ...] = ()
+    inputs: tuple[Input, ...] = ()
+    outputs: tuple[Output, ...] = ()
+    effects: tuple[AddedEffect, ...] = ()
+    spin_frequency: float | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        check_model(self)
+
+    # Names and units -----------------------------------------------------------------
+
+    @property
+    def dof_names(self) -> tuple[str, ...]:
+        """Names of all coordinates."""
+        return tuple(dof.name for dof in self.dofs)
+
+    @property
+    def imposed(self) -> tuple[str, ...]:
+        """Names of the coordinates whose motion an input imposes."""
+        moved = {item.on[0] for item in self.inputs if item.imposes}
+        return tuple(name for name in self.dof_names if name in moved)
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the coordinates that move by the equations of motion."""
+        moved = set(self.imposed)
+        return tuple(name for name in self.dof_names if name not in moved)
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs: data columns."""
+        return tuple(item.name for item in self.inputs)
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the outputs: data columns."""
+        return tuple(item.name for item in self.outputs)
+
+    def dof(self, name: str) -> Dof:
+        """Return the degree of freedom with this name."""
+        return self.dofs[self.dof_names.index(name)]
+
+    def unit_of(self, item: Input | Output) -> str:
+        """Return the SI unit of an input or output of this model, before its gain."""
+        if item.unit is not None:
+            return item.unit
+        if isinstance(item, Input):
+            return UNITS[self.dof(item.on[0]).rotational][item.imposes or "force"]
+        ends = [self.dof(name) for name in item.of if name in self.dof_names]
+        return UNITS[ends[0].rotational][item.quantity]
+
+    # Matrices ------------------------------------------------------------------------
+
+    @cached_property
+    def matrices(self) -> MechanicalMatrices:
+        """Mass, damping and stiffness matrices, and the rows of the outputs; no effects."""
+        return assemble(self)
+
+    def state_space(self) -> control.StateSpace:
+        """Return the linear part, without effects, from the inputs to the outputs.
+
+        States are the free displacements, then their velocities (``x``, ``x_dot``). An
+        imposed motion has an input for its displacement, ``name``, one for its velocity,
+        ``name_dot``, and one for its acceleration, ``name_ddot``, if an output needs it.
+        """
+        return self.matrices.state_space()
+
+    def linearize(
+        self,
+        controls: Sequence[str] | None = None,
+        operating_point: Mapping[str, float] | None = None,
+    ) -> GeneralizedPlant:
+        """Return the plant for synthesis, effects linearised at a state of rest.
+
+        The disturbances w are the model's inputs, the controls u forces, the
+        performance outputs z all free displacements, the measurements y the outputs.
+
+        Parameters
+        ----------
+        controls : sequence of str, optional
+            Coordinates on which a control force acts; an input's name takes that input
+            out of w and makes it a control. All free coordinates by default.
+        operating_point : mapping of str to float, optional
+            Displacement in m or rad of coordinates that do not rest at 0.
+
+        Returns
+        -------
+        GeneralizedPlant
+
+        Raises
+        ------
+        InvalidInputError
+            If a name is unknown.
+        """
+        from robustpolish.models.mechanical_linearization import linearize
+
+        return linearize(self, controls, operating_point)
+
+    # Changes -------------------------------------------------------------------------
+
+    def with_effect(
+        self,
+        kind: str,
+        at: str | Sequence[str],
+        parameters: Mapping[str, float] | None = None,
+    ) -> MechanicalModel:
+        """Return the model with one more effect.
+
+        Parameters
+        ----------
+        kind : str
+            Name in the catalogue of effects.
+        at : str or sequence of str
+            Where it acts, such as ``("x", "ground")``.
+        parameters : mapping of str to float, optional
+            Values in SI units by name.
+
+        Returns
+        -------
+        MechanicalModel
+
+        Examples
+        --------
+        >>> from robustpolish.models import Dof, MechanicalModel, Output
+        >>> model = MechanicalModel([Dof("x", 2.0)], outputs=[Output("x", ("x", "ground"))])
+        >>> model.with_effect("coulomb_friction", ("x", "ground"), {"force": 3.1}).effects[0].kind
+        'coulomb_friction'
+        """
+        effect = AddedEffect(kind, at, {} if parameters is None else parameters)  # type: ignore[arg-type]
+        return replace(self, effects=(*self.effects, effect))
+
+    def without_effects(self) -> MechanicalModel:
+        """Return the linear model."""
+        return replace(self, effects=())
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every number of the model by its key, such as ``"spring[0].stiffness"``.
+
+        Keys are ``dof.NAME.mass`` (or ``.inertia``), ``spring[i].stiffness``,
+        ``damper[i].damping``, ``input.NAME.gain`` and ``effect[i].PARAMETER``.
+        """
+        return _parameters.values(self)
+
+    def with_parameters(self, values: Mapping[str, float]) -> MechanicalModel:
+        """Return the model with some numbers changed, by the keys of `parameters`."""
+        return _parameters.replaced(self, values)
+
+    # Files ---------------------------------------------------------------------------
+
+    @classmethod
+    def from_toml(cls, source: str | Path) -> MechanicalModel:
+        """Read a model from a TOML file, or from its text if `source` has a line break.
+
+        Raises
+        ------
+        InvalidInputError
+            If the file cannot be read or is no model; the message names the line or key.
+        """
+        from robustpolish.models.mechanical_toml import read_model
+
+        return read_model(source)
+
+    def to_toml(self, path: str | Path | None = None) -> str:
+        """Return the model as TOML text, and write it to `path` if one is given."""
+        from robustpolish.models.mechanical_toml import write_model
+
+        return write_model(self, path)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The cached matrices are made anew where they are needed.
+        return {key: value for key, value in self.__dict__.items() if key != "matrices"}

@@ -1,0 +1,260 @@
+"""The parts of a mechanical model, each checked when it is made.
+
+Every message names the part the way the file names it: ``dof.x.mass``,
+``spring[0].between`` (the first spring), ``input.F_x.force_on``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from robustpolish.validation import described, invalid, positive
+
+GROUND = "ground"
+
+DISPLACEMENT = "displacement"
+VELOCITY = "velocity"
+ACCELERATION = "acceleration"
+FORCE = "force"
+
+# What a file may say, and what it means. The second names are those of rotation.
+QUANTITIES = {
+    "displacement": DISPLACEMENT,
+    "velocity": VELOCITY,
+    "acceleration": ACCELERATION,
+    "force": FORCE,
+    "angle": DISPLACEMENT,
+    "angular_velocity": VELOCITY,
+    "angular_acceleration": ACCELERATION,
+    "torque": FORCE,
+}
+ROTATIONAL_ONLY = frozenset({"angle", "angular_velocity", "angular_acceleration", "torque"})
+
+UNITS = {
+    False: {DISPLACEMENT: "m", VELOCITY: "m/s", ACCELERATION: "m/s^2", FORCE: "N"},
+    True: {DISPLACEMENT: "rad", VELOCITY: "rad/s", ACCELERATION: "rad/s^2", FORCE: "N m"},
+}
+
+
+@dataclass(frozen=True)
+class Dof:
+    """A degree of freedom: a mass that moves along one coordinate, or turns about one axis.
+
+    Parameters
+    ----------
+    name : str
+        Name of the coordinate; not ``"ground"``.
+    mass : float
+        Mass in kg, or moment of inertia in kg m^2 if `rotational`; positive. Zero
+        only where an input imposes the motion.
+    rotational : bool, optional
+        Whether the coordinate is an angle in rad.
+    """
+
+    name: str
+    mass: float
+    rotational: bool = False
+
+    def __post_init__(self) -> None:
+        name = text("dof", self.name)
+        if name == GROUND:
+            raise invalid("dof", name, "a name other than 'ground'", "Rename the coordinate.")
+        key, unit = ("inertia", "kg m^2") if self.rotational else ("mass", "kg")
+        argument = f"dof.{name}.{key}"
+        object.__setattr__(
+            self, "mass", positive(argument, number(argument, self.mass), unit, True)
+        )
+
+    @property
+    def unit(self) -> str:
+        """Unit of the mass or moment of inertia."""
+        return "kg m^2" if self.rotational else "kg"
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A linear spring; it pulls with ``stiffness * (q[between[0]] - q[between[1]])``.
+
+    Parameters
+    ----------
+    between : (str, str)
+        Two coordinates, or one and ``"ground"``.
+    stiffness : float
+        In N/m, or N m/rad. Zero and negative values are allowed: a refit may
+        start at zero, and a magnet is a negative spring.
+    """
+
+    between: tuple[str, str]
+    stiffness: float
+
+
+@dataclass(frozen=True)
+class Damper:
+    """A linear damper; it pulls with ``damping * (v[between[0]] - v[between[1]])``.
+
+    Parameters
+    ----------
+    between : (str, str)
+        Two coordinates, or one and ``"ground"``.
+    damping : float
+        In N s/m, or N m s/rad. Negative values stand for self-excitation.
+    """
+
+    between: tuple[str, str]
+    damping: float
+
+
+@dataclass(frozen=True)
+class Input:
+    """A measured signal that drives the model: a force, or an imposed motion.
+
+    Parameters
+    ----------
+    name : str
+        The data column.
+    on : (str, str)
+        Where a force or torque acts: positive along the first coordinate, and in
+        reaction on the second, which is mostly ``"ground"``. For an imposed motion
+        the coordinate that is moved, and ``"ground"``.
+    imposes : str or None, optional
+        None for a force; ``"displacement"``, ``"velocity"`` or ``"acceleration"`` for a
+        motion. Velocity and acceleration accompany an imposed displacement and
+        spare its differentiation.
+    gain : float, optional
+        Factor from the column to the force or motion.
+    unit : str, optional
+        Unit of the column if `gain` converts, such as ``"V"``.
+    """
+
+    name: str
+    on: tuple[str, str]
+    imposes: str | None = None
+    gain: float = 1.0
+    unit: str | None = None
+
+    def __post_init__(self) -> None:
+        name = text("input", self.name)
+        argument = f"input.{name}.gain"
+        gain = number(argument, self.gain)
+        if gain == 0:
+            raise invalid(argument, self.gain, "a number other than 0", "Leave the input out.")
+        object.__setattr__(self, "gain", gain)
+        unit_text(f"input.{name}.unit", self.unit)
+
+
+@dataclass(frozen=True)
+class Output:
+    """A measured signal that the model predicts: a motion, or a force.
+
+    Parameters
+    ----------
+    name : str
+        The data column.
+    of : (str, str)
+        For a motion the coordinate that is measured, and the one that it is measured
+        against (``"ground"`` for the absolute motion). For a force the two ends of the
+        connection whose force is measured, positive when the connection pulls the
+        first end towards negative coordinates, as a stretched spring to ground does.
+    quantity : str, optional
+        ``"displacement"`` (default), ``"velocity"``, ``"acceleration"`` or ``"force"``.
+    drive : bool, optional
+        Only with ``"force"``: the output is the whole force that imposes the motion of
+        ``of[0]``, its inertia and all its connections included.
+    unit : str, optional
+        Unit of the column where the coordinate is measured in another one, such as ``"V"``.
+    """
+
+    name: str
+    of: tuple[str, str]
+    quantity: str = DISPLACEMENT
+    drive: bool = False
+    unit: str | None = None
+
+    def __post_init__(self) -> None:
+        name = text("output", self.name)
+        unit_text(f"output.{name}.unit", self.unit)
+
+
+@dataclass(frozen=True)
+class AddedEffect:
+    """A physical effect in a model: kind, place and parameters.
+
+    Parameters
+    ----------
+    kind : str
+        Name in the catalogue of effects, such as ``"coulomb_friction"``.
+    at : tuple of str
+        Where it acts: a pair of coordinates, one coordinate, an input or an output.
+    parameters : mapping of str to float
+        Values by name, in SI units.
+    """
+
+    kind: str
+    at: tuple[str, ...]
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        kind = text("effect.kind", self.kind)
+        if not isinstance(self.parameters, Mapping):
+            raise invalid(
+                f"effect.{kind}.parameters",
+                self.parameters,
+                "a table of numbers",
+                "Write parameters = { name = value }.",
+            )
+        values = {
+            text(f"effect.{kind}.parameters", key): number(f"effect.{kind}.parameters.{key}", value)
+            for key, value in self.parameters.items()
+        }
+        object.__setattr__(self, "parameters", MappingProxyType(values))
+        object.__setattr__(self, "at", places(f"effect.{kind}.at", self.at))
+
+    def __hash__(self) -> int:
+        return hash((self.kind, self.at, tuple(sorted(self.parameters.items()))))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A mapping proxy cannot be pickled, and models travel to worker processes.
+        return (type(self), (self.kind, self.at, dict(self.parameters)))
+
+
+def text(argument: str, value: Any) -> str:
+    """Return `value` if it is a name: a string that is not blank."""
+    if not isinstance(value, str) or not value.strip():
+        raise invalid(argument, value, "a name", "Write it as text between quotation marks.")
+    return value
+
+
+def unit_text(argument: str, value: Any) -> None:
+    """Refuse a unit that is neither None nor text."""
+    if value is not None:
+        text(argument, value)
+
+
+def number(argument: str, value: Any) -> float:
+    """Return `value` as a finite float; text and true/false are no numbers."""
+    real = isinstance(value, int | float | np.integer | np.floating)
+    if real and not isinstance(value, bool):
+        try:
+            result = float(value)
+        except OverflowError:
+            result = np.inf
+        if np.isfinite(result):
+            return result
+    raise invalid(argument, value, "a finite number", "Write a number without quotation marks.")
+
+
+def places(argument: str, value: Any) -> tuple[str, ...]:
+    """Return one place or a list of places as a tuple of one or two different names."""
+    if isinstance(value, str):
+        value = (value,)
+    if not isinstance(value, Sequence) or not 1 <= len(value) <= 2:
+        raise invalid(argument, value, "one name or a pair of names", "Write ['x', 'ground'].")
+    names = tuple(text(argument, item) for item in value)
+    if len(set(names)) != len(names):
+        raise invalid(argument, described(f"{names[0]!r} twice"), "two ends", "Name the other end.")
+    return names
