@@ -129,11 +129,12 @@ class MechanicalMatrices:
         signals = self.signals
         if not signals:
             B, D, signals = np.zeros((len(A), 1)), np.zeros((len(C), 1)), (NO_INPUT,)
-        return control.ss(
+        return control.StateSpace(
             A,
             B,
             C,
             D,
+            0,
             inputs=list(signals),
             outputs=list(self.outputs),
             states=list(self.states),
