@@ -1,0 +1,1 @@
+"""One module per outside solver library; nothing else in the package imports them."""

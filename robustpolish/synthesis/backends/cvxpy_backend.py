@@ -1,0 +1,61 @@
+"""Semidefinite programs through cvxpy: Clarabel by default, others by name."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.errors import MissingDependencyError
+from robustpolish.synthesis.semidefinite import ConicForm
+from robustpolish.validation import one_of
+
+
+def solve(
+    form: ConicForm, solver: str | None, tolerance: float, time_limit: float | None
+) -> tuple[NDArray[np.float64] | None, str]:
+    """Solve a conic form; return the variables, or None, and the solver's status."""
+    try:
+        import cvxpy as cp
+    except ImportError as error:
+        raise MissingDependencyError(
+            "backend: cvxpy is not installed. Install it with `pip install cvxpy clarabel`."
+        ) from error
+
+    name = (solver or "CLARABEL").upper()
+    one_of("solver", name, cp.installed_solvers())
+    x = cp.Variable(form.objective.size)
+    constraints: list[Any] = []
+    for size, G, h in form.psd:
+        constraints.append(cp.PSD(cp.reshape(G @ x + h, (size, size), order="F")))
+    constraints += [G @ x + h >= 0 for G, h in form.nonnegative]
+    constraints += [G @ x + h == 0 for G, h in form.zero]
+    problem = cp.Problem(cp.Minimize(form.objective @ x), constraints)
+    with warnings.catch_warnings():
+        # "Solution may be inaccurate": the status says so, and callers verify.
+        warnings.simplefilter("ignore")
+        try:
+            problem.solve(solver=name, ignore_dpp=True, **_options(name, tolerance, time_limit))
+        except cp.SolverError as error:
+            return None, f"failed: {error}"
+    return (None if x.value is None else np.array(x.value)), str(problem.status)
+
+
+def _options(name: str, tolerance: float, time_limit: float | None) -> dict[str, Any]:
+    options: dict[str, dict[str, Any]] = {
+        "CLARABEL": {
+            "tol_gap_abs": tolerance,
+            "tol_gap_rel": tolerance,
+            "tol_feas": tolerance,
+            "max_iter": 200,
+        },
+        "SCS": {"eps_abs": tolerance, "eps_rel": tolerance, "max_iters": 100_000},
+        "CVXOPT": {"abstol": tolerance, "reltol": tolerance, "feastol": tolerance},
+    }
+    limits = {"CLARABEL": "time_limit", "SCS": "time_limit_secs"}
+    chosen = dict(options.get(name, {}))
+    if time_limit is not None and name in limits:
+        chosen[limits[name]] = max(time_limit, 1e-3)
+    return chosen

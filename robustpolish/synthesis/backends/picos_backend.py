@@ -1,0 +1,65 @@
+"""Semidefinite programs through picos: CVXOPT by default. Both are GPL, hence optional."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+
+from robustpolish.errors import MissingDependencyError
+from robustpolish.synthesis.semidefinite import ConicForm
+from robustpolish.validation import one_of
+
+
+def solve(
+    form: ConicForm, solver: str | None, tolerance: float, time_limit: float | None
+) -> tuple[NDArray[np.float64] | None, str]:
+    """Solve a conic form; return the variables, or None, and the solver's status."""
+    try:
+        import picos
+    except ImportError as error:
+        raise MissingDependencyError(
+            "backend: picos is not installed. Install it with `pip install picos cvxopt`, "
+            "or choose backend='cvxpy'."
+        ) from error
+
+    name = (solver or "cvxopt").lower()
+    one_of("solver", name, picos.available_solvers())
+    x = picos.RealVariable("x", form.objective.size)
+    problem = picos.Problem(primals=None, verbosity=0, max_iterations=200)
+    for size, G, h in form.psd:
+        entries: Any = picos.Constant(csc_matrix(G)) * x + picos.Constant(h)
+        problem.add_constraint(entries.reshaped((size, size)) >> 0)
+    for G, h in form.nonnegative:
+        problem.add_constraint(picos.Constant(csc_matrix(G)) * x + picos.Constant(h) >= 0)
+    for G, h in form.zero:
+        problem.add_constraint(picos.Constant(csc_matrix(G)) * x + picos.Constant(h) == 0)
+    problem.set_objective("min", picos.Constant(form.objective.reshape(1, -1)) * x)
+    if time_limit is not None and name != "cvxopt":
+        problem.options.timelimit = max(1, round(time_limit))
+    start = time.perf_counter()
+    status = "failed"
+    # CVXOPT breaks down, and loses its iterate, where it cannot reach the tolerance.
+    for eased in (tolerance, 10 * tolerance, 100 * tolerance, 1000 * tolerance):
+        _set_tolerance(problem, eased)
+        try:
+            solution = problem.solve(solver=name)
+        except (picos.SolutionFailure, ArithmeticError, ValueError) as error:
+            status = f"failed: {error}"
+        else:
+            if x.value is not None:
+                values = np.array(x.value, dtype=float).ravel()
+                return values, str(solution.claimedStatus)
+            status = str(solution.claimedStatus)
+        if time_limit is not None and time.perf_counter() - start > time_limit:
+            break
+    return None, status
+
+
+def _set_tolerance(problem: Any, tolerance: float) -> None:
+    for kind in ("prim_fsb", "dual_fsb", "ipm_opt"):
+        problem.set_option(f"abs_{kind}_tol", tolerance)
+        problem.set_option(f"rel_{kind}_tol", tolerance)
