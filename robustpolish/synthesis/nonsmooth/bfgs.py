@@ -1,0 +1,132 @@
+"""BFGS with a weak Wolfe line search for functions with kinks (Lewis and Overton, 2013)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Function = Callable[[Vector], tuple[float, Vector]]
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """Where a descent ended.
+
+    Attributes
+    ----------
+    point, value : ndarray, float
+    iterations : int
+    reason : str
+        "stationary", "stalled", "target", "iterations" or "time".
+    """
+
+    point: Vector
+    value: float
+    iterations: int
+    reason: str
+
+
+def bfgs(
+    function: Function,
+    start: Vector,
+    deadline: float,
+    iterations: int = 300,
+    target: float = -np.inf,
+    tolerance: float = 1e-7,
+) -> Descent:
+    """Minimise a function that is smooth almost everywhere.
+
+    Parameters
+    ----------
+    function : callable
+        theta -> (value, gradient); the value may be infinite.
+    start : ndarray
+        A point with a finite value.
+    deadline : float
+        Of :func:`time.monotonic`.
+    iterations : int
+        Largest number of steps.
+    target : float
+        Stop as soon as the value is below it.
+    tolerance : float
+        Stop when twenty steps together gain less than this.
+
+    Returns
+    -------
+    Descent
+    """
+    x = np.array(start, dtype=float)
+    f, g = function(x)
+    H = np.eye(len(x)) / max(1.0, float(np.linalg.norm(g)))
+    past = [f]
+    fresh = True
+    for count in range(1, iterations + 1):
+        if f < target:
+            return Descent(x, f, count, "target")
+        if time.monotonic() > deadline:
+            return Descent(x, f, count, "time")
+        direction = -H @ g
+        slope = float(g @ direction)
+        if not np.isfinite(slope) or slope >= 0:
+            if fresh:
+                return Descent(x, f, count, "stationary")
+            H, fresh = np.eye(len(x)) / max(1.0, float(np.linalg.norm(g))), True
+            continue
+        step = _weak_wolfe(function, x, f, g, direction, slope, deadline)
+        if step is None:
+            if fresh:
+                return Descent(x, f, count, "stalled")
+            H, fresh = np.eye(len(x)) / max(1.0, float(np.linalg.norm(g))), True
+            continue
+        x_new, f_new, g_new = step
+        H = _update(H, x_new - x, g_new - g, fresh)
+        x, f, g, fresh = x_new, f_new, g_new, False
+        past.append(f)
+        if len(past) > 20 and past[-21] - f < tolerance:
+            return Descent(x, f, count, "stalled")
+    return Descent(x, f, iterations, "iterations")
+
+
+def _weak_wolfe(
+    function: Function,
+    x: Vector,
+    f: float,
+    g: Vector,
+    direction: Vector,
+    slope: float,
+    deadline: float,
+) -> tuple[Vector, float, Vector] | None:
+    """Bisect for a step that descends and lets the slope rise; the best descent if none."""
+    low, high, t = 0.0, np.inf, 1.0
+    best: tuple[Vector, float, Vector] | None = None
+    for _ in range(40):
+        x_new = x + t * direction
+        f_new, g_new = function(x_new)
+        if not f_new <= f + 1e-4 * t * slope:
+            high = t
+        else:
+            best = (x_new, f_new, g_new)
+            if g_new @ direction >= 0.5 * slope:
+                return best
+            low = t
+        t = 0.5 * (low + high) if np.isfinite(high) else 2 * low
+        if time.monotonic() > deadline:
+            break
+    return best if best is not None and best[1] < f else None
+
+
+def _update(H: NDArray[np.float64], s: Vector, y: Vector, first: bool) -> NDArray[np.float64]:
+    """Return the BFGS update of the inverse Hessian, unchanged where curvature is lost."""
+    curvature = float(s @ y)
+    if not np.isfinite(curvature) or curvature <= 1e-14 * np.linalg.norm(s) * np.linalg.norm(y):
+        return H
+    if first:
+        H = np.eye(len(s)) * curvature / float(y @ y)
+    rho = 1 / curvature
+    V = np.eye(len(s)) - rho * np.outer(s, y)
+    return V @ H @ V.T + rho * np.outer(s, s)

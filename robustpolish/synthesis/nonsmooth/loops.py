@@ -1,0 +1,151 @@
+"""A plant closed with a constant matrix K, and how gradients travel back to K."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.models import GeneralizedPlant
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """The nine matrices of a plant, ready to be closed many times with u = K y.
+
+    Attributes
+    ----------
+    A, B1, B2, C1, C2, D11, D12, D21, D22 : ndarray
+        As in :class:`robustpolish.GeneralizedPlant`.
+    discrete : bool
+        Whether the plant is a discrete-time system.
+    """
+
+    A: Matrix
+    B1: Matrix
+    B2: Matrix
+    C1: Matrix
+    C2: Matrix
+    D11: Matrix
+    D12: Matrix
+    D21: Matrix
+    D22: Matrix
+    discrete: bool = False
+
+    @classmethod
+    def of(cls, plant: GeneralizedPlant) -> Loop:
+        """Copy the matrices out of a plant."""
+        matrices = {name: getattr(plant, name) for name in _NAMES}
+        return cls(**matrices, discrete=plant.is_discrete)
+
+    @cached_property
+    def has_d22(self) -> bool:
+        """Whether u reaches y directly."""
+        return bool(np.any(self.D22))
+
+    def close(self, K: Matrix) -> Closed | None:
+        """Close the loop; None if it is not well posed."""
+        if not self.has_d22:
+            return self._closed(K, K, None, None)
+        left = np.eye(len(K)) - K @ self.D22
+        right = np.eye(K.shape[1]) - self.D22 @ K
+        if not np.isfinite(left).all() or np.linalg.cond(left) > 1 / np.finfo(float).eps:
+            return None
+        return self._closed(K, np.linalg.solve(left, K), np.linalg.inv(left), np.linalg.inv(right))
+
+    def _closed(self, K: Matrix, T: Matrix, left: Matrix | None, right: Matrix | None) -> Closed:
+        B2T, D12T = self.B2 @ T, self.D12 @ T
+        return Closed(
+            self,
+            K,
+            self.A + B2T @ self.C2,
+            self.B1 + B2T @ self.D21,
+            self.C1 + D12T @ self.C2,
+            self.D11 + D12T @ self.D21,
+            left,
+            right,
+        )
+
+
+_NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
+
+
+@dataclass(frozen=True, eq=False)
+class Closed:
+    """The loop from w to z for one K."""
+
+    loop: Loop
+    K: Matrix
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+    left: Matrix | None
+    right: Matrix | None
+
+    @cached_property
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of the closed loop."""
+        return np.linalg.eigvals(self.A)
+
+    @property
+    def stable(self) -> bool:
+        """Whether all poles are inside, by more than rounding errors of the eigenvalues."""
+        if not np.isfinite(self.A).all():
+            return False
+        if self.A.size == 0:
+            return True
+        blur = 10 * np.finfo(float).eps * float(np.linalg.norm(self.A, 2))
+        if self.loop.discrete:
+            return bool(np.max(np.abs(self.poles)) < 1 - blur)
+        return bool(np.max(self.poles.real) < -blur)
+
+    def back(self, gradient: Matrix) -> Matrix:
+        """Turn a gradient over T = K (I - D22 K)^-1 into one over K."""
+        if self.left is None or self.right is None:
+            return gradient
+        return self.left.T @ gradient @ self.right.T
+
+
+def augmented(loop: Loop, order: int) -> Loop:
+    """Add `order` integrators (delays), so that a static K holds a dynamic controller.
+
+    The static gain of the augmented plant is [[Ak, Bk], [Ck, Dk]]: its inputs are
+    (xk, y), its outputs (xk', u). El Ghaoui, Oustry, AitRami (1997), section II.
+    """
+    if order == 0:
+        return loop
+    nx, nu, ny = len(loop.A), loop.B2.shape[1], len(loop.C2)
+    nw, nz = loop.B1.shape[1], len(loop.C1)
+    eye = np.eye(order)
+
+    def diagonal(a: Matrix, b: Matrix) -> Matrix:
+        rows, columns = a.shape[0] + b.shape[0], a.shape[1] + b.shape[1]
+        joined = np.zeros((rows, columns))
+        joined[: a.shape[0], : a.shape[1]] = a
+        joined[a.shape[0] :, a.shape[1] :] = b
+        return joined
+
+    none = np.zeros((0, 0))
+    swap_in = np.block(
+        [[np.zeros((nx, order)), loop.B2], [eye, np.zeros((order, nu))]],
+    )
+    swap_out = np.block(
+        [[np.zeros((order, nx)), eye], [loop.C2, np.zeros((ny, order))]],
+    )
+    return Loop(
+        A=diagonal(loop.A, np.zeros((order, order))),
+        B1=np.vstack([loop.B1, np.zeros((order, nw))]),
+        B2=swap_in,
+        C1=np.hstack([loop.C1, np.zeros((nz, order))]),
+        C2=swap_out,
+        D11=loop.D11,
+        D12=np.hstack([np.zeros((nz, order)), loop.D12]),
+        D21=np.vstack([np.zeros((order, nw)), loop.D21]),
+        D22=diagonal(np.zeros((order, order)), loop.D22) if loop.D22.size else none,
+        discrete=loop.discrete,
+    )

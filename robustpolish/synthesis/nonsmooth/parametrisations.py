@@ -1,0 +1,151 @@
+"""Maps from free numbers to the constant matrix K of a loop, with their adjoints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+class Parametrisation(Protocol):
+    """K as a function of a vector theta."""
+
+    @property
+    def size(self) -> int:
+        """Number of free numbers."""
+        ...
+
+    def gain(self, theta: Vector) -> Matrix:
+        """Return K(theta)."""
+        ...
+
+    def back(self, theta: Vector, gradient: Matrix) -> Vector:
+        """Turn a gradient over K into one over theta."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Affine:
+    """K = offset + sum of theta_i times basis_i.
+
+    Attributes
+    ----------
+    offset : ndarray, shape (rows, columns)
+    basis : ndarray, shape (n, rows * columns)
+    """
+
+    offset: Matrix
+    basis: Matrix
+
+    @classmethod
+    def masked(cls, mask: NDArray[np.bool_]) -> Affine:
+        """Let the marked entries of K be free, the others zero."""
+        return cls(np.zeros(mask.shape), np.eye(mask.size)[mask.ravel()])
+
+    @property
+    def size(self) -> int:
+        """Number of free numbers."""
+        return len(self.basis)
+
+    def gain(self, theta: Vector) -> Matrix:
+        """Return K(theta)."""
+        return self.offset + (theta @ self.basis).reshape(self.offset.shape)
+
+    def back(self, theta: Vector, gradient: Matrix) -> Vector:
+        """Turn a gradient over K into one over theta."""
+        return self.basis @ gradient.ravel()
+
+    def coordinates(self, K: Matrix) -> Vector:
+        """Return the theta whose gain is nearest to K."""
+        return np.linalg.lstsq(self.basis.T, (K - self.offset).ravel(), rcond=None)[0]
+
+    def restricted(self, left: Matrix, right: Matrix, target: Matrix) -> Affine | None:
+        """Keep only gains with left K right = target; None if there is none."""
+        rows = np.array([(left @ b.reshape(self.offset.shape) @ right).ravel() for b in self.basis])
+        missing = (target - left @ self.offset @ right).ravel()
+        rows = rows.reshape(self.size, missing.size).T
+        theta, *_ = np.linalg.lstsq(rows, missing, rcond=None)
+        scale = np.linalg.norm(rows) * np.linalg.norm(theta) + np.linalg.norm(target)
+        if np.linalg.norm(rows @ theta - missing) > 1e-9 * scale:
+            return None
+        _, values, vt = np.linalg.svd(rows) if rows.size else (None, np.zeros(0), np.eye(self.size))
+        rank = int(np.sum(values > 1e-12 * values.max(initial=0.0)))
+        return Affine(self.gain(theta), vt[rank:] @ self.basis)
+
+
+@dataclass(frozen=True, eq=False)
+class Exponential:
+    """K = offset + sum of exp(theta_i) times element_i: coefficients that stay positive.
+
+    Attributes
+    ----------
+    elements : ndarray, shape (n, rows, columns)
+    """
+
+    elements: NDArray[np.float64]
+
+    @property
+    def size(self) -> int:
+        """Number of free numbers."""
+        return len(self.elements)
+
+    def gain(self, theta: Vector) -> Matrix:
+        """Return K(theta)."""
+        return np.tensordot(np.exp(theta), self.elements, axes=1)
+
+    def back(self, theta: Vector, gradient: Matrix) -> Vector:
+        """Turn a gradient over K into one over theta."""
+        return np.exp(theta) * np.tensordot(self.elements, gradient, axes=2)
+
+
+@dataclass(frozen=True, eq=False)
+class Observer:
+    """K = [[A + B F - L C - L D F, L], [F, 0]], the Luenberger form of (10.63).
+
+    theta holds F, shape (nu, nx), then L, shape (nx, ny), row by row.
+
+    Attributes
+    ----------
+    A, B, C, D : ndarray
+        The plant from u to y.
+    """
+
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+
+    @property
+    def size(self) -> int:
+        """Number of free numbers."""
+        return self.B.size + self.C.size
+
+    def split(self, theta: Vector) -> tuple[Matrix, Matrix]:
+        """Return F and L."""
+        return theta[: self.B.size].reshape(self.B.T.shape), theta[self.B.size :].reshape(
+            self.C.T.shape
+        )
+
+    def join(self, F: Matrix, L: Matrix) -> Vector:
+        """Return theta."""
+        return np.concatenate([F.ravel(), L.ravel()])
+
+    def gain(self, theta: Vector) -> Matrix:
+        """Return K(theta)."""
+        F, L = self.split(theta)
+        Ak = self.A + self.B @ F - L @ (self.C + self.D @ F)
+        return np.block([[Ak, L], [F, np.zeros((len(F), L.shape[1]))]])
+
+    def back(self, theta: Vector, gradient: Matrix) -> Vector:
+        """Turn a gradient over K into one over theta."""
+        F, L = self.split(theta)
+        nx = len(self.A)
+        on_a, on_l, on_f = gradient[:nx, :nx], gradient[:nx, nx:], gradient[nx:, :nx]
+        back_f = on_f + (self.B - L @ self.D).T @ on_a
+        back_l = on_l - on_a @ (self.C + self.D @ F).T
+        return self.join(back_f, back_l)

@@ -1,0 +1,101 @@
+"""Functions of the closed-loop poles and of K itself, with gradients over K."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robustpolish.synthesis.nonsmooth.loops import Loop, Matrix
+from robustpolish.synthesis.nonsmooth.problem import Piece
+
+# Distance of one pole from its region (negative inside), and the derivative of the
+# distance over the pole's real and imaginary part, packed as a complex number.
+Distance = Callable[[complex], tuple[float, complex]]
+
+
+@dataclass(frozen=True, eq=False)
+class RegionMeasure:
+    """Largest distance of the closed-loop poles from a region; negative inside.
+
+    Attributes
+    ----------
+    loop : Loop
+    distance : callable
+        pole -> (distance, derivative over real part + 1j times that over imaginary part).
+    scale : float
+        What distances are divided by, to be without a unit.
+    """
+
+    loop: Loop
+    distance: Distance
+    scale: float = 1.0
+
+    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
+        """Return one piece for each pole (pair) near the worst."""
+        closed = self.loop.close(K)
+        if closed is None or not np.isfinite(closed.A).all():
+            return []
+        values, right = np.linalg.eig(closed.A)
+        try:
+            left = np.linalg.inv(right)
+        except np.linalg.LinAlgError:
+            left = np.linalg.pinv(right)
+        marks = [self.distance(complex(v)) for v in values]
+        sizes = np.array([mark[0] for mark in marks]) / self.scale
+        worst = sizes.max()
+        found = []
+        for i in np.argsort(-sizes):
+            if values[i].imag < 0 or sizes[i] < worst - width:
+                continue
+            into, outof = left[i] @ self.loop.B2, self.loop.C2 @ right[:, i]
+            slope = (np.conj(marks[i][1]) * np.outer(into, outof)).real / self.scale
+            found.append(Piece(float(sizes[i]), closed.back(slope)))
+            if width == 0:
+                break
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class StabilityMeasure(RegionMeasure):
+    """Spectral abscissa, or in discrete time the spectral radius less one."""
+
+    @classmethod
+    def of(cls, loop: Loop, scale: float = 1.0) -> StabilityMeasure:
+        """Measure how far the poles are inside the stable region."""
+        return cls(loop, _radius if loop.discrete else _abscissa, scale)
+
+
+def _abscissa(pole: complex) -> tuple[float, complex]:
+    return pole.real, 1.0 + 0j
+
+
+def _radius(pole: complex) -> tuple[float, complex]:
+    size = abs(pole)
+    return size - 1, pole / size if size > 0 else 1.0 + 0j
+
+
+@dataclass(frozen=True, eq=False)
+class GainMeasure:
+    """Largest singular value of left K right: the gain in the plant's own units.
+
+    Attributes
+    ----------
+    left, right : ndarray
+        Undo the scaling of u and y; zero rows leave parts of K out.
+    """
+
+    left: Matrix
+    right: Matrix
+
+    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
+        """Return one piece for each singular value near the largest."""
+        U, sigma, Vh = np.linalg.svd(self.left @ K @ self.right, full_matrices=False)
+        found = []
+        for i in range(len(sigma)):
+            if i > 0 and (width == 0 or sigma[i] < sigma[0] * (1 - width)):
+                break
+            slope = np.outer(self.left.T @ U[:, i], Vh[i] @ self.right.T)
+            found.append(Piece(float(sigma[i]), slope))
+        return found
