@@ -5,10 +5,9 @@ from robustpolish.models.air_bearing_parameters import AirBearingParameters, Dam
 from robustpolish.models.generalized_plant import GeneralizedPlant
 from robustpolish.models.linearization import Linearization, linearize
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical_parts import AddedEffect, Damper, Dof, Input, Output, Spring
+from robustpolish.models.mechanical_parts import Damper, Dof, Input, Output, Spring
 
 __all__ = [
-    "AddedEffect",
     "AirBearingParameters",
     "Damper",
     "DampingCoefficients",

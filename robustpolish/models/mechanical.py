@@ -10,13 +10,13 @@ from typing import Any
 
 import control
 
+from robustpolish.effects import Effect
 from robustpolish.models import mechanical_parameters as _parameters
 from robustpolish.models.generalized_plant import GeneralizedPlant
 from robustpolish.models.mechanical_checks import check_model
 from robustpolish.models.mechanical_matrices import MechanicalMatrices, assemble
 from robustpolish.models.mechanical_parts import (
     UNITS,
-    AddedEffect,
     Damper,
     Dof,
     Input,
@@ -42,8 +42,8 @@ class MechanicalModel:
     inputs, outputs : sequence of Input, Output, optional
         Measured signals that drive the model, and that it predicts. Without an input
         the model decays freely.
-    effects : sequence of AddedEffect, optional
-        Physical effects by their names in the catalogue.
+    effects : sequence of Effect, optional
+        Physical effects of the catalogue, each at its place.
     spin_frequency : float, optional
         Known rotation speed in Hz.
     name : str, optional
@@ -75,7 +75,7 @@ class MechanicalModel:
     dampers: tuple[Damper, ...] = ()
     inputs: tuple[Input, ...] = ()
     outputs: tuple[Output, ...] = ()
-    effects: tuple[AddedEffect, ...] = ()
+    effects: tuple[Effect, ...] = ()
     spin_frequency: float | None = None
     name: str = ""
 
@@ -201,7 +201,7 @@ class MechanicalModel:
         >>> model.with_effect("coulomb_friction", ("x", "ground"), {"force": 3.1}).effects[0].kind
         'coulomb_friction'
         """
-        effect = AddedEffect(kind, at, {} if parameters is None else parameters)  # type: ignore[arg-type]
+        effect = Effect(kind, (at,) if isinstance(at, str) else tuple(at), parameters or {})
         return replace(self, effects=(*self.effects, effect))
 
     def without_effects(self) -> MechanicalModel:

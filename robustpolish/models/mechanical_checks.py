@@ -6,14 +6,13 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
+from robustpolish.effects import GROUND, Effect
 from robustpolish.models.mechanical_parts import (
     ACCELERATION,
     DISPLACEMENT,
     FORCE,
-    GROUND,
     QUANTITIES,
     VELOCITY,
-    AddedEffect,
     Damper,
     Dof,
     Input,
@@ -68,7 +67,7 @@ def _tuples(model: MechanicalModel) -> None:
         "dampers": Damper,
         "inputs": Input,
         "outputs": Output,
-        "effects": AddedEffect,
+        "effects": Effect,
     }
     for attribute, kind in kinds.items():
         given = getattr(model, attribute)
@@ -180,10 +179,21 @@ def _output(item: Output, model: MechanicalModel, dofs: dict[str, Dof]) -> Outpu
     return Output(item.name, of, quantity, item.drive, item.unit)
 
 
-def _effect_place(argument: str, effect: AddedEffect, model: MechanicalModel) -> None:
-    known = [*model.dof_names, GROUND, *model.input_names, *model.output_names]
+def _effect_place(argument: str, effect: Effect, model: MechanicalModel) -> None:
+    kind = effect.definition
+    known = {"input": model.input_names, "output": model.output_names}.get(
+        kind.domain, (*model.dof_names, GROUND)
+    )
     for name in effect.at:
         if name not in known:
-            raise invalid(argument, name, f"one of {', '.join(known)}", "Check the spelling.")
-    if effect.at == (GROUND,):
-        raise invalid(argument, GROUND, "a coordinate", "Name what moves.")
+            listed = ", ".join(known) or f"the {kind.domain}s, of which there are none"
+            raise invalid(argument, name, f"one of {listed}", f"{kind.title} acts there.")
+    turning = {model.dof(name).rotational for name in effect.at if name in model.dof_names}
+    if kind.domain == "pair" and len(turning) > 1:
+        raise invalid(
+            argument, effect.at, "two coordinates of one unit", "Do not mix masses and inertias."
+        )
+    if kind.rotational_only and turning == {False}:
+        raise invalid(
+            argument, effect.at, "a coordinate with an inertia", f"{kind.title} needs an angle."
+        )

@@ -24,7 +24,7 @@ def values(model: MechanicalModel) -> dict[str, float]:
     for item in model.inputs:
         result[f"input.{item.name}.gain"] = item.gain
     for i, effect in enumerate(model.effects):
-        for name, value in effect.parameters.items():
+        for name, value in effect.values.items():
             result[f"effect[{i}].{name}"] = value
     return result
 

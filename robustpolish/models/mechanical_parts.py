@@ -6,16 +6,14 @@ Every message names the part the way the file names it: ``dof.x.mass``,
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from types import MappingProxyType
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from robustpolish.effects import GROUND
 from robustpolish.validation import described, invalid, positive
-
-GROUND = "ground"
 
 DISPLACEMENT = "displacement"
 VELOCITY = "velocity"
@@ -178,48 +176,6 @@ class Output:
     def __post_init__(self) -> None:
         name = text("output", self.name)
         unit_text(f"output.{name}.unit", self.unit)
-
-
-@dataclass(frozen=True)
-class AddedEffect:
-    """A physical effect in a model: kind, place and parameters.
-
-    Parameters
-    ----------
-    kind : str
-        Name in the catalogue of effects, such as ``"coulomb_friction"``.
-    at : tuple of str
-        Where it acts: a pair of coordinates, one coordinate, an input or an output.
-    parameters : mapping of str to float
-        Values by name, in SI units.
-    """
-
-    kind: str
-    at: tuple[str, ...]
-    parameters: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        kind = text("effect.kind", self.kind)
-        if not isinstance(self.parameters, Mapping):
-            raise invalid(
-                f"effect.{kind}.parameters",
-                self.parameters,
-                "a table of numbers",
-                "Write parameters = { name = value }.",
-            )
-        values = {
-            text(f"effect.{kind}.parameters", key): number(f"effect.{kind}.parameters.{key}", value)
-            for key, value in self.parameters.items()
-        }
-        object.__setattr__(self, "parameters", MappingProxyType(values))
-        object.__setattr__(self, "at", places(f"effect.{kind}.at", self.at))
-
-    def __hash__(self) -> int:
-        return hash((self.kind, self.at, tuple(sorted(self.parameters.items()))))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled, and models travel to worker processes.
-        return (type(self), (self.kind, self.at, dict(self.parameters)))
 
 
 def text(argument: str, value: Any) -> str:
