@@ -1,0 +1,289 @@
+"""The certificate of a controller: everything about its loop, computed afresh.
+
+No solver is believed. The loop is connected in ball arithmetic, its poles and its norm are
+computed from it, and a matrix proves both stability and the bound on the norm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robustpolish.analysis import h2_norm, hinf_norm
+from robustpolish.models import GeneralizedPlant
+from robustpolish.synthesis.frequency_grid import confirmation_grid, largest_singular_values
+from robustpolish.synthesis.norm_proof import (
+    LoopBalls,
+    NormProof,
+    cayley,
+    enclose_loop,
+    prove_h2,
+    prove_hinf,
+    prove_stability,
+    rounding_level,
+)
+from robustpolish.validation import described, invalid, matrix, one_of, positive
+
+Norm = Literal["hinf", "h2"]
+# How far above the computed norm the proven bound may lie, tried in this order.
+_PROOF_SLACK = (1e-6, 1e-5, 1e-4, 9e-4)
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """What is known about a closed loop, whoever designed it.
+
+    Attributes
+    ----------
+    norm : {"hinf", "h2"}
+        The norm that is certified.
+    valid : bool
+        True only if the loop is proven stable, the norm proven to lie below `bound`, the
+        norm confirmed on a frequency grid, and the claim, if any, kept.
+    reasons : tuple of str
+        Why it is not valid; empty if it is.
+    stable : bool
+        Whether all closed-loop poles are stable.
+    achieved : float
+        The norm from w to z, computed from the loop; infinite if unstable.
+    claimed : float or None
+        The bound that a solver claimed.
+    gap : float or None
+        claimed / achieved - 1: positive where the claim is a true upper bound.
+    bound : float
+        Proven upper bound on the norm, within 0.1 % of `achieved` or of a larger claim;
+        infinite if nothing could be proven.
+    peak_frequency : float or None
+        Where the largest singular value peaks, rad/s; None for the H2 norm.
+    largest_gain : float
+        Largest absolute entry of the controller's matrices, in the plant's units.
+    poles : ndarray of complex, shape (nx + nk,)
+        Closed-loop poles, rad/s (discrete time: eigenvalues of the state matrix).
+    damping : ndarray, shape (nx + nk,)
+        Damping ratio of each pole.
+    frequencies_hz : ndarray, shape (nx + nk,)
+        Natural frequency of each pole, Hz (cycles per sample if dt is True).
+    proof : NormProof or None
+        The matrix behind `bound`.
+    """
+
+    norm: Norm
+    valid: bool
+    reasons: tuple[str, ...]
+    stable: bool
+    achieved: float
+    claimed: float | None
+    gap: float | None
+    bound: float
+    peak_frequency: float | None
+    largest_gain: float
+    poles: NDArray[np.complex128]
+    damping: NDArray[np.float64]
+    frequencies_hz: NDArray[np.float64]
+    proof: NormProof | None = field(repr=False)
+
+
+def certify(
+    plant: GeneralizedPlant,
+    controller: control.StateSpace | ArrayLike,
+    norm: Norm = "hinf",
+    claimed: float | None = None,
+    tolerance: float = 1e-3,
+) -> Certificate:
+    r"""Check a controller against its plant, trusting nobody.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+        With nw disturbances and nz performance outputs, continuous or discrete.
+    controller : control.StateSpace or array_like, shape (nu, ny)
+        K in u = K y (positive sign): a system or a gain.
+    norm : {"hinf", "h2"}
+        The norm from w to z to be certified.
+    claimed : float, optional
+        The bound that a solver claims, in the plant's units.
+    tolerance : float
+        How far the achieved norm may lie above the claim (relative) before the claim
+        is called false.
+
+    Returns
+    -------
+    Certificate
+
+    Raises
+    ------
+    InvalidInputError
+        If shapes, sampling times or options do not fit, or the loop is not well posed.
+
+    Notes
+    -----
+    For the H-infinity norm a P > 0 satisfies the strict bounded-real inequality
+
+    .. math:: \begin{bmatrix} A^T P + P A + C^T C & P B + C^T D \\
+              B^T P + D^T C & D^T D - \gamma^2 I \end{bmatrix} < 0
+
+    for the H2 norm a Gramian bounds trace(C X C'). Both are checked in ball arithmetic, so
+    that a valid certificate is a proof for the controller's entries exactly as they are stored.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> from robustpolish.synthesis import certify
+    >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    >>> certificate = certify(plant, [[-3.0]], "hinf", claimed=0.5)
+    >>> certificate.valid, round(certificate.achieved, 6)
+    (True, 0.5)
+    >>> certify(plant, [[-3.0]], "hinf", claimed=0.4).reasons
+    ('the claimed bound 0.4 is false: the loop has 0.5',)
+    """
+    one_of("norm", norm, ("hinf", "h2"))
+    if claimed is not None:
+        claimed = positive("claimed", claimed, zero=True)
+    positive("tolerance", tolerance, zero=True)
+    K = _as_system(plant, controller)
+    plant.closed_loop(K)  # checks shapes, sampling times and that the loop is well posed
+    reasons: list[str] = []
+    try:
+        loop = enclose_loop(plant, K)
+    except ZeroDivisionError:
+        raise invalid(
+            "controller",
+            described("a loop matrix I - Dk D22 that is singular to working accuracy"),
+            "a well-posed loop",
+            "Change the controller's feedthrough.",
+        ) from None
+    system = control.StateSpace(*loop.doubles, plant.dt)
+    poles, damping, hertz = _poles(system, plant.dt)
+    stable = bool((np.abs(poles) < 1).all() if plant.is_discrete else (poles.real < 0).all())
+    achieved, peak = np.inf, None
+    if not stable:
+        reasons.append(f"the loop is unstable: {_worst(poles, plant.is_discrete)}")
+    elif norm == "hinf":
+        achieved, peak = _hinf(system, reasons)
+    else:
+        achieved = _h2(system, reasons)
+    proof, bound = None, np.inf
+    if stable and np.isfinite(achieved):
+        proof = _prove(loop, norm, achieved, claimed, plant.is_discrete)
+        if proof is not None and np.isfinite(proof.bound) and achieved <= rounding_level(loop):
+            # All that double precision can say of such a norm is that it is below a bound.
+            achieved = proof.bound
+        if proof is None:
+            reasons.append("stability and norm could not be proven in ball arithmetic")
+        else:
+            bound = proof.bound
+            if bound > (1 + 1e-3) * max(achieved, claimed or 0.0):
+                reasons.append(f"only the bound {bound:.6g} could be proven, not {achieved:.6g}")
+    if claimed is not None and np.isfinite(achieved) and achieved > claimed * (1 + tolerance):
+        reasons.append(f"the claimed bound {claimed:.6g} is false: the loop has {achieved:.6g}")
+    return Certificate(
+        norm=norm,
+        valid=not reasons,
+        reasons=tuple(reasons),
+        stable=stable,
+        achieved=float(achieved),
+        claimed=claimed,
+        gap=_gap(claimed, achieved),
+        bound=float(bound),
+        peak_frequency=peak,
+        largest_gain=max(float(np.abs(M).max(initial=0)) for M in (K.A, K.B, K.C, K.D)),
+        poles=poles,
+        damping=damping,
+        frequencies_hz=hertz,
+        proof=proof,
+    )
+
+
+def _as_system(
+    plant: GeneralizedPlant, controller: control.StateSpace | ArrayLike
+) -> control.StateSpace:
+    if isinstance(controller, control.StateSpace):
+        return controller
+    return control.StateSpace(
+        [], [], [], matrix("controller", controller, (plant.nu, plant.ny)), plant.dt
+    )
+
+
+def _poles(
+    system: control.StateSpace, dt: float | bool
+) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]:
+    """Return poles with damping ratio and natural frequency, slowest first."""
+    A = np.asarray(system.A)
+    poles: Any = np.linalg.eigvals(A).astype(complex) if A.size else np.zeros(0, complex)
+    if dt:
+        with np.errstate(divide="ignore"):  # a pole at zero is infinitely fast
+            rate = np.log(poles) / (1.0 if dt is True else float(dt))
+    else:
+        rate = poles
+    size = np.abs(rate)
+    with np.errstate(invalid="ignore"):
+        damping = np.where(size > 0, -rate.real / np.where(size > 0, size, 1), -1.0)
+    damping = np.where(np.isinf(size), 1.0, damping)
+    order = np.argsort(size, kind="stable")
+    return poles[order], damping[order], size[order] / (2 * np.pi)
+
+
+def _worst(poles: NDArray[np.complex128], discrete: bool) -> str:
+    worst = poles[np.argmax(np.abs(poles) if discrete else poles.real)]
+    return f"a pole at {worst:.6g}"
+
+
+def _hinf(system: control.StateSpace, reasons: list[str]) -> tuple[float, float | None]:
+    """Compute the norm and confirm it on a grid that is dense around its peak."""
+    result = hinf_norm(system)
+    if not result.stable or not np.isfinite(result.value):
+        reasons.append(f"the H-infinity norm could not be computed: {result.reason}")
+        return np.inf, None
+    value, peak = float(result.value), float(result.frequency)
+    grid = confirmation_grid(system, peak)
+    gains = largest_singular_values(system, grid)
+    largest = float(gains.max(initial=0.0))
+    if largest > value * (1 + 1e-6):
+        reasons.append(f"the frequency response reaches {largest:.6g}, the norm was {value:.6g}")
+        return largest, float(grid[int(np.argmax(gains))])
+    if largest < value * (1 - 1e-4):
+        reasons.append(f"the frequency response reaches {largest:.6g}, not the norm {value:.6g}")
+    return value, peak
+
+
+def _h2(system: control.StateSpace, reasons: list[str]) -> float:
+    result = h2_norm(system)
+    if not np.isfinite(result.value):
+        reasons.append(f"the H2 norm is not finite: {result.reason}")
+    return float(result.value)
+
+
+def _prove(
+    loop: LoopBalls, norm: Norm, achieved: float, claimed: float | None, discrete: bool
+) -> NormProof | None:
+    """Prove the smallest bound that can be proven; stability alone if no bound can."""
+    if norm == "h2":
+        return prove_h2(loop, discrete) or (None if discrete else prove_stability(loop))
+    if discrete:
+        try:
+            loop = cayley(loop)
+        except ZeroDivisionError:
+            return None
+    bounds = [achieved * (1 + slack) for slack in _PROOF_SLACK]
+    if claimed is not None and claimed > bounds[-1]:
+        bounds.append(claimed)
+    level = rounding_level(loop)
+    if achieved <= level:
+        bounds += [level * factor for factor in (1.0, 1e3, 1e6)]
+    for bound in bounds:
+        proof = prove_hinf(loop, bound)
+        if proof is not None:
+            return proof
+    return prove_stability(loop)
+
+
+def _gap(claimed: float | None, achieved: float) -> float | None:
+    if claimed is None:
+        return None
+    if achieved == 0:
+        return 0.0 if claimed == 0 else np.inf
+    return claimed / achieved - 1 if np.isfinite(achieved) else -1.0
