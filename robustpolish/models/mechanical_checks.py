@@ -12,6 +12,7 @@ from robustpolish.models.mechanical_parts import (
     DISPLACEMENT,
     FORCE,
     QUANTITIES,
+    ROTATIONAL_ONLY,
     VELOCITY,
     Damper,
     Dof,
@@ -32,6 +33,8 @@ def check_model(model: MechanicalModel) -> None:
     _tuples(model)
     if not model.dofs:
         raise invalid("dof", described("no degree of freedom"), "one or more", "Add [dof.x].")
+    if not model.outputs:
+        raise invalid("output", described("no output"), "one or more", "Add an [[output]].")
     for what, names in (
         ("dof", [dof.name for dof in model.dofs]),
         ("input", [item.name for item in model.inputs]),
@@ -169,6 +172,14 @@ def _output(item: Output, model: MechanicalModel, dofs: dict[str, Dof]) -> Outpu
     of = places(argument, item.of)
     _coordinate(argument, of[0] if of[0] != GROUND else of[-1], dofs)
     of = _pair(argument, (*of, GROUND)[:2], dofs)
+    rotational = dofs[of[0] if of[0] != GROUND else of[1]].rotational
+    if item.quantity in ROTATIONAL_ONLY and not rotational:
+        raise invalid(
+            f"{argument}.quantity",
+            described(f"{item.quantity!r} of {of[0]!r}, which has a mass"),
+            "a quantity of translation",
+            f"Write quantity = {quantity!r}, or give the coordinate an inertia.",
+        )
     if item.drive and (quantity != FORCE or of[0] not in model.imposed):
         raise invalid(
             f"{argument}.of",

@@ -61,7 +61,9 @@ class Dof:
     def __post_init__(self) -> None:
         name = text("dof", self.name)
         if name == GROUND:
-            raise invalid("dof", name, "a name other than 'ground'", "Rename the coordinate.")
+            raise invalid(
+                f"dof.{name}", name, "a name other than 'ground'", "Rename the coordinate."
+            )
         key, unit = ("inertia", "kg m^2") if self.rotational else ("mass", "kg")
         argument = f"dof.{name}.{key}"
         object.__setattr__(
