@@ -374,10 +374,47 @@ class GeneralizedPlant:
         units = {name: unit for name, unit in self.units.items() if name in known}
         return GeneralizedPlant(system, self.nx, self.nu, units)
 
+    def with_control_outputs(self) -> GeneralizedPlant:
+        """Return the same plant with u appended to z, so that the loop shows the effort."""
+        nz = self.nz
+        effort = np.hstack([np.zeros((self.nu, self.nw)), np.eye(self.nu)])
+        system = control.ss(
+            self.A,
+            self.system.B,
+            np.vstack([self.C1, np.zeros((self.nu, self.nx)), self.C2]),
+            np.vstack([self.system.D[:nz], effort, self.system.D[nz:]]),
+            self.dt,
+            inputs=self.system.input_labels,
+            outputs=[*self.performance_names, *self.control_names, *self.measurement_names],
+            states=list(self.states),
+        )
+        return GeneralizedPlant(system, self.ny, self.nu, self.units)
+
+    def static_controller(self, gain: ArrayLike) -> control.StateSpace:
+        """Return u = K y as a system without states, with the plant's signal names.
+
+        Parameters
+        ----------
+        gain : array_like, shape (nu, ny)
+            K.
+
+        Returns
+        -------
+        control.StateSpace
+        """
+        return control.ss(
+            [],
+            [],
+            [],
+            matrix("controller", gain, (self.nu, self.ny)),
+            self.dt,
+            inputs=list(self.measurement_names),
+            outputs=list(self.control_names),
+        )
+
     def _controller(self, controller: control.StateSpace | ArrayLike) -> control.StateSpace:
         if not isinstance(controller, control.StateSpace):
-            gain = matrix("controller", controller, (self.nu, self.ny))
-            return control.ss([], [], [], gain, self.dt)
+            return self.static_controller(controller)
         state_space("controller", controller)
         if (controller.noutputs, controller.ninputs) != (self.nu, self.ny):
             raise invalid(

@@ -1,0 +1,219 @@
+"""Several controllers under one disturbance, as in tables 11.1 to 11.8 of the thesis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from robustpolish.closed_loop.simulation import simulate
+from robustpolish.models import GeneralizedPlant
+from robustpolish.plotting import plot_time_series
+from robustpolish.synthesis.design import Design
+from robustpolish.validation import described, invalid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SAME_LOAD = "every row is driven by the same disturbance"
+
+
+@dataclass(frozen=True, eq=False)
+class ControllerComparison:
+    """Largest deviations with and without control.
+
+    Attributes
+    ----------
+    table : xarray.Dataset
+        Over `row` ("without control" first) and `signal`: `deviation`, the largest absolute
+        value; `improvement` in percent against the first row. Over `row`: `effort`, the largest
+        absolute control, NaN where controls have different units or there is none.
+    responses : mapping of str to xarray.Dataset
+        The simulated signals of each row.
+    load : str
+        What drives the rows: one disturbance, or the thesis's unequal ones.
+    """
+
+    table: xr.Dataset
+    responses: Mapping[str, xr.Dataset]
+    load: str
+
+    def rows(self) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+        """Return column names and rows, for a report or a CSV file."""
+        signals = [str(name) for name in self.table["signal"].to_numpy()]
+        unit = self.table["deviation"].attrs.get("units", "")
+        effort_unit = self.table["effort"].attrs.get("units", "")
+        header = (
+            "",
+            *(f"max |{name}| [{unit}]" for name in signals),
+            *(f"{name} improved [%]" for name in signals),
+            f"max |u| [{effort_unit}]",
+        )
+        body = [
+            (
+                str(row),
+                *map(float, self.table["deviation"].sel(row=row)),
+                *map(float, self.table["improvement"].sel(row=row)),
+                float(self.table["effort"].sel(row=row)),
+            )
+            for row in self.table["row"].to_numpy()
+        ]
+        return header, body
+
+    def __str__(self) -> str:
+        """Show the table as aligned text."""
+        header, body = self.rows()
+        cells = [list(header)] + [[_shown(cell) for cell in row] for row in body]
+        widths = [max(len(row[i]) for row in cells) for i in range(len(header))]
+        lines = [
+            "  ".join(
+                cell.ljust(width) if i == 0 else cell.rjust(width)
+                for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+            )
+            for row in cells
+        ]
+        return "\n".join([*lines, f"({self.load})"])
+
+    def _repr_html_(self) -> str:
+        header, body = self.rows()
+        head = "".join(f"<th>{name}</th>" for name in header)
+        rows = "".join(
+            "<tr>" + "".join(f"<td>{_shown(cell)}</td>" for cell in row) + "</tr>" for row in body
+        )
+        return (
+            f"<table><caption>{self.load}</caption><thead><tr>{head}</tr></thead>"
+            f"<tbody>{rows}</tbody></table>"
+        )
+
+    def plot(self, signal: str | None = None, ax: Axes | None = None) -> Axes:
+        """Draw one signal of every row over time.
+
+        Parameters
+        ----------
+        signal : str, optional
+            Name of a performance output; the first of the table by default.
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        names = [str(name) for name in self.table["signal"].to_numpy()]
+        chosen = names[0] if signal is None else signal
+        if chosen not in names:
+            raise invalid("signal", signal, f"one of {', '.join(names)}", "Choose one of these.")
+        return plot_time_series(
+            {row: response[chosen] for row, response in self.responses.items()}, ax=ax
+        )
+
+
+def compare_controllers(
+    controllers: Mapping[str, Design],
+    disturbance: xr.Dataset,
+    *,
+    plant: GeneralizedPlant | None = None,
+    signals: Sequence[str] | None = None,
+) -> ControllerComparison:
+    """Drive the open loop and every closed loop with the same disturbance.
+
+    Parameters
+    ----------
+    controllers : mapping of str to Design
+        The designs by the name of their row.
+    disturbance : xarray.Dataset
+        As for :func:`simulate`; it drives every row.
+    plant : GeneralizedPlant, optional
+        The plant of the row "without control"; that of the first design by default.
+    signals : sequence of str, optional
+        The performance outputs to compare; all of them by default.
+
+    Returns
+    -------
+    ControllerComparison
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no controller, or a signal is unknown.
+
+    See Also
+    --------
+    thesis_comparison : the comparison of chapter 11, in which the loads differ.
+    """
+    if not controllers:
+        raise invalid("controllers", controllers, "at least one design", "Pass {'name': design}.")
+    for name, design in controllers.items():
+        if not isinstance(design, Design):
+            raise invalid(
+                f"controllers[{name!r}]",
+                described(type(design).__name__),
+                "a Design",
+                "Pass what a synthesis returned.",
+            )
+    open_plant = next(iter(controllers.values())).plant if plant is None else plant
+    responses = {"without control": simulate(open_plant, disturbance)}
+    responses |= {name: simulate(design, disturbance) for name, design in controllers.items()}
+    chosen = open_plant.performance_names if signals is None else tuple(signals)
+    for name in chosen:
+        if name not in open_plant.performance_names:
+            raise invalid(
+                "signals",
+                name,
+                f"some of {', '.join(open_plant.performance_names)}",
+                "Choose performance outputs of the plant.",
+            )
+    return tabulate(responses, chosen, open_plant.control_names, SAME_LOAD)
+
+
+def tabulate(
+    responses: Mapping[str, xr.Dataset],
+    signals: Sequence[str],
+    controls: Sequence[str],
+    load: str,
+) -> ControllerComparison:
+    """Reduce simulated responses to their largest deviations; the first row is the reference."""
+    rows = list(responses)
+    deviation = np.array(
+        [[float(np.abs(responses[row][name]).max()) for name in signals] for row in rows]
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        improvement = np.where(deviation[0] > 0, 100 * (1 - deviation / deviation[0]), np.nan)
+    effort, effort_unit = _efforts(responses, controls)
+    units = {responses[rows[0]][name].attrs.get("units", "") for name in signals}
+    table = xr.Dataset(
+        {
+            "deviation": (("row", "signal"), deviation, {"units": _only(units)}),
+            "improvement": (("row", "signal"), improvement, {"units": "%"}),
+            "effort": ("row", effort, {"units": effort_unit}),
+        },
+        coords={"row": rows, "signal": list(signals)},
+    )
+    return ControllerComparison(table, dict(responses), load)
+
+
+def _efforts(
+    responses: Mapping[str, xr.Dataset], controls: Sequence[str]
+) -> tuple[list[float], str]:
+    """Largest absolute control of each row, if all controls have one unit."""
+    efforts, units = [], set()
+    for response in responses.values():
+        found = [response[name] for name in controls if name in response]
+        units |= {signal.attrs.get("units", "") for signal in found}
+        efforts.append(max((float(np.abs(signal).max()) for signal in found), default=np.nan))
+    if len(units) > 1:
+        return [np.nan] * len(efforts), "mixed"
+    return efforts, _only(units)
+
+
+def _only(units: set[str]) -> str:
+    return units.pop() if len(units) == 1 else ""
+
+
+def _shown(cell: Any) -> str:
+    if isinstance(cell, float):
+        return "-" if np.isnan(cell) else f"{cell:.4g}"
+    return str(cell)

@@ -1,0 +1,127 @@
+"""A loop meets a disturbance."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+import xarray as xr
+
+from robustpolish.models import GeneralizedPlant
+from robustpolish.simulation import linear_response
+from robustpolish.synthesis.design import Design
+from robustpolish.validation import described, invalid
+
+
+def simulate(
+    design: Design | GeneralizedPlant | control.StateSpace, disturbance: xr.Dataset
+) -> xr.Dataset:
+    """Simulate a closed or open loop under a disturbance, exactly for first-order hold.
+
+    Parameters
+    ----------
+    design : Design, GeneralizedPlant or control.StateSpace
+        A design gives its closed loop with the control effort; a plant its open loop, u = 0; a
+        state-space system is simulated as it is.
+    disturbance : xarray.Dataset
+        One variable over `time` (s, uniform) for every disturbance w, by name, such as the
+        forces of :func:`robustpolish.simulate_brush`; other variables are ignored.
+
+    Returns
+    -------
+    xarray.Dataset
+        Every performance output z and, for a design, every control u over `time`, with
+        ``units`` in their attributes where the plant knows them. The loop starts at rest.
+
+    Raises
+    ------
+    InvalidInputError
+        If a disturbance is missing, has another unit than the plant's, is not finite, or if the
+        time grid is not uniform.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import xarray as xr
+    >>> import robustpolish as rp
+    >>> time = np.arange(2001) / 20e3
+    >>> push = xr.Dataset(
+    ...     {name: ("time", np.full(time.size, 10.0 * (name == "F_y")), {"units": "N"})
+    ...      for name in ("F_x", "F_y", "F_z", "F_p")},
+    ...     coords={"time": time},
+    ... )
+    >>> response = rp.simulate(rp.air_bearing(), push)
+    >>> response["y"].attrs["units"], bool(response["x"].max() == 0)
+    ('m', True)
+    """
+    if not isinstance(disturbance, xr.Dataset):
+        raise invalid(
+            "disturbance",
+            described(type(disturbance).__name__),
+            "an xarray.Dataset over time",
+            "Build one with a variable per disturbance, or take simulate_brush(...).",
+        )
+    system, units = _loop(design)
+    if "time" not in disturbance.coords:
+        raise invalid(
+            "disturbance",
+            described("no coordinate 'time'"),
+            "samples over 'time', in s",
+            "Add the coordinate with .assign_coords(time=...).",
+        )
+    inputs = [_column(disturbance, name, units.get(name)) for name in system.input_labels]
+    time = disturbance["time"].to_numpy()
+    outputs, _ = linear_response(system, time, np.column_stack(inputs))
+    names = system.output_labels
+    return xr.Dataset(
+        {
+            name: ("time", outputs[:, i], {"units": units[name]} if name in units else {})
+            for i, name in enumerate(names)
+        },
+        coords={"time": ("time", time, {"units": "s"})},
+    )
+
+
+def _loop(
+    design: Design | GeneralizedPlant | control.StateSpace,
+) -> tuple[control.StateSpace, dict[str, str]]:
+    """Return the system from w to z (and u) and the units of its signals."""
+    if isinstance(design, GeneralizedPlant):
+        return design.open_loop, dict(design.units)
+    if isinstance(design, control.StateSpace):
+        return design, {}
+    if isinstance(design, Design):
+        plant = design.plant.with_control_outputs()
+        return plant.closed_loop(design.controller), dict(design.plant.units)
+    raise invalid(
+        "design",
+        described(type(design).__name__),
+        "a Design, a GeneralizedPlant or a control.StateSpace",
+        "Pass what state_feedback(...) or air_bearing(...) returned.",
+    )
+
+
+def _column(disturbance: xr.Dataset, name: str, unit: str | None) -> np.ndarray:
+    if name not in disturbance:
+        raise invalid(
+            "disturbance",
+            described(f"variables {', '.join(map(str, disturbance.data_vars))}"),
+            f"one named {name!r}",
+            "Rename the variable, or add one of zeros.",
+        )
+    variable = disturbance[name]
+    if variable.dims != ("time",):
+        raise invalid(
+            f"disturbance[{name!r}]",
+            described(f"dimensions {variable.dims}"),
+            "('time',)",
+            "Select one trajectory.",
+        )
+    found = variable.attrs.get("units")
+    if unit is not None and found is not None and found != unit:
+        raise invalid(
+            f"disturbance[{name!r}]",
+            described(f"unit {found}"),
+            f"{unit}, as in the plant",
+            "Convert the variable and its units attribute.",
+        )
+    return variable.to_numpy()

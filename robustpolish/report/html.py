@@ -1,0 +1,53 @@
+"""A report as one HTML file that needs no network."""
+
+from __future__ import annotations
+
+import io
+import math
+from importlib import resources
+from typing import Any
+
+import jinja2
+import matplotlib as mpl
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from robustpolish.report.document import Report
+
+
+def render_html(report: Report, version: str) -> str:
+    """Render a report as a self-contained HTML page.
+
+    Parameters
+    ----------
+    report : Report
+    version : str
+        Version of the package, for the footer.
+
+    Returns
+    -------
+    str
+        Pictures are inline SVG that can be zoomed, tables sort by a click on their heads, and a
+        printed page shows the same.
+    """
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    environment.filters["svg"] = _svg
+    environment.filters["cell"] = _cell
+    source = resources.files("robustpolish.report").joinpath("template.html").read_text("utf-8")
+    return environment.from_string(source).render(report=report, version=version)
+
+
+def _svg(figure: Figure) -> Markup:
+    """Draw a figure as inline SVG; its text stays text, so that it can be searched."""
+    buffer = io.StringIO()
+    # A fixed salt and no date make the same report the same file.
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "robustpolish"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    text = buffer.getvalue()
+    return Markup(text[text.index("<svg") :])
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return "–" if math.isnan(value) else f"{value:.4g}"
+    return str(value)

@@ -1,0 +1,113 @@
+"""Folders of results that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from robustpolish.validation import invalid
+
+
+@contextmanager
+def new_folder(path: str | os.PathLike[str], force: bool = False) -> Iterator[Path]:
+    """Fill a folder beside its final place and move it there at the end.
+
+    Parameters
+    ----------
+    path : path
+        The final place. It must not exist, unless `force`.
+    force : bool, optional
+        Replace an existing folder, once the new one is complete. Only a folder that this
+        function made before is replaced, so that a slip of the pen deletes nothing else.
+
+    Yields
+    ------
+    pathlib.Path
+        The folder to write to. After an exception it is removed, and what stood at `path`
+        stays as it was.
+
+    Raises
+    ------
+    InvalidInputError
+        If `path` exists and `force` is not set, or if it is not a folder of results.
+    """
+    target = Path(path)
+    _check(target, force)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    draft = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+    try:
+        (draft / _MARK).write_text("Made by robustpolish; replaced as a whole by --force.\n")
+        draft.chmod(0o755)
+        yield draft
+        _check(target, force)
+        if target.exists():
+            old = Path(tempfile.mkdtemp(prefix=f".{target.name}-old-", dir=target.parent))
+            target.rename(old / target.name)
+            draft.rename(target)
+            shutil.rmtree(old)
+        else:
+            draft.rename(target)
+    finally:
+        if draft.exists():
+            shutil.rmtree(draft)
+
+
+_MARK = ".robustpolish"
+
+
+def _check(target: Path, force: bool) -> None:
+    if not target.exists():
+        return
+    if not force:
+        raise invalid(
+            "out",
+            str(target),
+            "a folder that does not exist yet",
+            "Choose another one, or replace it with --force.",
+        )
+    empty = target.is_dir() and not any(target.iterdir())
+    if not empty and not (target / _MARK).is_file():
+        raise invalid(
+            "out",
+            str(target),
+            "a folder of results made by robustpolish",
+            "It holds something else and is left alone; choose another folder.",
+        )
+
+
+def write_file(path: str | os.PathLike[str], text: str, force: bool = False) -> None:
+    """Write a text file whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+    text : str
+    force : bool, optional
+        Replace an existing file.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file exists and `force` is not set, or its folder does not exist.
+    """
+    target = Path(path)
+    if target.exists() and not force:
+        raise invalid(
+            "out", str(target), "a file that does not exist yet", "Add --force to replace it."
+        )
+    if not target.parent.is_dir():
+        raise invalid(
+            "out", str(target), "a path in an existing folder", "Create the folder first."
+        )
+    handle, draft = tempfile.mkstemp(prefix=f".{target.name}-", dir=target.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            stream.write(text)
+        Path(draft).chmod(0o644)
+        Path(draft).replace(target)
+    finally:
+        Path(draft).unlink(missing_ok=True)

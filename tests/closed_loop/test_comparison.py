@@ -1,0 +1,65 @@
+"""The comparison table: its numbers, its words, its picture."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import robustpolish as rp
+from robustpolish.errors import InvalidInputError
+
+
+@pytest.fixture
+def comparison(soft, stiff, load):
+    return rp.compare_controllers({"soft": soft, "stiff": stiff}, load, signals=("x", "y", "z"))
+
+
+def test_rows_hold_the_largest_deviations(comparison, stiff, load):
+    expected = float(np.abs(rp.simulate(stiff, load)["y"]).max())
+    table = comparison.table
+    assert float(table["deviation"].sel(row="stiff", signal="y")) == expected
+    reference = float(table["deviation"].sel(row="without control", signal="y"))
+    assert float(table["improvement"].sel(row="stiff", signal="y")) == pytest.approx(
+        100 * (1 - expected / reference)
+    )
+    assert list(table["row"].to_numpy()) == ["without control", "soft", "stiff"]
+
+
+def test_a_signal_at_rest_has_no_improvement(comparison):
+    assert np.isnan(comparison.table["improvement"].sel(signal="x")).all()
+
+
+def test_effort_has_its_unit(comparison, stiff, load):
+    response = rp.simulate(stiff, load)
+    largest = max(float(np.abs(response[name]).max()) for name in stiff.plant.control_names)
+    assert float(comparison.table["effort"].sel(row="stiff")) == largest
+    assert comparison.table["effort"].attrs["units"] == "N"
+    assert np.isnan(comparison.table["effort"].sel(row="without control"))
+
+
+def test_words_say_that_the_load_is_the_same(comparison):
+    text = str(comparison)
+    assert "every row is driven by the same disturbance" in text
+    assert len({len(line) for line in text.splitlines()[:-1]}) == 1
+    assert "<table>" in comparison._repr_html_()
+
+
+def test_plot_draws_every_row(comparison):
+    axes = comparison.plot("y")
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+        "without control",
+        "soft",
+        "stiff",
+    ]
+    assert axes.get_ylabel() == "y [m]"
+    plt.close(axes.figure)
+
+
+def test_bad_arguments_are_named(comparison, soft, load):
+    with pytest.raises(InvalidInputError, match="controllers: got"):
+        rp.compare_controllers({}, load)
+    with pytest.raises(InvalidInputError, match="got float"):
+        rp.compare_controllers({"a": 1.0}, load)
+    with pytest.raises(InvalidInputError, match="signals: got 'q'"):
+        rp.compare_controllers({"a": soft}, load, signals=["q"])
+    with pytest.raises(InvalidInputError, match="signal: got 'q'"):
+        comparison.plot("q")
