@@ -119,7 +119,9 @@ class _Response:
             guesses = np.concatenate([np.abs(np.angle(poles)), [0.0, np.pi / 2, np.pi]])
         else:
             guesses = np.concatenate([np.abs(poles), np.abs(poles.imag), [0.0]])
-        return np.unique(guesses)
+        guesses = np.unique(guesses)
+        between = np.sqrt(guesses[1:] * guesses[:-1])
+        return np.concatenate([guesses, between, [2 * guesses[-1]]])
 
 
 def _continuous(closed: Closed) -> tuple[Matrix, Matrix, Matrix, Matrix]:
@@ -138,27 +140,64 @@ def _norm(response: _Response, guesses: Sequence[float]) -> tuple[float, float]:
     """Return the norm and its frequency: level sets of Bruinsma and Steinbuch (1990)."""
     frequencies = np.unique(np.concatenate([response.start(), np.asarray(guesses, float)]))
     values = response.sigma(frequencies)
-    best = int(np.argmax(values))
-    norm, peak = float(values[best]), float(frequencies[best])
+    norm, peak = 0.0, 0.0
+    for i in _hills(values):
+        height, place = _climb(response, float(values[i]), float(frequencies[i]))
+        if height > norm:
+            norm, peak = height, place
     feedthrough = float(np.linalg.norm(response.D, 2)) if response.D.size else 0.0
     if feedthrough > norm:
         norm, peak = feedthrough, (np.pi if response.discrete else np.inf)
     if norm == 0:
         return norm, peak
     for _ in range(30):
-        # Close to the feedthrough the Hamiltonian is nearly singular: step further.
-        close = norm < feedthrough * (1 + 1e-6)
-        edges = response.crossings(norm * (1 + (1e-6 if close else _RELATIVE_STEP)))
+        better = _exceeding(response, norm)
+        if better is None:
+            break
+        norm, peak = _climb(response, *better)
+    return norm, peak
+
+
+def _hills(values: Vector) -> list[int]:
+    """Indices of local maxima within a hundredth of the largest value, three at most."""
+    padded = np.concatenate([[-np.inf], values, [-np.inf]])
+    local = (values >= padded[:-2]) & (values >= padded[2:])
+    near = np.flatnonzero(local & (values >= 0.99 * values.max(initial=0.0)))
+    return [int(i) for i in near[np.argsort(-values[near])][:3]]
+
+
+def _exceeding(response: _Response, norm: float) -> tuple[float, float] | None:
+    """Find a frequency above `norm` among the level sets a little above it.
+
+    Near the feedthrough the Hamiltonian is close to singular and hides crossings, so
+    that a higher level is asked as well.
+    """
+    for step in (_RELATIVE_STEP, 1e-6, 1e-4):
+        edges = response.crossings(norm * (1 + step))
         if len(edges) == 0:
-            break
-        middle = np.concatenate([0.5 * (edges[1:] + edges[:-1]), edges])
-        values = response.sigma(middle)
+            continue
+        places = np.concatenate([0.5 * (edges[1:] + edges[:-1]), edges])
+        values = response.sigma(places)
         best = int(np.argmax(values))
-        if values[best] <= norm * (1 + _RELATIVE_STEP):
-            if values[best] > norm:
-                norm, peak = float(values[best]), float(middle[best])
+        if values[best] > norm * (1 + _RELATIVE_STEP):
+            return float(values[best]), float(places[best])
+    return None
+
+
+def _climb(response: _Response, norm: float, peak: float) -> tuple[float, float]:
+    """Look around the peak, on the scale of the nearest pole, in case rounding moved it."""
+    poles = response.closed.poles
+    for _ in range(20):
+        if len(poles) == 0:
             break
-        norm, peak = float(values[best]), float(middle[best])
+        scale = float(np.abs(response.point(peak) - poles).min())
+        offsets = scale * np.array([1e-4, 1e-3, 1e-2, 0.1, 0.5])
+        places = np.abs(np.concatenate([peak - offsets, peak + offsets]))
+        values = response.sigma(places)
+        best = int(np.argmax(values))
+        if not values[best] > norm * (1 + _RELATIVE_STEP):
+            break
+        norm, peak = float(values[best]), float(places[best])
     return norm, peak
 
 
