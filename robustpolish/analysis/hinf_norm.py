@@ -3,32 +3,40 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.analysis._certified_peak import Peak, certified_peak
+from robustpolish.analysis._exact import ExactModel, count_poles, to_float
 from robustpolish.analysis._realisation import Realisation, realisation, rescaled
-from robustpolish.validation import positive
+from robustpolish.analysis.decoupled_blocks import decoupled_blocks
+from robustpolish.analysis.stability import Stability, stability_of
+from robustpolish.validation import invalid, positive
+
+REDUCIBLE_STATES = 60
+"""Up to so many coupled states are searched for hidden modes in exact arithmetic."""
 
 
 @dataclass(frozen=True)
 class HinfNorm:
-    """Largest gain of a system over all frequencies.
+    """Largest gain of a system over all frequencies; ``float(norm)`` is its value.
 
     Attributes
     ----------
     value : float
-        The norm; infinite if the system is not stable.
+        The norm, in output units per input unit; infinite if a pole is on or
+        beyond the stability boundary (see :func:`hinf_norm` for hidden ones).
     frequency : float
-        Where the gain peaks, in rad/s; infinite if only the limit reaches it.
+        Where the gain peaks, in rad/s (rad per sample if ``dt`` is True); infinite if
+        only the limit reaches it, nan if there is no peak.
     lower, upper : float
         The true norm lies between the two.
     stable : bool
-        Whether all poles are strictly stable.
+        Whether all poles are strictly stable, hidden ones included.
     reason : str
-        How the value was found, or why it is infinite.
+        How the bracket was proven, or why the norm is infinite.
     """
 
     value: float
@@ -42,101 +50,141 @@ class HinfNorm:
         return self.value
 
 
-def hinf_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> HinfNorm:
-    """Compute the H-infinity norm."""
+def hinf_norm(
+    system: control.StateSpace, *, tolerance: float = 1e-9, exact: bool = True
+) -> HinfNorm:
+    r"""Compute the H-infinity norm, the largest singular value over all frequencies.
+
+    The peak is sought in double precision on a system whose states, time and
+    gain are scaled by powers of two, by the two-step Hamiltonian iteration
+    [1]_, [2]_. It is then evaluated in ball arithmetic, and the upper bound is
+    proven: the characteristic polynomial of the Hamiltonian matrix (the symplectic
+    pencil in discrete time) at that gain, formed from the stored numbers
+    without rounding, has no root on the stability boundary. Where a root is left,
+    the search goes on from it. So the answer is right for any damping and any
+    units, and does not miss peaks.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        Continuous or discrete; an unspecified sampling time means continuous.
+    tolerance : float, optional
+        Relative width of the bracket, at least 1e-12.
+    exact : bool, optional
+        False proves nothing in exact arithmetic: the bracket then rests on
+        estimates of rounding errors, is wider for light damping and may have no
+        upper end. It halves the time; meant for searches whose result
+        is checked afterwards. Blocks of more than 40 coupled states use it where it
+        gives a bracket of at most 0.1 %.
+
+    Returns
+    -------
+    HinfNorm
+        Infinite if the state matrix has an eigenvalue beyond the stability boundary,
+        even if it is hidden from inputs or outputs. An eigenvalue exactly on the
+        boundary counts only if it is reachable and observable; a
+        hidden one leaves the norm finite and `stable` False, and `reason` says so.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no ``StateSpace``, has entries that are not finite, or if the
+        tolerance is out of range.
+
+    Notes
+    -----
+    Measured on one core: 2 states 2 ms, 12 coupled states 6 ms (2 ms with ``exact=False``).
+    Decoupled parts are treated one by one.
+
+    References
+    ----------
+    .. [1] S. Boyd, V. Balakrishnan, P. Kabamba, "A bisection method for computing the
+       H-infinity norm of a transfer matrix and related problems", Mathematics of
+       Control, Signals and Systems 2 (1989) 207-219.
+    .. [2] N. A. Bruinsma, M. Steinbuch, "A fast algorithm to compute the H-infinity norm
+       of a transfer function matrix", Systems & Control Letters 14 (1990) 287-293.
+
+    Examples
+    --------
+    >>> import control
+    >>> from robustpolish.analysis import hinf_norm
+    >>> w, zeta = 1e9, 0.05
+    >>> norm = hinf_norm(control.ss([[0, 1], [-w**2, -2*zeta*w]], [[0], [w**2]], [[1, 0]], 0))
+    >>> round(norm.value, 6), norm.lower <= norm.value <= norm.upper
+    (10.012523, True)
+    """
     tolerance = positive("tolerance", tolerance)
+    if not 1e-12 <= tolerance <= 0.5:
+        raise invalid("tolerance", tolerance, "1e-12 to 0.5", "The default is 1e-9.")
     model = realisation("system", system)
-    if 0 in model.D.shape:
-        return HinfNorm(0.0, 0.0, 0.0, 0.0, True, "there are no inputs or no outputs")
+    parts = [_part_norm(part, tolerance, exact) for part in _parts(model)]
+    if not parts:
+        return HinfNorm(0.0, 0.0, 0.0, 0.0, True, "there are no states, inputs or outputs")
+    largest = max(parts, key=lambda norm: (norm.value, norm.upper))
+    unsteady = next((norm.reason for norm in parts if not norm.stable), largest.reason)
+    return replace(
+        largest,
+        lower=max(norm.lower for norm in parts),
+        upper=max(norm.upper for norm in parts),
+        stable=all(norm.stable for norm in parts),
+        reason=unsteady if math.isfinite(largest.value) else largest.reason,
+    )
+
+
+def _parts(model: Realisation) -> list[Realisation]:
+    blocks = decoupled_blocks(model.A, model.B, model.C, model.D)
+    if len(blocks) == 1:
+        return [model]
+    return [
+        replace(
+            model,
+            A=model.A[np.ix_(block.states, block.states)],
+            B=model.B[np.ix_(block.states, block.inputs)],
+            C=model.C[np.ix_(block.outputs, block.states)],
+            D=model.D[np.ix_(block.outputs, block.inputs)],
+        )
+        for block in blocks
+    ]
+
+
+def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
     if model.states == 0:
-        gain = float(np.linalg.norm(model.D, 2))
+        gain = float(np.linalg.norm(model.D, 2)) if model.D.size else 0.0
         return HinfNorm(gain, 0.0, gain, gain, True, "a static gain")
-    scaled = rescaled(model)
-    poles = np.linalg.eigvals(scaled.A)
-    margin = 1 - np.abs(poles) if scaled.discrete else -poles.real
-    if margin.min() <= 0:
-        pole = poles[margin.argmin()] * scaled.time
-        where = "outside or on the unit circle" if scaled.discrete else "not in the left half-plane"
-        return HinfNorm(math.inf, math.nan, math.inf, math.inf, False, f"pole {pole:.6g} {where}")
-    form = _continuous(scaled)
-    frequency, lower, upper = _peak(form, tolerance)
-    if scaled.discrete:
-        frequency = 2 * math.atan(frequency) / scaled.step
+    model = rescaled(model)
+    verdict = stability_of(model)
+    if verdict.verdict == "unstable":
+        return _infinite(verdict.reason)
+    if model.D.size == 0:
+        reason = "no input acts on any output" if verdict else verdict.reason
+        return HinfNorm(0.0, 0.0, 0.0, 0.0, bool(verdict), reason)
+    if not verdict:
+        return _marginal_norm(model, verdict, tolerance)
+    return _in_units(model, certified_peak(model, tolerance, exact))
+
+
+def _in_units(model: Realisation, found: Peak) -> HinfNorm:
+    if model.discrete:
+        found = replace(found, frequency=2 * math.atan(found.frequency) / model.step)
+    found = found.in_units(model)
     return HinfNorm(
-        lower * scaled.gain,
-        frequency * scaled.time,
-        lower * scaled.gain,
-        upper * scaled.gain,
-        True,
-        "largest singular value at the peak, bounded by the Hamiltonian test",
+        found.gain, found.frequency, found.lower, found.upper, True, f"proof: {found.proof}"
     )
 
 
-def _continuous(model: Realisation) -> Realisation:
-    """Map z = (1 + s)/(1 - s), which keeps the norm."""
-    if not model.discrete:
-        return model
-    n = model.states
-    plus = np.eye(n) + model.A
-    inverse = np.linalg.inv(plus)
-    return Realisation(
-        np.linalg.solve(plus, model.A - np.eye(n)),
-        math.sqrt(2) * inverse @ model.B,
-        math.sqrt(2) * model.C @ inverse,
-        model.D - model.C @ inverse @ model.B,
-        False,
-    )
+def _marginal_norm(model: Realisation, verdict: Stability, tolerance: float) -> HinfNorm:
+    """Decide exactly whether the poles on the boundary reach from an input to an output."""
+    if model.states > REDUCIBLE_STATES or not verdict.exact:
+        return _infinite(verdict.reason)
+    minimal = ExactModel.of(model).minimal()
+    left = count_poles(minimal.A, model.discrete)
+    if left.marginal or left.unstable:
+        return _infinite(verdict.reason)
+    rounded = (to_float(M) for M in (minimal.A, minimal.B, minimal.C, minimal.D))
+    found = certified_peak(Realisation(*rounded, model.discrete), tolerance, True, minimal)
+    reason = f"{verdict.reason}, but hidden from the inputs or outputs: not internally stable"
+    return replace(_in_units(model, found), stable=False, reason=reason)
 
 
-def gains(model: Realisation, frequencies: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Largest singular values at the given (scaled) frequencies; infinity is allowed."""
-    result = np.empty(len(frequencies))
-    finite = np.isfinite(frequencies)
-    result[~finite] = np.linalg.norm(model.D, 2)
-    w = frequencies[finite]
-    if w.size:
-        resolvent = 1j * w[:, None, None] * np.eye(model.states) - model.A
-        B = np.broadcast_to(model.B.astype(complex), (w.size, *model.B.shape))
-        G = model.C @ np.linalg.solve(resolvent, B) + model.D
-        result[finite] = np.linalg.svd(G, compute_uv=False)[:, 0]
-    return result
-
-
-def _peak(model: Realisation, tolerance: float) -> tuple[float, float, float]:
-    poles = np.linalg.eigvals(model.A)
-    radius, zeta2 = np.abs(poles), (poles.real / np.abs(poles)) ** 2
-    resonance = radius * np.sqrt(np.clip(1 - 2 * zeta2, 0, None))
-    seeds = np.unique(np.concatenate([[0.0, np.inf], radius, np.abs(poles.imag), resonance]))
-    values = gains(model, seeds)
-    best = int(values.argmax())
-    frequency, lower = float(seeds[best]), float(values[best])
-    for _ in range(40):
-        if lower == 0:
-            return 0.0, 0.0, 0.0
-        upper = lower * (1 + tolerance)
-        crossings = _crossings(model, upper)
-        if crossings.size == 0:
-            break
-        trial = np.concatenate([crossings, 0.5 * (crossings[1:] + crossings[:-1])])
-        values = gains(model, trial)
-        best = int(values.argmax())
-        if values[best] <= lower * (1 + tolerance / 2):
-            if values[best] > lower:
-                frequency, lower = float(trial[best]), float(values[best])
-            break
-        frequency, lower = float(trial[best]), float(values[best])
-    return frequency, lower, lower * (1 + tolerance)
-
-
-def _crossings(model: Realisation, gamma: float) -> NDArray[np.float64]:
-    A, B, C, D = model.A, model.B, model.C, model.D
-    R = gamma**2 * np.eye(B.shape[1]) - D.T @ D
-    X = np.linalg.solve(R, np.hstack([D.T @ C, B.T]))
-    RDC, RB = X[:, : A.shape[0]], X[:, A.shape[0] :]
-    closed = A + B @ RDC
-    hamiltonian = np.block([[closed, gamma * B @ RB], [-(C.T @ (C + D @ RDC)) / gamma, -closed.T]])
-    eigenvalues = np.linalg.eigvals(hamiltonian)
-    near = np.abs(eigenvalues.real) <= 1e-7 * np.abs(eigenvalues) + 1e-13 * np.linalg.norm(
-        hamiltonian
-    )
-    return np.unique(np.abs(eigenvalues.imag[near]))
+def _infinite(reason: str) -> HinfNorm:
+    return HinfNorm(math.inf, math.nan, math.inf, math.inf, False, reason)

@@ -1,0 +1,116 @@
+"""The peak of the gain with a bracket, proven in exact arithmetic or estimated in double."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from flint import arb, fmpq
+
+from robustpolish.analysis._crossings import crossings
+from robustpolish.analysis._exact import ExactModel, fraction, transfer
+from robustpolish.analysis._peak_search import EPS, bounds_gain, cayley, peak
+from robustpolish.analysis._realisation import Realisation, rescaled
+
+EXACT_ALWAYS = 40
+"""Up to so many coupled states the proof is exact from the start."""
+EXACT_AT_MOST = 80
+"""Up to so many it is used where double precision proves nothing."""
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The peak of a stable system's gain, in the units of its rescaled matrices.
+
+    Attributes
+    ----------
+    frequency : float
+        In the variable x of :class:`ExactModel`.
+    gain, lower, upper : float
+        The gain there, and bounds of the true peak.
+    proof : str
+        How the upper bound was found.
+    """
+
+    frequency: float
+    gain: float
+    lower: float
+    upper: float
+    proof: str
+
+    def in_units(self, model: Realisation) -> Peak:
+        """Come back from the scaled units of `model`."""
+        gain, lower, upper = (v * model.gain for v in (self.gain, self.lower, self.upper))
+        return Peak(self.frequency * model.time, gain, lower, upper, self.proof)
+
+
+def certified_peak(
+    model: Realisation, tolerance: float, exact: bool, exact_model: ExactModel | None = None
+) -> Peak:
+    """Find and bracket the peak of a stable, rescaled system."""
+    search = replace(model, time=1.0, gain=1.0)
+    if model.discrete:
+        search = rescaled(cayley(search))
+    poles = np.linalg.eigvals(search.A)
+    frequency, gain = peak(search, poles, tolerance)
+    if not exact or model.states > EXACT_ALWAYS:
+        found = _estimated(search, frequency, gain, tolerance)
+        if not exact or model.states > EXACT_AT_MOST or found.upper <= 1.001 * found.lower:
+            return found.in_units(search)
+    return _proven(exact_model or ExactModel.of(model), frequency * search.time, tolerance)
+
+
+def _proven(model: ExactModel, start: float, tolerance: float) -> Peak:
+    """Raise the gain by exact crossings until the upper bound has none."""
+    at = fraction(start) if math.isfinite(start) else None
+    gain = _gain(model, at)
+    if gain == 0 and model.is_zero():
+        return Peak(0.0, 0.0, 0.0, 0.0, "the transfer function is zero")
+    trial: list[fmpq | None] = [fmpq(0), None]
+    trial += [fmpq(k, k + 2) for k in range(1, 2 * model.states + 3)] if gain == 0 else []
+    while True:
+        values = [_gain(model, x) for x in trial]
+        best = int(np.argmax(values))
+        if values[best] > gain:
+            gain, at = values[best], trial[best]
+        upper = gain * (1 + tolerance)
+        found = crossings(model, fraction(upper) ** 2)
+        if not found:
+            break
+        middles = [(a + b) / 2 for a, b in zip(found, found[1:], strict=False)]
+        trial = [fmpq(0), None, *middles, *(found if len(found) < 2 else [])]
+    rounding = 4 * EPS * (model.B.ncols() + model.C.nrows())
+    frequency = math.inf if at is None else float(arb(at))
+    return Peak(frequency, gain, gain * (1 - rounding), upper, "no crossing, in exact arithmetic")
+
+
+def _gain(model: ExactModel, x: fmpq | None) -> float:
+    G, scale = transfer(model, x)
+    return float(np.linalg.norm(G, 2)) * scale
+
+
+def _estimated(model: Realisation, frequency: float, gain: float, tolerance: float) -> Peak:
+    """Widen the bracket until the Hamiltonian test in double precision is beyond doubt."""
+    error = _evaluation_error(model, frequency)
+    lower = gain * max(0.0, 1 - error)
+    widths = [w for w in (tolerance, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 0.1) if w >= tolerance]
+    for width in widths:
+        upper = gain * (1 + width + error)
+        if gain > 0 and bounds_gain(model, upper):
+            text = "no crossing within the rounding errors of double precision"
+            return Peak(frequency, gain, lower, upper, text)
+    return Peak(frequency, gain, lower, math.inf, "double precision proves no upper bound")
+
+
+def _evaluation_error(model: Realisation, frequency: float) -> float:
+    """Estimate the relative error of the gain from the spread of the resolvent."""
+    if not math.isfinite(frequency) or model.states == 0:
+        return 10 * EPS
+    singular = np.linalg.svd(
+        1j * frequency * np.eye(model.states) - model.A, compute_uv=False, hermitian=False
+    )
+    if singular[-1] == 0:
+        return 1.0
+    return 10 * EPS * math.sqrt(model.states) * float(singular[0] / singular[-1])
+
