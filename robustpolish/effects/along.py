@@ -10,6 +10,15 @@ from numpy.typing import NDArray
 
 from robustpolish.effects.shapes import Motion
 
+_SUBSTEPS = 8
+
+
+@numba.njit(cache=True)
+def _between(q, v, n, x, qs, vs):  # type: ignore[no-untyped-def]  # compiled
+    for i in range(qs.size):
+        qs[i] = (1 - x) * q[i, n] + x * q[i, n + 1]
+        vs[i] = (1 - x) * v[i, n] + x * v[i, n + 1]
+
 
 @numba.njit(cache=True, error_model="numpy")
 def _run(law, t, q, v, p, z, f):  # type: ignore[no-untyped-def]  # compiled
@@ -25,12 +34,14 @@ def _run(law, t, q, v, p, z, f):  # type: ignore[no-untyped-def]  # compiled
         law(t[n], qs, vs, z, p, f, k1)
         out[:, n] = f
         if z.size and n + 1 < samples:
-            dt = t[n + 1] - t[n]
-            predicted = z + dt * k1
-            qs[:] = q[:, n + 1]
-            vs[:] = v[:, n + 1]
-            law(t[n + 1], qs, vs, predicted, p, f, k2)
-            z += 0.5 * dt * (k1 + k2)
+            dt = (t[n + 1] - t[n]) / _SUBSTEPS
+            for j in range(_SUBSTEPS):
+                _between(q, v, n, j / _SUBSTEPS, qs, vs)
+                law(t[n] + j * dt, qs, vs, z, p, f, k1)
+                predicted = z + dt * k1
+                _between(q, v, n, (j + 1) / _SUBSTEPS, qs, vs)
+                law(t[n] + (j + 1) * dt, qs, vs, predicted, p, f, k2)
+                z += 0.5 * dt * (k1 + k2)
     return out
 
 

@@ -40,7 +40,7 @@ class Parameter:
     name : str
     dimension : str
         In F (force or torque), L (length or angle), M (mass or inertia), T (time), such as
-        ``"F/L^3"``; "rad" and "1" stay.
+        ``"F/L^3"``; "rad" and "1" stay, "signal" is the unit of the output.
     meaning : str
         What it is, in a few words.
     lower, upper : float
@@ -68,7 +68,7 @@ class Parameter:
         >>> Parameter("stiffness", "F/L^3", "cubic coefficient").unit()
         'N/m^3'
         """
-        if self.dimension in ("1", "rad"):
+        if self.dimension in ("1", "rad", "signal"):
             return self.dimension
         unit = "".join(_SI[c][rotational] if c in _SI else c for c in self.dimension)
         return unit.replace("*", " ")
@@ -120,6 +120,8 @@ class EffectKind:
         law adds at the amplitudes q and v; decides on substeps.
     implausible : callable
         ``implausible(values)`` says why values cannot be physical, or None.
+    sharp : bool
+        Whether the force has corners or jumps, so that steps have to be short.
     looks_like, checks, references
         What it does to the residual, what to check on the machine, sources.
     """
@@ -134,7 +136,7 @@ class EffectKind:
     context: tuple[str, ...] = ()
     gains: Callable[[Mapping[str, float], float, float], tuple[float, float]] = _no_gains
     implausible: Callable[[Mapping[str, float]], str | None] = _plausible
-    rotational_only: bool = False
+    sharp: bool = False
     looks_like: str = ""
     checks: tuple[str, ...] = ()
     references: tuple[str, ...] = ()

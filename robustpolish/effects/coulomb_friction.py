@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from robustpolish.effects.base import EffectKind, Parameter
@@ -21,6 +23,10 @@ def _shapes(motion: Motion) -> list[Shape]:
     return [single(-np.tanh(motion.v / width), "force")]
 
 
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
+    return 0.0, values["force"] / values["width"] if values["width"] > 0 else 0.0
+
+
 KIND = EffectKind(
     kind="coulomb_friction",
     title="Coulomb friction",
@@ -32,6 +38,8 @@ KIND = EffectKind(
     ),
     law=_law,
     shapes=_shapes,
+    gains=_gains,
+    sharp=True,
     context=("mobility",),
     looks_like="A square wave with the sign of the velocity; relatively larger at small "
     "amplitudes, with flat spots at reversals.",

@@ -14,7 +14,28 @@ from robustpolish.validation import invalid
 ENTRY_POINT_GROUP = "robustpolish.effects"
 BUILT_IN = (
     "coulomb_friction",
+    "stribeck_friction",
+    "elastic_coulomb_friction",
+    "lugre_friction",
+    "quadratic_damping",
+    "displacement_dependent_damping",
+    "bouc_wen_hysteresis",
     "cubic_stiffness",
+    "quadratic_stiffness",
+    "backlash",
+    "contact_stop",
+    "pendulum_gravity",
+    "constant_force",
+    "harmonic_force",
+    "unbalance",
+    "parametric_stiffness",
+    "gyroscopic_coupling",
+    "cross_stiffness",
+    "attached_resonator",
+    "input_delay",
+    "input_gain",
+    "sensor_offset",
+    "sensor_gain",
 )
 _registered: dict[str, EffectKind] = {}
 

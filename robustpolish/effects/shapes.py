@@ -44,6 +44,11 @@ class Motion:
         """Robust amplitude of the first port's velocity about zero."""
         return float(np.percentile(np.abs(self.v[0]), 95))
 
+    def slips(self, shares: tuple[float, ...]) -> list[float]:
+        """Return the shares of the amplitude that are longer than half a sample's travel."""
+        travel = 0.5 * self.speed * float(self.time[1] - self.time[0])
+        return [s * self.amplitude for s in shares if s * self.amplitude > travel]
+
 
 @dataclass(frozen=True)
 class Shape:

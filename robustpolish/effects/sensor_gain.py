@@ -1,0 +1,22 @@
+"""A sensor that shows another size than there is."""
+
+from __future__ import annotations
+
+from robustpolish.effects.base import EffectKind, Parameter
+from robustpolish.effects.shapes import Motion, Shape
+
+
+def _shapes(motion: Motion) -> list[Shape]:
+    return [Shape(motion.q[None], lambda c: {"gain": 1.0 + float(c[0])}, (0,))]
+
+
+KIND = EffectKind(
+    kind="sensor_gain",
+    title="Gain of a sensor",
+    domain="output",
+    parameters=(Parameter("gain", "1", "shown over true", default=1.0),),
+    shapes=_shapes,
+    looks_like="This channel's residual is a scaled copy of the channel; the others fit.",
+    checks=("Calibration of the sensor, its amplifier range, units of the column.",),
+    references=("ISO 16063-21:2003, Vibration calibration by comparison",),
+)
