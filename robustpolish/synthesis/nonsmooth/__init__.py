@@ -3,7 +3,7 @@
 Everything here works on plain matrices: a :class:`Loop` closes a plant with a
 constant matrix K, the measures (norms, spectral abscissa, gain, regions) return values
 with gradients over K, a parametrisation maps free numbers to K, and two descents use
-them: BFGS for one smooth-almost-everywhere function, and a bundle method that
+them: BFGS for functions that are smooth almost everywhere, and a bundle method that
 sees all active peaks at once.
 """
 
@@ -12,20 +12,35 @@ from robustpolish.synthesis.nonsmooth.h2 import H2Measure
 from robustpolish.synthesis.nonsmooth.hinf import HinfMeasure
 from robustpolish.synthesis.nonsmooth.loops import Loop, augmented
 from robustpolish.synthesis.nonsmooth.minimax import minimax
-from robustpolish.synthesis.nonsmooth.problem import Piece, Problem, Requirement
+from robustpolish.synthesis.nonsmooth.parametrisations import (
+    AffineGain,
+    ObserverGain,
+    Parametrisation,
+    PositiveElements,
+)
+from robustpolish.synthesis.nonsmooth.problem import Measure, Piece, Problem, Requirement
+from robustpolish.synthesis.nonsmooth.search import SearchLimits, SearchResult, search
 from robustpolish.synthesis.nonsmooth.spectrum import GainMeasure, RegionMeasure, StabilityMeasure
 
 __all__ = [
+    "AffineGain",
     "GainMeasure",
     "H2Measure",
     "HinfMeasure",
     "Loop",
+    "Measure",
+    "ObserverGain",
+    "Parametrisation",
     "Piece",
+    "PositiveElements",
     "Problem",
     "RegionMeasure",
     "Requirement",
+    "SearchLimits",
+    "SearchResult",
     "StabilityMeasure",
     "augmented",
     "bfgs",
     "minimax",
+    "search",
 ]

@@ -29,7 +29,7 @@ class H2Measure:
         if closed is None or not closed.stable:
             return []
         A, B, C, D = closed.A, closed.B, closed.C, closed.D
-        if not self.loop.discrete and _is_nonzero(D, self.loop.D11):
+        if not self.loop.discrete and self._has_feedthrough(K, D):
             return []
         solve = solve_discrete_lyapunov if self.loop.discrete else solve_continuous_lyapunov
         sign = 1.0 if self.loop.discrete else -1.0
@@ -52,7 +52,8 @@ class H2Measure:
         slope = (on_state + on_noise) / norm if norm > 0 else np.zeros_like(K)
         return [Piece(norm, closed.back(slope))]
 
-
-def _is_nonzero(D: Matrix, reference: Matrix) -> bool:
-    """Whether a feedthrough is more than what rounding leaves of `reference`."""
-    return bool(np.abs(D).max(initial=0.0) > 1e-12 * np.abs(reference).max(initial=0.0))
+    def _has_feedthrough(self, K: Matrix, D: Matrix) -> bool:
+        """Whether D is more than what rounding leaves of its terms."""
+        loop = self.loop
+        terms = np.abs(loop.D11) + np.abs(loop.D12) @ np.abs(K) @ np.abs(loop.D21)
+        return bool((np.abs(D) > 1e-12 * terms).any())

@@ -30,7 +30,7 @@ class Parametrisation(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Affine:
+class AffineGain:
     """K = offset + sum of theta_i times basis_i.
 
     Attributes
@@ -43,7 +43,7 @@ class Affine:
     basis: Matrix
 
     @classmethod
-    def masked(cls, mask: NDArray[np.bool_]) -> Affine:
+    def masked(cls, mask: NDArray[np.bool_]) -> AffineGain:
         """Let the marked entries of K be free, the others zero."""
         return cls(np.zeros(mask.shape), np.eye(mask.size)[mask.ravel()])
 
@@ -64,7 +64,7 @@ class Affine:
         """Return the theta whose gain is nearest to K."""
         return np.linalg.lstsq(self.basis.T, (K - self.offset).ravel(), rcond=None)[0]
 
-    def restricted(self, left: Matrix, right: Matrix, target: Matrix) -> Affine | None:
+    def restricted(self, left: Matrix, right: Matrix, target: Matrix) -> AffineGain | None:
         """Keep only gains with left K right = target; None if there is none."""
         rows = np.array([(left @ b.reshape(self.offset.shape) @ right).ravel() for b in self.basis])
         missing = (target - left @ self.offset @ right).ravel()
@@ -75,11 +75,11 @@ class Affine:
             return None
         _, values, vt = np.linalg.svd(rows) if rows.size else (None, np.zeros(0), np.eye(self.size))
         rank = int(np.sum(values > 1e-12 * values.max(initial=0.0)))
-        return Affine(self.gain(theta), vt[rank:] @ self.basis)
+        return AffineGain(self.gain(theta), vt[rank:] @ self.basis)
 
 
 @dataclass(frozen=True, eq=False)
-class Exponential:
+class PositiveElements:
     """K = offset + sum of exp(theta_i) times element_i: coefficients that stay positive.
 
     Attributes
@@ -104,7 +104,7 @@ class Exponential:
 
 
 @dataclass(frozen=True, eq=False)
-class Observer:
+class ObserverGain:
     """K = [[A + B F - L C - L D F, L], [F, 0]], the Luenberger form of (10.63).
 
     theta holds F, shape (nu, nx), then L, shape (nx, ny), row by row.
