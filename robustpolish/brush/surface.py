@@ -1,0 +1,128 @@
+"""The surface that is polished: a trough of the form (9.1), its height, slope and elevation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robustpolish.validation import invalid, positive
+
+_ALONG_FACTOR = (5.0 / 4.0) ** 2
+_ACROSS_FACTOR = 4.0**2
+
+
+@dataclass(frozen=True)
+class Surface:
+    r"""A trough :math:`f(x, y) = a (5x/4)^2 + b (4y)^2`, heights in m (thesis, eq. 9.1).
+
+    Both coefficients have to be at least zero: only on a surface that is nowhere bulging does
+    a disc touch with its rim alone, which is what the physical simulator assumes.
+
+    Parameters
+    ----------
+    along : float
+        Coefficient a [1/m] along the feed, x.
+    across : float
+        Coefficient b [1/m] across it, y. The default, 2.5, gives the bottom of the trough a radius
+        of 12.5 mm, so that the brush of 10 mm fits. The thesis prints 5, which gives 6.25 mm:
+        see `as_published`.
+
+    Raises
+    ------
+    InvalidInputError
+        If a coefficient is negative or not finite.
+
+    Examples
+    --------
+    >>> from robustpolish.brush import Surface
+    >>> surface = Surface()
+    >>> round(1e3 * surface.trough_radius, 1)
+    12.5
+    >>> surface.fits(0.010), Surface.as_published().fits(0.010)
+    (True, False)
+    """
+
+    along: float = field(default=0.1, metadata={"unit": "1/m", "source": "eq. 9.1"})
+    across: float = field(
+        default=2.5, metadata={"unit": "1/m", "source": "chosen so that the disc fits"}
+    )
+
+    def __post_init__(self) -> None:
+        for name in ("along", "across"):
+            object.__setattr__(
+                self, name, positive(f"Surface.{name}", getattr(self, name), "1/m", zero=True)
+            )
+
+    @classmethod
+    def as_published(cls) -> Surface:
+        """Return the surface of eq. (9.1) to the letter; a disc of 10 mm does not fit in it."""
+        return cls(along=0.1, across=5.0)
+
+    @classmethod
+    def flat(cls) -> Surface:
+        """Return the plane z = 0."""
+        return cls(along=0.0, across=0.0)
+
+    @property
+    def curvatures(self) -> tuple[float, float]:
+        """Second derivatives of the height along and across the feed [1/m]."""
+        return 2.0 * _ALONG_FACTOR * self.along, 2.0 * _ACROSS_FACTOR * self.across
+
+    @property
+    def trough_radius(self) -> float:
+        """Smallest radius of curvature [m]; infinite for the plane."""
+        sharpest = max(self.curvatures)
+        return float("inf") if sharpest == 0.0 else 1.0 / sharpest
+
+    def fits(self, radius: float) -> bool:
+        """Whether a disc of that radius [m] goes into the bottom of the trough."""
+        return self.trough_radius > radius
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """Height f(x, y) [m] over the zero plane (eq. 9.1); x, y in m, broadcast together."""
+        bend_x, bend_y = self.curvatures
+        return np.asarray(0.5 * bend_x * np.square(x) + 0.5 * bend_y * np.square(y))
+
+    def gradient(
+        self, x: ArrayLike, y: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Slopes df/dx and df/dy [-]; x, y in m."""
+        bend_x, bend_y = self.curvatures
+        return bend_x * np.asarray(x, dtype=float), bend_y * np.asarray(y, dtype=float)
+
+    def elevation(
+        self, x: ArrayLike, y: ArrayLike, direction: tuple[ArrayLike, ArrayLike]
+    ) -> NDArray[np.float64]:
+        """Angle of elevation [rad] in a direction (eqs. 9.4 and 9.5).
+
+        Parameters
+        ----------
+        x, y : array_like
+            Places [m].
+        direction : tuple of array_like
+            Components (n_x, n_y) of the direction, of any length but zero.
+
+        Returns
+        -------
+        ndarray
+            atan of the slope in the direction, positive uphill.
+
+        Raises
+        ------
+        InvalidInputError
+            If the direction has no length.
+
+        Examples
+        --------
+        >>> from robustpolish.brush import Surface
+        >>> float(Surface(along=0.0, across=1.0).elevation(0.0, 0.01, (0.0, 2.0)).round(6))
+        0.309703
+        """
+        along, across = (np.asarray(part, dtype=float) for part in direction)
+        length = np.hypot(along, across)
+        if not np.all(length > 0.0):
+            raise invalid("direction", direction, "a vector of a length above 0", "Give n_x, n_y.")
+        slope_x, slope_y = self.gradient(x, y)
+        return np.arctan((along * slope_x + across * slope_y) / length)

@@ -1,0 +1,67 @@
+"""The path of the tool's centre over the surface: a circling feed (eqs. 9.2 and 9.3)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robustpolish.brush.parameters import BrushParameters
+
+
+def tool_position(time: ArrayLike, parameters: BrushParameters) -> NDArray[np.float64]:
+    """Place of the tool's centre (eq. 9.2).
+
+    Parameters
+    ----------
+    time : array_like
+        Times [s].
+    parameters : BrushParameters
+        Radius and rate of the circling, feed, and brush radius.
+
+    Returns
+    -------
+    ndarray, shape (2, ...)
+        x and y in world axes [m].
+
+    Examples
+    --------
+    >>> from robustpolish.brush import BrushParameters, tool_position
+    >>> tool_position(0.0, BrushParameters()).round(4).tolist()
+    [0.016, 0.0]
+    """
+    moment = np.asarray(time, dtype=float)
+    turn = parameters.rotation_rate * moment
+    start = parameters.radius + parameters.rotation_radius
+    return np.stack(
+        [
+            parameters.rotation_radius * np.cos(turn) + parameters.feed * moment + start,
+            parameters.rotation_radius * np.sin(turn),
+        ]
+    )
+
+
+def tool_velocity(time: ArrayLike, parameters: BrushParameters) -> NDArray[np.float64]:
+    """Velocity of the tool's centre (eq. 9.3).
+
+    Parameters
+    ----------
+    time : array_like
+        Times [s].
+    parameters : BrushParameters
+        Radius and rate of the circling, and feed.
+
+    Returns
+    -------
+    ndarray, shape (2, ...)
+        Components along x and y in world axes [m/s].
+
+    Examples
+    --------
+    >>> from robustpolish.brush import BrushParameters, tool_velocity
+    >>> tool_velocity(0.0, BrushParameters()).round(4).tolist()
+    [0.001, 0.0377]
+    """
+    moment = np.asarray(time, dtype=float)
+    turn = parameters.rotation_rate * moment
+    speed = parameters.rotation_radius * parameters.rotation_rate
+    return np.stack([parameters.feed - speed * np.sin(turn), speed * np.cos(turn)])
