@@ -96,28 +96,34 @@ def rescaled(system: Realisation) -> Realisation:
     """Balance the states, then choose units of time and gain that make the entries near one."""
     if system.states == 0:
         return system
-    A, B, C, D = system.A, system.B, system.C, system.D
-    time = 1.0 if system.discrete else power_of_two(float(np.abs(A).max()))
-    A, B = A / time, B / time
-    scales, signal = state_scales(A, B, C)
-    A = A * scales / scales[:, None]
-    B, C = B / scales[:, None] * signal, C * scales / signal
-    if not system.discrete:
-        again = power_of_two(_typical_rate(A))
-        A, B, time = A / again, B / again, time * again
-    b, c = power_of_two(float(np.linalg.norm(B))), power_of_two(float(np.linalg.norm(C)))
-    gain = b * c
-    if not np.isfinite(gain) or gain == 0:  # beyond the exponents of double precision
-        b = c = gain = 1.0
+    model = _balanced(_unit_gain(_unit_rate(_balanced(system, signals=False))))
+    return _unit_gain(_balanced(_unit_gain(model)))
+
+
+def _balanced(system: Realisation, signals: bool = True) -> Realisation:
+    B, C = (system.B, system.C) if signals else (0 * system.B, 0 * system.C)
+    scales, signal = state_scales(system.A, B, C)
     return replace(
         system,
-        A=A,
-        B=B / b,
-        C=C / c,
-        D=D / gain,
-        time=system.time * time,
-        gain=system.gain * gain,
+        A=system.A * scales / scales[:, None],
+        B=system.B / scales[:, None] * signal,
+        C=system.C * scales / signal,
     )
+
+
+def _unit_rate(system: Realisation) -> Realisation:
+    if system.discrete:
+        return system
+    time = power_of_two(_typical_rate(system.A))
+    return replace(system, A=system.A / time, B=system.B / time, time=system.time * time)
+
+
+def _unit_gain(system: Realisation) -> Realisation:
+    b, c = (power_of_two(float(np.linalg.norm(M))) for M in (system.B, system.C))
+    gain = b * c * system.gain
+    if not np.isfinite(gain) or gain == 0:  # beyond the exponents of double precision
+        return system
+    return replace(system, B=system.B / b, C=system.C / c, D=system.D / (b * c), gain=gain)
 
 
 def _typical_rate(A: Matrix) -> float:

@@ -3,30 +3,42 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import control
 import numpy as np
-import scipy.linalg as sla
 
-from robustpolish.analysis._realisation import realisation, rescaled
+from robustpolish.analysis._exact import ExactModel, count_poles
+from robustpolish.analysis._gramian import Bounds, energy, exact_energy
+from robustpolish.analysis._parts import parts
+from robustpolish.analysis._realisation import Realisation, realisation, rescaled
+from robustpolish.analysis.stability import Stability, stability_of
+from robustpolish.validation import invalid, positive
+
+EXACT_STATES = 60
+"""Up to so many coupled states are treated in ball arithmetic where doubles do not suffice."""
 
 
 @dataclass(frozen=True)
 class H2Norm:
-    """Size of a system's response to white noise of unit intensity.
+    """Size of a system's response to white noise; ``float(norm)`` is its value.
 
     Attributes
     ----------
     value : float
-        The norm; infinite if the system is unstable or has a direct feedthrough in continuous time.
+        The norm; infinite if a pole is on or beyond the stability boundary (see
+        :func:`h2_norm` for hidden ones) or, in continuous time, if D is not zero.
+    lower, upper : float
+        The true norm lies between the two.
     stable : bool
-        Whether all poles are strictly stable.
+        Whether all poles are strictly stable, hidden ones included.
     reason : str
         How the value was found, or why it is infinite.
     """
 
     value: float
+    lower: float
+    upper: float
     stable: bool
     reason: str
 
@@ -34,27 +46,112 @@ class H2Norm:
         return self.value
 
 
-def h2_norm(system: control.StateSpace) -> H2Norm:
-    """Compute the H2 norm."""
+def h2_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> H2Norm:
+    r"""Compute the H2 norm, the root of trace(C X C'), with X the controllability Gramian.
+
+    The Lyapunov equation is solved in double precision for scaled states and
+    time; its residual gives an error bound. Where that exceeds the tolerance, as
+    for very light damping, the Gramian's series is summed in ball
+    arithmetic instead, which encloses the norm.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        Continuous or discrete; an unspecified sampling time means continuous.
+        In discrete time the norm is that of the pulse response (no factor of the
+        sampling time), D included.
+    tolerance : float, optional
+        Largest relative error that is accepted from double precision.
+
+    Returns
+    -------
+    H2Norm
+        Infinite if the state matrix has an eigenvalue beyond the stability boundary, or
+        a reachable and observable one on it. One on the boundary that is exactly
+        hidden leaves the norm finite and `stable` False.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no ``StateSpace``, has entries that are not finite, or if the
+        tolerance is not positive.
+
+    Notes
+    -----
+    Thesis section 10.2.3. A pair of input and output units scales it as any gain, a unit of
+    time by the root of the factor.
+
+    Examples
+    --------
+    >>> import control
+    >>> from robustpolish.analysis import h2_norm
+    >>> round(float(h2_norm(control.ss([[-2.0]], [[1.0]], [[1.0]], 0))), 6)
+    0.5
+    >>> h2_norm(control.ss([[-2.0]], [[1.0]], [[1.0]], 3.0)).reason
+    'D is not zero, so white noise passes with infinite power in continuous time'
+    """
+    tolerance = positive("tolerance", tolerance)
+    if tolerance < 1e-15:
+        raise invalid("tolerance", tolerance, "at least 1e-15", "The default is 1e-9.")
     model = realisation("system", system)
-    if 0 in model.D.shape:
-        return H2Norm(0.0, True, "there are no inputs or no outputs")
-    poles = np.linalg.eigvals(model.A)
-    margin = 1 - np.abs(poles) if model.discrete else -poles.real
-    if margin.size and margin.min() <= 0:
-        return H2Norm(math.inf, False, f"unstable pole {poles[margin.argmin()]:.6g}")
-    if not model.discrete and model.D.any():
-        return H2Norm(math.inf, True, "D is not zero in continuous time")
-    if model.states == 0:
-        return H2Norm(float(np.linalg.norm(model.D)), True, "a static gain")
-    scaled = rescaled(model)
-    A, B, C, D = scaled.A, scaled.B, scaled.C, scaled.D
-    if scaled.discrete:
-        gramian = sla.solve_discrete_lyapunov(A, B @ B.T)
-        square = np.trace(C @ gramian @ C.T) + np.sum(D**2)
-    else:
-        gramian = sla.solve_continuous_lyapunov(A, -B @ B.T)
-        square = np.trace(C @ gramian @ C.T) * scaled.time
+    found = [_part_norm(part, tolerance) for part in parts(model)]
+    unsteady = [norm for norm in found if not norm.stable]
+    infinite = [norm for norm in found if math.isinf(norm.value)]
+    by_hand = [norm for norm in found if "ball" in norm.reason]
+    telling = [*(norm for norm in infinite if not norm.stable), *infinite, *unsteady, *by_hand]
+    reason = (telling or found)[0].reason if found else "there are no states, inputs or outputs"
     return H2Norm(
-        math.sqrt(max(square, 0.0)) * scaled.gain, True, "trace of the controllability Gramian"
+        math.hypot(*(norm.value for norm in found)),
+        math.hypot(*(norm.lower for norm in found)),
+        math.hypot(*(norm.upper for norm in found)),
+        not unsteady,
+        reason,
     )
+
+
+def _part_norm(model: Realisation, tolerance: float) -> H2Norm:
+    if model.states:
+        model = rescaled(model)
+        verdict = stability_of(model)
+        if verdict.verdict == "unstable":
+            return H2Norm(math.inf, math.inf, math.inf, False, verdict.reason)
+        if verdict.verdict == "marginal":
+            return _marginal_norm(model, verdict)
+    if not model.discrete and model.D.any():
+        return _feedthrough(stable=True)
+    if model.states == 0 or model.D.size == 0:
+        gain = float(np.linalg.norm(model.D))
+        text = "a static gain" if model.D.size else "no input acts on any output"
+        return H2Norm(gain, gain, gain, True, text)
+    bounds = energy(model)
+    text = "trace of the controllability Gramian, its residual checked"
+    good = math.isfinite(bounds[1]) and bounds[1] - bounds[0] <= 2 * tolerance * bounds[1]
+    if not good and model.states <= EXACT_STATES:
+        bounds = exact_energy(ExactModel.of(model))
+        text = "trace of the controllability Gramian, in ball arithmetic"
+    return _in_units(model, bounds, text)
+
+
+def _in_units(model: Realisation, bounds: Bounds, reason: str) -> H2Norm:
+    factor = model.gain * math.sqrt(model.time)
+    lower, upper = (math.sqrt(max(square, 0.0)) * factor for square in bounds)
+    value = math.sqrt(max(sum(bounds) / 2, 0.0)) * factor
+    return H2Norm(value, lower, upper, True, reason)
+
+
+def _feedthrough(stable: bool) -> H2Norm:
+    reason = "D is not zero, so white noise passes with infinite power in continuous time"
+    return H2Norm(math.inf, math.inf, math.inf, stable, reason)
+
+
+def _marginal_norm(model: Realisation, verdict: Stability) -> H2Norm:
+    if model.states <= EXACT_STATES and verdict.exact:
+        minimal = ExactModel.of(model).minimal()
+        left = count_poles(minimal.A, model.discrete)
+        if not left.marginal and not left.unstable:
+            if not model.discrete and model.D.any():
+                return _feedthrough(stable=False)
+            reason = f"{verdict.reason}, but hidden from inputs or outputs: not internally stable"
+            found = _in_units(model, exact_energy(minimal), reason)
+            return replace(found, stable=False)
+    return H2Norm(math.inf, math.inf, math.inf, False, verdict.reason)

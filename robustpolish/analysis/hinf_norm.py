@@ -10,8 +10,8 @@ import numpy as np
 
 from robustpolish.analysis._certified_peak import Peak, certified_peak
 from robustpolish.analysis._exact import ExactModel, count_poles, to_float
+from robustpolish.analysis._parts import parts
 from robustpolish.analysis._realisation import Realisation, realisation, rescaled
-from robustpolish.analysis.decoupled_blocks import decoupled_blocks
 from robustpolish.analysis.stability import Stability, stability_of
 from robustpolish.validation import invalid, positive
 
@@ -117,34 +117,18 @@ def hinf_norm(
     if not 1e-12 <= tolerance <= 0.5:
         raise invalid("tolerance", tolerance, "1e-12 to 0.5", "The default is 1e-9.")
     model = realisation("system", system)
-    parts = [_part_norm(part, tolerance, exact) for part in _parts(model)]
-    if not parts:
+    found = [_part_norm(part, tolerance, exact) for part in parts(model)]
+    if not found:
         return HinfNorm(0.0, 0.0, 0.0, 0.0, True, "there are no states, inputs or outputs")
-    largest = max(parts, key=lambda norm: (norm.value, norm.upper))
-    unsteady = next((norm.reason for norm in parts if not norm.stable), largest.reason)
+    largest = max(found, key=lambda norm: (norm.value, norm.upper))
+    unsteady = next((norm.reason for norm in found if not norm.stable), largest.reason)
     return replace(
         largest,
-        lower=max(norm.lower for norm in parts),
-        upper=max(norm.upper for norm in parts),
-        stable=all(norm.stable for norm in parts),
+        lower=max(norm.lower for norm in found),
+        upper=max(norm.upper for norm in found),
+        stable=all(norm.stable for norm in found),
         reason=unsteady if math.isfinite(largest.value) else largest.reason,
     )
-
-
-def _parts(model: Realisation) -> list[Realisation]:
-    blocks = decoupled_blocks(model.A, model.B, model.C, model.D)
-    if len(blocks) == 1:
-        return [model]
-    return [
-        replace(
-            model,
-            A=model.A[np.ix_(block.states, block.states)],
-            B=model.B[np.ix_(block.states, block.inputs)],
-            C=model.C[np.ix_(block.outputs, block.states)],
-            D=model.D[np.ix_(block.outputs, block.inputs)],
-        )
-        for block in blocks
-    ]
 
 
 def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
