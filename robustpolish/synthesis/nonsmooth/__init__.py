@@ -10,7 +10,7 @@ sees all active peaks at once.
 from robustpolish.synthesis.nonsmooth.bfgs import bfgs
 from robustpolish.synthesis.nonsmooth.h2 import H2Measure
 from robustpolish.synthesis.nonsmooth.hinf import HinfMeasure
-from robustpolish.synthesis.nonsmooth.loops import Loop, augmented
+from robustpolish.synthesis.nonsmooth.loops import Loop, augmented, controller_loop
 from robustpolish.synthesis.nonsmooth.minimax import minimax
 from robustpolish.synthesis.nonsmooth.parametrisations import (
     AffineGain,
@@ -41,6 +41,7 @@ __all__ = [
     "StabilityMeasure",
     "augmented",
     "bfgs",
+    "controller_loop",
     "minimax",
     "search",
 ]

@@ -149,3 +149,25 @@ def augmented(loop: Loop, order: int) -> Loop:
         D22=diagonal(np.zeros((order, order)), loop.D22) if loop.D22.size else none,
         discrete=loop.discrete,
     )
+
+
+def controller_loop(order: int, left: Matrix, right: Matrix, discrete: bool) -> Loop:
+    """Return the loop whose closed form is left K(s) right, for measuring a controller itself.
+
+    K = [[Ak, Bk], [Ck, Dk]] is closed around `order` integrators (delays) alone.
+    """
+    nu, ny = left.shape[1], right.shape[0]
+    rows, columns = left.shape[0], right.shape[1]
+    eye, nothing = np.eye(order), np.zeros
+    return Loop(
+        A=nothing((order, order)),
+        B1=nothing((order, columns)),
+        B2=np.hstack([eye, nothing((order, nu))]),
+        C1=nothing((rows, order)),
+        C2=np.vstack([eye, nothing((ny, order))]),
+        D11=nothing((rows, columns)),
+        D12=np.hstack([nothing((rows, order)), left]),
+        D21=np.vstack([nothing((order, columns)), right]),
+        D22=nothing((order + ny, order + nu)),
+        discrete=discrete,
+    )

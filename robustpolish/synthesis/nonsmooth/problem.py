@@ -102,18 +102,28 @@ class Problem:
     """Minimise the logarithm of a measure of K(theta) under requirements.
 
     The logarithm makes every tolerance relative and leaves the minimiser where it is.
+
+    Attributes
+    ----------
+    parametrisation : Parametrisation
+    objective : Measure
+    requirements : tuple of Requirement
+    ceiling : float
+        Gains with a larger entry count as infinitely bad: what they would promise
+        could not be verified in double precision.
     """
 
     parametrisation: Parametrisation
     objective: Measure
     requirements: tuple[Requirement, ...] = ()
+    ceiling: float = np.inf
 
     def model(
         self, theta: Vector, width: float = 0.0, frequencies: Sequence[float] = ()
     ) -> Model | None:
         """Evaluate all pieces at `theta`; None where the objective is infinite."""
         K = self.parametrisation.gain(theta)
-        if not np.isfinite(K).all():
+        if not np.abs(K).max(initial=0.0) <= self.ceiling:
             return None
         found = [_logarithm(p, 1.0) for p in self.objective.pieces(K, width, frequencies)]
         if not found:

@@ -1,0 +1,119 @@
+"""Modes that no controller of a given structure can move."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.errors import InfeasibleError
+from robustpolish.synthesis.nonsmooth import Loop
+
+# A mode that random gains move by less than this share of the state matrix is fixed.
+_MOVED = 1e-7
+_GAINS = 5
+
+
+@dataclass(frozen=True)
+class FixedMode:
+    """An eigenvalue that stays where it is for all gains of a structure.
+
+    Attributes
+    ----------
+    value : complex
+        In the units of the loop it was found in.
+    state : str
+        The state that takes most part in it.
+    """
+
+    value: complex
+    state: str
+
+
+def unstable_fixed_modes(
+    loop: Loop, mask: NDArray[np.bool_], states: Sequence[str]
+) -> tuple[FixedMode, ...]:
+    """Find unstable eigenvalues of A + B2 K C2 common to all K with the given pattern.
+
+    With all entries free these are the modes that are uncontrollable or unobservable;
+    with a pattern they are the fixed modes of Wang and Davison (1973), found as they propose:
+    by gains drawn at random.
+
+    Parameters
+    ----------
+    loop : Loop
+        Scaled, so that entries of K of order one matter.
+    mask : ndarray of bool, shape (nu, ny)
+        True where K is free.
+    states : sequence of str
+        Names of x.
+
+    Returns
+    -------
+    tuple of FixedMode
+        One of each complex pair.
+    """
+    values, vectors = np.linalg.eig(loop.A)
+    size = float(np.linalg.norm(loop.A, 2)) if loop.A.size else 0.0
+    margin = np.abs(values) - 1 if loop.discrete else values.real
+    suspects = [
+        i for i in range(len(values)) if margin[i] >= -_MOVED * size and values[i].imag >= 0
+    ]
+    rng = np.random.default_rng(0)
+    for scale in np.logspace(-1, 1, _GAINS):
+        if not suspects:
+            break
+        closed = loop.close(np.where(mask, scale * rng.normal(size=mask.shape), 0.0))
+        if closed is None:
+            continue
+        suspects = [
+            i for i in suspects if np.abs(closed.poles - values[i]).min() <= _MOVED * size
+        ]
+    return tuple(
+        FixedMode(complex(values[i]), states[int(np.argmax(np.abs(vectors[:, i])))])
+        for i in suspects
+    )
+
+
+def refuse_fixed_modes(
+    loop: Loop,
+    mask: NDArray[np.bool_],
+    states: Sequence[str],
+    unit_of_time: float,
+    what: str = "static gain",
+) -> None:
+    """Raise an InfeasibleError if an unstable mode is fixed.
+
+    Parameters
+    ----------
+    loop, mask, states
+        As in :func:`unstable_fixed_modes`.
+    unit_of_time : float
+        Unit of the loop's time in s.
+    what : str
+        What is designed, for the message.
+    """
+    found = unstable_fixed_modes(loop, mask, states)
+    if not found:
+        return
+    modes = [mode.value / unit_of_time for mode in found]
+    unit = "" if loop.discrete else " rad/s"
+    named = ", ".join(
+        f"{_shown(value)}{unit} (state {mode.state})"
+        for value, mode in zip(modes, found, strict=True)
+    )
+    kind = "of this structure " if not mask.all() else ""
+    raise InfeasibleError(
+        f"No {what} {kind}stabilises the plant: no gain moves the mode {named}. "
+        "Add an actuator or a sensor that reaches it"
+        + (", or free more entries of the structure." if kind else "."),
+        modes,
+    )
+
+
+def _shown(value: complex) -> str:
+    if abs(value.imag) <= 1e-9 * abs(value):
+        return f"{value.real:+.6g}"
+    return f"{value.real:+.6g} +- {abs(value.imag):.6g}j"

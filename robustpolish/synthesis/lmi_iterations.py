@@ -1,0 +1,127 @@
+"""A stabilising static gain by cone complementarity, for starts that descent does not find.
+
+El Ghaoui, Oustry and AitRami, "A cone complementarity linearization algorithm for static
+output-feedback and related problems", IEEE TAC 42 (1997): find P and Q with P Q = I such
+that the two projected Lyapunov inequalities hold; trace(P Q) is minimised by solving a
+sequence of semidefinite programs, and K follows from P by one more.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from robustpolish.synthesis.affine import symmetric_block
+from robustpolish.synthesis.nonsmooth import Loop
+from robustpolish.synthesis.semidefinite import SemidefiniteProgram
+
+Matrix = NDArray[np.float64]
+
+
+def stabilising_gain(
+    loop: Loop,
+    mask: NDArray[np.bool_],
+    deadline: float,
+    decay: float = 1e-3,
+    iterations: int = 15,
+    backend: str = "cvxpy",
+) -> Matrix | None:
+    """Look for a gain that stabilises a scaled plant.
+
+    Parameters
+    ----------
+    loop : Loop
+        Scaled; D22 is ignored, as the descent that follows accounts for it.
+    mask : ndarray of bool, shape (nu, ny)
+        Entries of K that are free; the last program alone respects it.
+    deadline : float
+        Of :func:`time.monotonic`.
+    decay : float
+        Decay rate asked for, relative to the unit of time; in discrete time the poles are
+        asked into a disk of radius 1 - decay.
+    iterations : int
+        Largest number of linearisations.
+    backend : {"cvxpy", "picos"}
+        Library that talks to the solver.
+
+    Returns
+    -------
+    ndarray of shape (nu, ny) or None
+        The last gain that a program proposed, stabilising or not: a start for a
+        descent. None if the programs failed.
+    """
+    A, B, C = _continuous(loop, decay)
+    n = len(A)
+    left, right = linalg.null_space(B.T), linalg.null_space(C)
+    P0 = Q0 = np.eye(n)
+    gain = None
+    for _ in range(iterations):
+        remaining = deadline - time.monotonic()
+        if remaining <= 0:
+            break
+        program = SemidefiniteProgram()
+        P, Q = program.symmetric(n), program.symmetric(n)
+        program.positive(symmetric_block([[P, np.eye(n)], [Q]]))
+        if left.size:
+            S = left.T @ (A @ Q) @ left
+            program.positive(-(S + S.T) - np.eye(left.shape[1]) * 1e-3)
+        if right.size:
+            S = right.T @ (P @ A) @ right
+            program.positive(-(S + S.T) - np.eye(right.shape[1]) * 1e-3)
+        program.minimise((P @ Q0).trace + (Q @ P0).trace)
+        solution = program.solve(backend, tolerance=1e-7, time_limit=remaining)
+        if solution.x is None:
+            break
+        P0, Q0 = solution.value(P), solution.value(Q)
+        gain = _gain(A, B, C, P0, mask, backend, remaining)
+        if gain is not None and np.linalg.eigvals(A + B @ gain @ C).real.max() < 0:
+            return gain
+    return gain
+
+
+def _gain(
+    A: Matrix,
+    B: Matrix,
+    C: Matrix,
+    P: Matrix,
+    mask: NDArray[np.bool_],
+    backend: str,
+    remaining: float,
+) -> Matrix | None:
+    """Return the K that makes A'P + PA + PBKC + (PBKC)' as negative as it can be."""
+    size = float(np.linalg.norm(P, 2))
+    if not np.isfinite(size) or size == 0:
+        return None
+    P = P / size
+    program = SemidefiniteProgram()
+    K, t = program.matrix(*mask.shape, pattern=mask), program.scalar()
+    S = (P @ B) @ K @ C + P @ A
+    eye = np.eye(len(A))
+    program.positive(t.times(eye) - (S + S.T))
+    program.nonnegative(t + 1.0)
+    # Keeps K finite where its direction is free.
+    bound = program.scalar()
+    rows, columns = mask.shape
+    eyes = np.eye(rows), np.eye(columns)
+    program.positive(symmetric_block([[bound.times(eyes[0]), K], [bound.times(eyes[1])]]))
+    program.minimise(t + bound * 1e-4)
+    solution = program.solve(backend, tolerance=1e-7, time_limit=remaining)
+    return None if solution.x is None else solution.value(K)
+
+
+def _continuous(loop: Loop, decay: float) -> tuple[Matrix, Matrix, Matrix]:
+    """Return A, B, C whose stability implies that of the loop with the decay asked for.
+
+    A discrete loop is mapped by z = (1 + s)/(1 - s); u and y stay u and y up to a feedthrough
+    that only moves the start.
+    """
+    A, B, C = loop.A, loop.B2, loop.C2
+    eye = np.eye(len(A))
+    if not loop.discrete:
+        size = float(np.linalg.norm(A, 2)) or 1.0
+        return A + decay * size * eye, B, C
+    shifted = A / (1 - decay) + eye
+    return np.linalg.solve(shifted, A / (1 - decay) - eye), 2 * np.linalg.solve(shifted, B), C
