@@ -60,52 +60,68 @@ def check_not_clipped(name: str, values: Vector) -> None:
 
     A clipped signal runs into its largest or smallest value at full speed and stays there. That
     leaves alone what rests at its extremes by nature: square waves (few values), ramps with holds
-    (few slopes), coarse steps of a converter (no overshoot of more than a few steps is foregone),
-    and pulses that rest at zero.
+    (few slopes), smooth holds (the signal slows down first), the flat tops of a coarse converter
+    (likewise), and pulses that rest at zero.
     """
-    cut, share = 0, 0.0
-    for sign in (1, -1):
-        runs, samples = _plateaus(sign * values)
-        cut += runs
-        share += samples / values.size
-    if cut >= 2:
+    plateaus = [length for sign in (1, -1) for length in _plateaus(sign * values)]
+    if len(plateaus) >= 2 or sum(plateaus) >= 8:
+        share = sum(plateaus) / values.size
         raise invalid(
             name,
-            described(f"{cut} plateaus at the ends of its range ({share:.1%} of the samples)"),
+            described(f"{len(plateaus)} plateaus at the ends of its range, {share:.1%} of it"),
             "a signal that is not clipped",
             "Lower the amplitude or widen the range of the sensor and record again.",
         )
 
 
-def _plateaus(values: Vector) -> tuple[int, int]:
-    """Count the plateaus at the maximum that were run into at speed, and their samples."""
+def _plateaus(values: Vector) -> list[int]:
+    """Lengths of the plateaus at the maximum that were run into, or left, at full speed."""
     top = values.max()
     span = top - values.min()
     distinct = np.unique(values)
-    slopes = np.unique(np.round(np.diff(values) / span, 6))
-    if top == 0 or distinct.size < 30 or slopes.size < 30:
-        return 0, 0
+    if top == 0 or distinct.size < 30:
+        return []
     quantum = float(np.min(np.diff(distinct)))
     at_top = values >= top - 1e-9 * span
     edges = np.flatnonzero(np.diff(np.concatenate([[False], at_top, [False]]).astype(np.int8)))
-    runs, samples = 0, 0
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        if last - first < 3:
-            continue
-        overshoot = max(
-            _foregone(values, first - 1, -1, quantum), _foregone(values, last, 1, quantum)
+    found = [
+        int(last - first)
+        for first, last in zip(edges[::2], edges[1::2], strict=True)
+        if last - first >= 3
+        and all(
+            _at_full_speed(top - beside, int(last - first), quantum)
+            for beside in (values[:first][::-1], values[last:])
+            if beside.size >= 8
         )
-        if overshoot > 0:
-            runs += 1
-            samples += int(last - first)
-    return runs, samples
+    ]
+    return [] if not found or _has_few_slopes(values, quantum) else found
 
 
-def _foregone(values: Vector, near: int, away: int, quantum: float) -> float:
-    """How far the signal would have gone beyond the plateau, from its speed beside it."""
-    far = near + away
-    if not (0 <= near < values.size and 0 <= far < values.size):
-        return 0.0
-    speed = values[near] - values[far]
-    beyond = values[near] + 2 * speed - values[near - away]
-    return float(beyond) if speed > 0 and beyond > max(0.5 * speed, 3 * quantum) else 0.0
+def _at_full_speed(below: Vector, length: int, quantum: float) -> bool:
+    """Whether a signal near its maximum, seen from there, does not slow down towards it.
+
+    `below` is the distance to the maximum at the samples next to a plateau, the nearest first.
+    Towards a smooth hold it shrinks with the square of time, so that the last stretch is a third
+    of the one before; towards a cut it is at least half of it. A signal that could not have risen
+    by some converter steps during the plateau, `length` samples, says nothing.
+    """
+    reached = np.flatnonzero(below >= 4 * quantum)
+    stretch = max(2, int(reached[0]) + 1) if reached.size else below.size
+    if 2 * stretch > below.size:
+        return False
+    near, both = below[stretch - 1], below[2 * stretch - 1]
+    risen = near / stretch * length / 2
+    return bool(near > 0.42 * (both - near) > 0 and risen > 6 * quantum)
+
+
+def _has_few_slopes(values: Vector, quantum: float) -> bool:
+    """Whether a signal is made of straight lines of at most three slopes."""
+    stretch = min(16, values.size // 4)
+    rise = values[stretch:] - values[:-stretch]
+    inside = (values > values.min()) & (values < values.max())
+    rise = rise[inside[stretch:] & inside[:-stretch]]
+    if not rise.size:
+        return True
+    width = max(2 * quantum, 1e-6 * float(np.ptp(values)))
+    _, counts = np.unique(np.rint(rise / width), return_counts=True)
+    return float(np.sort(counts)[-3:].sum()) > 0.7 * rise.size

@@ -215,7 +215,7 @@ def _time(
         raise invalid(
             "measurement", described(f"{length} samples"), "two or more", "Record longer."
         )
-    return name, UniformTime(np.arange(length) * float(step))
+    return name, UniformTime(step * np.arange(length, dtype=np.float64))
 
 
 def _common_length(raw: RawTable, time: str | None) -> int:
