@@ -79,22 +79,38 @@ def _check(target: Path, force: bool) -> None:
         )
 
 
-def write_file(path: str | os.PathLike[str], text: str, force: bool = False) -> None:
-    """Write a text file whole or not at all.
+@contextmanager
+def new_file(
+    path: str | os.PathLike[str], force: bool = False, suffixes: tuple[str, ...] = ()
+) -> Iterator[Path]:
+    """Write a file beside its final place and move it there at the end.
 
     Parameters
     ----------
     path : path
-    text : str
+        The final place, in an existing folder.
     force : bool, optional
-        Replace an existing file.
+        Replace an existing file, once the new one is complete.
+    suffixes : tuple of str, optional
+        The endings allowed; any by default.
+
+    Yields
+    ------
+    pathlib.Path
+        The file to write to; it has the same ending. After an exception it is removed, and
+        what stood at `path` stays as it was.
 
     Raises
     ------
     InvalidInputError
-        If the file exists and `force` is not set, or its folder does not exist.
+        If the file exists and `force` is not set, if its folder does not exist, or if its
+        ending is not allowed.
     """
     target = Path(path)
+    if suffixes and target.suffix not in suffixes:
+        raise invalid(
+            "out", str(target), f"a name that ends in {' or '.join(suffixes)}", "Rename the file."
+        )
     if target.exists() and not force:
         raise invalid(
             "out", str(target), "a file that does not exist yet", "Add --force to replace it."
@@ -103,11 +119,13 @@ def write_file(path: str | os.PathLike[str], text: str, force: bool = False) -> 
         raise invalid(
             "out", str(target), "a path in an existing folder", "Create the folder first."
         )
-    handle, draft = tempfile.mkstemp(prefix=f".{target.name}-", dir=target.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(text)
-        Path(draft).chmod(0o644)
-        Path(draft).replace(target)
-    finally:
-        Path(draft).unlink(missing_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent) as folder:
+        draft = Path(folder) / target.name
+        yield draft
+        draft.replace(target)
+
+
+def write_file(path: str | os.PathLike[str], text: str, force: bool = False) -> None:
+    """Write a text file whole or not at all; see :func:`new_file`."""
+    with new_file(path, force) as draft:
+        draft.write_text(text, encoding="utf-8")

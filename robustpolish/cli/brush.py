@@ -1,0 +1,77 @@
+"""`robustpolish brush`."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Literal
+
+import click
+import numpy as np
+import xarray as xr
+
+from robustpolish.brush import simulate_brush
+from robustpolish.cli.options import force_option, json_option, reports_errors, write_json
+from robustpolish.models.air_bearing import FORCES
+from robustpolish.report.saving import new_file
+
+
+@click.command()
+@click.option("--run", type=click.IntRange(1, 4), default=1, show_default=True, help="Table 9.2.")
+@click.option(
+    "--simulator",
+    type=click.Choice(["physical", "listing"]),
+    default="physical",
+    show_default=True,
+    help="Well-posed contact, or the thesis's listing with its defects.",
+)
+@click.option("--duration", type=float, default=5.0, show_default=True, help="Seconds.")
+@click.option(
+    "--out", type=click.Path(dir_okay=False), help="Save all signals: a .csv or .nc (netCDF) file."
+)
+@json_option
+@force_option
+@reports_errors
+def brush(
+    run: int,
+    simulator: Literal["physical", "listing"],
+    duration: float,
+    out: str | None,
+    json_out: str | None,
+    force: bool,
+) -> None:
+    """Simulate the brush on its mould and show the forces with which it disturbs the tool."""
+    with ExitStack() as places:
+        # The place is claimed first: nothing is simulated that could not be saved.
+        draft = places.enter_context(new_file(out, force, (".csv", ".nc"))) if out else None
+        click.echo(f"Simulating {duration:g} s of run {run} ({simulator}) ...", err=True)
+        signals = simulate_brush(simulator, run, duration)
+        if draft is not None:
+            _save(signals, draft)
+    forces = {
+        name: {
+            "largest": float(np.abs(signals[name]).max()),
+            "mean": float(signals[name].mean()),
+            "impulse": float(signals[name].integrate("time")),
+        }
+        for name in FORCES
+    }
+    if json_out is not None:
+        write_json({"forces": forces, "run": run, "simulator": simulator}, json_out, force)
+    if json_out != "-":
+        click.echo(f"{'':6}{'largest [N]':>14}{'mean [N]':>14}{'impulse [N s]':>16}")
+        for name, force_of in forces.items():
+            click.echo(
+                f"{name:6}{force_of['largest']:14.5g}{force_of['mean']:14.5g}"
+                f"{force_of['impulse']:16.5g}"
+            )
+    if out:
+        click.echo(f"Saved {out}", err=True)
+
+
+def _save(signals: xr.Dataset, path: Path) -> None:
+    if path.suffix == ".csv":
+        over_time = [name for name in signals.data_vars if signals[name].dims == ("time",)]
+        signals[over_time].to_dataframe().to_csv(path)
+    else:
+        signals.to_netcdf(path)

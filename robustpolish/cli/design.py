@@ -1,0 +1,128 @@
+"""`robustpolish design`, the main job."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import click
+
+import robustpolish
+from robustpolish.cli.machine import READINGS, machine_options
+from robustpolish.cli.options import (
+    force_option,
+    json_option,
+    reports_errors,
+    to_json,
+    write_json,
+)
+from robustpolish.closed_loop import design_against_brush
+from robustpolish.report import render_html
+from robustpolish.report.brush_design import (
+    brush_design_report,
+    brush_design_summary,
+    save_brush_design,
+    verdict,
+)
+from robustpolish.report.saving import new_file, new_folder
+
+DEFAULT_OUT = "robustpolish-results"
+
+
+@click.command()
+@click.option("--run", type=click.IntRange(1, 4), default=1, show_default=True, help="Table 9.2.")
+@click.option(
+    "--simulator",
+    type=click.Choice(["physical", "listing"]),
+    default="physical",
+    show_default=True,
+    help="Well-posed contact, or the thesis's listing with its defects.",
+)
+@click.option("--duration", type=float, default=5.0, show_default=True, help="Seconds.")
+@click.option(
+    "--actuation",
+    type=click.Choice(["force", "displacement"]),
+    default="force",
+    show_default=True,
+    help="Where the control enters: (10.41) or (10.40).",
+)
+@click.option(
+    "--norm",
+    type=click.Choice(["hinf", "h2"]),
+    default="hinf",
+    show_default=True,
+    help="Minimised.",
+)
+@click.option("--method", type=click.Choice(["lmi", "riccati"]), default="lmi", show_default=True)
+@click.option(
+    "--backend", type=click.Choice(["cvxpy", "picos"]), default="cvxpy", show_default=True
+)
+@click.option(
+    "--control-weight",
+    type=float,
+    help="Price of a unit of control in metres; 1e-7 for forces and 1e-5 for velocities, unless "
+    "a gain bound is given.",
+)
+@click.option("--gain-bound", type=float, help="Largest singular value that the gain may have.")
+@machine_options
+@click.option(
+    "--out", type=click.Path(file_okay=False), help="Folder for table, figure, gain and signals."
+)
+@click.option(
+    "--report",
+    is_flag=False,
+    flag_value="",
+    metavar="[FILE]",
+    help="Write an HTML report to FILE, or to report.html in the folder.",
+)
+@json_option
+@force_option
+@reports_errors
+def design(
+    reading: str,
+    dissipation: float,
+    out: str | None,
+    report: str | None,
+    json_out: str | None,
+    force: bool,
+    **options: Any,
+) -> None:
+    """Design a state feedback, certify it and try it on the brush's disturbance.
+
+    The same forces drive the machine with and without control; the table shows the largest
+    deviations.
+    """
+    if report == "" and out is None:
+        out = DEFAULT_OUT
+    with ExitStack() as places:
+        # The places are claimed first: no result is computed that could not be saved.
+        folder = places.enter_context(new_folder(out, force)) if out else None
+        page = places.enter_context(new_file(report, force, (".html",))) if report else None
+        job = design_against_brush(
+            parameters=READINGS[reading](),
+            dissipation=dissipation,
+            tell=lambda text: click.echo(text, err=True),
+            **options,
+        )
+        summary = brush_design_summary(job)
+        if report is not None:
+            html = render_html(brush_design_report(job), robustpolish.__version__)
+            (page or _in(folder) / "report.html").write_text(html, encoding="utf-8")
+        if folder is not None:
+            save_brush_design(job, folder)
+            (folder / "design.json").write_text(to_json(summary) + "\n", encoding="utf-8")
+    if json_out is not None:
+        write_json(summary, json_out, force)
+    if json_out != "-":
+        click.echo(str(job.comparison))
+        click.echo()
+        click.echo(click.wrap_text(verdict(job), 88))
+        click.echo(click.wrap_text(job.design.message, 88))
+    for place in filter(None, (out, report)):
+        click.echo(f"Saved {place}", err=True)
+
+
+def _in(folder: Path | None) -> Path:
+    assert folder is not None, "a report without a file name goes to the folder"
+    return folder

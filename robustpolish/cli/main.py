@@ -1,0 +1,45 @@
+"""The command `robustpolish`."""
+
+from __future__ import annotations
+
+import importlib
+
+import click
+
+import robustpolish
+
+_COMMANDS = {
+    "design": "Design a controller, certify it and try it on the brush's disturbance.",
+    "modes": "Show the air bearing's modes and damping ratios.",
+    "norms": "Show the air bearing's H-infinity and H2 norms without control.",
+    "brush": "Simulate the brush on its mould and show the forces.",
+}
+
+
+class _Group(click.Group):
+    """Subcommands that are imported when they are used, so that --help is quick."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        del ctx
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        del ctx
+        if cmd_name not in _COMMANDS:
+            return None
+        module = importlib.import_module(f"robustpolish.cli.{cmd_name}")
+        return getattr(module, cmd_name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        del ctx
+        with formatter.section("Commands"):
+            formatter.write_dl(list(_COMMANDS.items()))
+
+
+@click.command(cls=_Group)
+@click.version_option(robustpolish.__version__, prog_name="robustpolish")
+def main() -> None:
+    """Robust control design with certificates, for machines with contact.
+
+    Every command works without arguments, on the thesis's polishing robot.
+    """

@@ -1,0 +1,204 @@
+"""The report and the files of a design against the brush."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from robustpolish.closed_loop import BrushDesign
+from robustpolish.models.air_bearing import FORCES
+from robustpolish.plotting import plot_panels
+from robustpolish.report.document import Picture, Report, Section, Table
+
+AXES = ("x", "y", "z")
+
+
+def brush_design_report(job: BrushDesign) -> Report:
+    """Tell what was gained, at what effort, and why it can be trusted."""
+    return Report(
+        title="Controller for the polishing robot",
+        verdict=verdict(job),
+        good=job.design.certificate.valid,
+        sections=(_gained(job), _effort(job), _certificate(job), _load(job), _machine(job)),
+    )
+
+
+def verdict(job: BrushDesign) -> str:
+    """Say in two sentences what was found."""
+    certificate, norm = job.design.certificate, job.design.norm
+    proven = "certified" if certificate.valid else "NOT certified"
+    name = {"hinf": "H-infinity", "h2": "H2"}[norm]
+    improvement = job.comparison.table["improvement"].sel(row=norm)
+    gained = ", ".join(
+        f"{axis} by {float(improvement.sel(signal=axis)):.1f} %"
+        for axis in AXES
+        if np.isfinite(improvement.sel(signal=axis))
+    )
+    return (
+        f"The controller is {proven}: its loop is "
+        f"{'stable' if certificate.stable else 'unstable'}, and the {name} norm from the "
+        f"brush's forces to the displacements falls from {float(job.open_loop_norm):.4g} to "
+        f"{float(job.closed_loop_norm):.4g}. Under the same load, it reduces the largest "
+        f"deviation in {gained}."
+    )
+
+
+def brush_design_summary(job: BrushDesign) -> dict[str, Any]:
+    """Return the figures for other programs."""
+    certificate, table = job.design.certificate, job.comparison.table
+    return {
+        "status": job.design.status,
+        "message": job.design.message,
+        "method": job.design.method,
+        "backend": job.design.backend,
+        "norm": {
+            "kind": job.design.norm,
+            "open_loop": float(job.open_loop_norm),
+            "closed_loop": float(job.closed_loop_norm),
+        },
+        "control_weight": job.control_weight,
+        "gain_bound": job.gain_bound,
+        "certificate": {
+            "valid": certificate.valid,
+            "reasons": list(certificate.reasons),
+            "stable": certificate.stable,
+            "achieved": certificate.achieved,
+            "claimed": certificate.claimed,
+            "bound": certificate.bound,
+            "largest_gain": certificate.largest_gain,
+            "frequencies_hz": certificate.frequencies_hz,
+            "damping": certificate.damping,
+        },
+        "gain": job.design.controller.D,
+        "controls": job.plant.control_names,
+        "states": job.plant.states,
+        "load": job.comparison.load,
+        "rows": [
+            {
+                "row": str(row),
+                "deviation": dict(zip(AXES, table["deviation"].sel(row=row).values, strict=True)),
+                "improvement_percent": dict(
+                    zip(AXES, table["improvement"].sel(row=row).values, strict=True)
+                ),
+                "effort": float(table["effort"].sel(row=row)),
+            }
+            for row in table["row"].values
+        ],
+    }
+
+
+def save_brush_design(job: BrushDesign, folder: Path) -> None:
+    """Write table, figure, gain and signals into a folder."""
+    header, body = job.comparison.rows()
+    pd.DataFrame(body, columns=("row", *header[1:])).to_csv(folder / "table.csv", index=False)
+    gain = pd.DataFrame(
+        job.design.controller.D, index=job.plant.control_names, columns=job.plant.states
+    )
+    gain.to_csv(folder / "gain.csv", index_label="u = F x")
+    figure = plot_panels(job.comparison.responses, AXES)
+    figure.savefig(folder / "figure.png", dpi=150)
+    plt.close(figure)
+    job.disturbance.to_netcdf(folder / "disturbance.nc")
+    for row, response in job.comparison.responses.items():
+        response.to_netcdf(folder / f"response-{row.replace(' ', '-')}.nc")
+
+
+def _picture(job: BrushDesign, caption: str, signals: tuple[str, ...], **responses: Any) -> Picture:
+    figure = plot_panels(responses or job.comparison.responses, signals)
+    plt.close(figure)
+    return Picture(caption, figure)
+
+
+def _gained(job: BrushDesign) -> Section:
+    header, body = job.comparison.rows()
+    return Section(
+        "What was gained",
+        ("The brush's forces drive both loops from rest; " + job.comparison.load + ".",),
+        (_picture(job, "Deviation of the brush, without and with control.", AXES),),
+        (Table("Largest deviations", header, tuple(body)),),
+    )
+
+
+def _effort(job: BrushDesign) -> Section:
+    response = job.comparison.responses[job.design.norm]
+    largest_gain = np.linalg.norm(job.design.controller.D, 2)
+    controls = tuple(name for name in job.plant.control_names if not name.endswith("_m"))
+    unit = job.plant.units[controls[0]]
+    if job.control_weight is not None:
+        price = f"A control of 1 {unit} was priced like a deviation of {job.control_weight:.3g} m."
+    elif job.gain_bound is not None:
+        price = f"The gain was kept below {job.gain_bound:.4g} (largest singular value)."
+    else:
+        price = "Neither a price on the control nor a bound on the gain was set."
+    rows = tuple(
+        (name, float(np.abs(response[name]).max()), float(np.sqrt((response[name] ** 2).mean())))
+        for name in job.plant.control_names
+    )
+    return Section(
+        "Effort and price",
+        (
+            price,
+            f"The gain's largest singular value is {largest_gain:.4g}.",
+            job.design.message,
+        ),
+        (_picture(job, "Control at the brush.", controls, control=response),),
+        (Table("Control effort", ("control", f"largest [{unit}]", f"RMS [{unit}]"), rows),),
+    )
+
+
+def _certificate(job: BrushDesign) -> Section:
+    c = job.design.certificate
+    facts = (
+        ("status of the design", job.design.status),
+        ("all poles stable", "yes" if c.stable else "no"),
+        ("norm achieved by the loop, price included", c.achieved),
+        ("norm claimed by the solver", float("nan") if c.claimed is None else c.claimed),
+        ("norm proven as an upper bound", c.bound),
+        ("largest entry of the gain", c.largest_gain),
+    )
+    order = np.argsort(c.frequencies_hz)
+    modes = tuple(
+        (float(c.frequencies_hz[i]), float(c.damping[i]), float(c.poles[i].real)) for i in order
+    )
+    text = (
+        "Computed afresh from the closed loop; nothing is taken over from the solver. A matrix "
+        "that proves stability and norm was checked in ball arithmetic.",
+        *c.reasons,
+    )
+    return Section(
+        "Certificate",
+        text,
+        (),
+        (
+            Table("What was checked", ("quantity", "value"), facts),
+            Table(
+                "Closed-loop poles", ("frequency [Hz]", "damping ratio", "real part [1/s]"), modes
+            ),
+        ),
+    )
+
+
+def _load(job: BrushDesign) -> Section:
+    largest = tuple(
+        (name, float(np.abs(job.disturbance[name]).max()), float(job.disturbance[name].mean()))
+        for name in FORCES
+    )
+    picture = _picture(job, "Forces of the brush on the tool.", FORCES[:3], force=job.disturbance)
+    simulator = job.disturbance.attrs.get("simulator", "")
+    return Section(
+        "Load",
+        (f"Simulated by the brush model '{simulator}'.",),
+        (picture,),
+        (Table("Forces", ("force", "largest [N]", "mean [N]"), largest),),
+    )
+
+
+def _machine(job: BrushDesign) -> Section:
+    rows = tuple(job.parameters.table())
+    return Section(
+        "Machine", (), (), (Table("Parameters", ("parameter", "value", "unit", "source"), rows),)
+    )
