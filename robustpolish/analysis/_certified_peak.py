@@ -113,4 +113,3 @@ def _evaluation_error(model: Realisation, frequency: float) -> float:
     if singular[-1] == 0:
         return 1.0
     return 10 * EPS * math.sqrt(model.states) * float(singular[0] / singular[-1])
-

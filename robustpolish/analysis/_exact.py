@@ -130,21 +130,55 @@ class PoleCount:
 
 def count_poles(A: fmpq_mat, discrete: bool) -> PoleCount:
     """Sort the eigenvalues of a rational matrix by the side of the stability boundary."""
-    n = A.nrows()
-    polynomial = fmpz_poly(A.charpoly().numer().coeffs())
+    sided = _sided(fmpz_poly(A.charpoly().numer().coeffs()), discrete)
+    return PoleCount(
+        tuple(pole for pole, side in sided if side > 0),
+        tuple(pole for pole, side in sided if side == 0),
+    )
+
+
+def hidden_poles(A: fmpq_mat, B: fmpq_mat, discrete: bool) -> list[tuple[complex, bool]]:
+    """Return the eigenvalues that B does not reach, and whether each is strictly stable."""
+    reached, _, _ = _reachable(A, B, fmpq_mat(0, A.nrows()))
+    if reached.nrows() == A.nrows():
+        return []
+    rest = A.charpoly() // reached.charpoly() if reached.nrows() else A.charpoly()
+    sided = _sided(fmpz_poly(rest.numer().coeffs()), discrete)
+    return [(pole, side < 0) for pole, side in sided]
+
+
+def _sided(polynomial: fmpz_poly, discrete: bool) -> list[tuple[complex, int]]:
+    """Return the roots with -1, 0 or 1 for inside, on and beyond the stability boundary."""
+    n = polynomial.degree()
     if discrete:  # roots at z = -1 go to infinity, where the degree tells
         polynomial = _mobius(polynomial, n)
-    at_infinity = n - polynomial.degree()
+    sided = [(complex(-1), 0)] * (n - polynomial.degree())
+    if polynomial.degree() == 0:
+        return sided
     mirrored = fmpz_poly([(-1) ** k * int(c) for k, c in enumerate(polynomial.coeffs())])
     symmetric = polynomial.gcd(mirrored)  # holds every root on the axis, and pairs around it
-    unstable, marginal = [], [complex(-1)] * at_infinity
     for root, times in _resolved(polynomial, _axis_count(symmetric)):
         where = complex(root)
-        if root.real > 0:
-            unstable += [_pole(where, discrete)] * times
-        elif not root.real < 0:
-            marginal += [_pole(1j * where.imag, discrete)] * times
-    return PoleCount(tuple(unstable), tuple(marginal))
+        side = int(root.real > 0) - int(root.real < 0)
+        sided += [(_pole(where if side else 1j * where.imag, discrete), side)] * times
+    return sided
+
+
+def eigenvalues(A: fmpq_mat) -> list[complex]:
+    """Return the eigenvalues of a rational matrix, each part correctly rounded."""
+    polynomial = fmpz_poly(A.charpoly().numer().coeffs())
+    bits = 128
+    while True:
+        with precision(bits):
+            roots = polynomial.complex_roots()
+            if bits > 4096 or all(_sharp(root.real) and _sharp(root.imag) for root, _ in roots):
+                return [complex(root) for root, times in roots for _ in range(times)]
+        bits *= 2
+
+
+def _sharp(value: arb) -> bool:
+    """Say whether a part of an eigenvalue is known to double precision or is exactly zero."""
+    return value.rel_accuracy_bits() >= 56 or value == 0
 
 
 def _pole(root: complex, discrete: bool) -> complex:

@@ -107,5 +107,3 @@ def _discrete_source(model: ExactModel) -> tuple[arb_mat, arb_mat, arb]:
 
 def _square_size(M: arb_mat) -> arb:
     return sum((entry * entry for entry in M.entries()), arb(0))
-
-

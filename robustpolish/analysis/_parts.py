@@ -25,3 +25,20 @@ def parts(model: Realisation) -> list[Realisation]:
         )
         for block in blocks
     ]
+
+
+def parts_with_states(model: Realisation) -> list[tuple[Realisation, tuple[int, ...]]]:
+    """Split the states alone, whatever the inputs and outputs join; tell which is where."""
+    none = (np.zeros((model.states, 0)), np.zeros((0, model.states)))
+    return [
+        (
+            replace(
+                model,
+                A=model.A[np.ix_(block.states, block.states)],
+                B=model.B[block.states, :],
+                C=model.C[:, block.states],
+            ),
+            block.states,
+        )
+        for block in decoupled_blocks(model.A, *none)
+    ]

@@ -52,7 +52,9 @@ def gains(model: Realisation, frequencies: Vector) -> Vector:
     return result
 
 
-def peak(model: Realisation, poles: NDArray[np.complex128], tolerance: float) -> tuple[float, float]:
+def peak(
+    model: Realisation, poles: NDArray[np.complex128], tolerance: float
+) -> tuple[float, float]:
     """Climb to the largest gain by the two-step iteration of Bruinsma and Steinbuch.
 
     Returns

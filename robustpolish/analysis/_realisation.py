@@ -114,7 +114,7 @@ def _balanced(system: Realisation, signals: bool = True) -> Realisation:
 def _unit_rate(system: Realisation) -> Realisation:
     if system.discrete:
         return system
-    time = power_of_two(_typical_rate(system.A))
+    time = power_of_two(typical_rate(system.A))
     return replace(system, A=system.A / time, B=system.B / time, time=system.time * time)
 
 
@@ -126,7 +126,8 @@ def _unit_gain(system: Realisation) -> Realisation:
     return replace(system, B=system.B / b, C=system.C / c, D=system.D / (b * c), gain=gain)
 
 
-def _typical_rate(A: Matrix) -> float:
+def typical_rate(A: Matrix) -> float:
+    """Return the geometric mean of the magnitudes of the eigenvalues that are not zero."""
     rates = np.abs(np.linalg.eigvals(A))
     rates = rates[rates > np.finfo(float).eps * np.linalg.norm(A)]
     return float(np.exp(np.mean(np.log(rates)))) if rates.size else 1.0

@@ -134,5 +134,3 @@ def _shown(pole: complex, discrete: bool) -> str:
     if pole.imag == 0:
         return f"{pole.real:.6g}{unit}"
     return f"{pole.real:.6g} {'+' if pole.imag > 0 else '-'} {abs(pole.imag):.6g}j{unit}"
-
-

@@ -1,0 +1,188 @@
+"""The modes of a system: frequency, damping and the state that carries each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import overload
+
+import control
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from robustpolish.analysis._exact import eigenvalues, rational
+from robustpolish.analysis._parts import parts_with_states
+from robustpolish.analysis._pbh import participation
+from robustpolish.analysis._realisation import Realisation, realisation, rescaled
+
+EXACT_STATES = 60
+"""Up to so many coupled states the eigenvalues are computed without rounding."""
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One real eigenvalue, or a pair of complex ones.
+
+    Attributes
+    ----------
+    eigenvalue : complex
+        Eigenvalue of the state matrix with imaginary part at or above zero: in rad/s, or in
+        discrete time without unit.
+    natural_frequency_hz : float
+        Magnitude over 2 pi. In discrete time that of log(eigenvalue)/dt.
+    frequency_hz : float
+        Frequency of the damped oscillation, the imaginary part over 2 pi (thesis 8.40);
+        0 for a real eigenvalue.
+    damping_ratio : float
+        Negative real part over magnitude (thesis 8.39): 1 for a real stable eigenvalue,
+        negative if unstable, nan at zero.
+    state : str
+        The state that takes the largest part in the mode.
+    participation : float
+        That state's share, between 0 and 1, whatever the units.
+    """
+
+    eigenvalue: complex
+    natural_frequency_hz: float
+    frequency_hz: float
+    damping_ratio: float
+    state: str
+    participation: float
+
+
+@dataclass(frozen=True, repr=False)
+class Modes(Sequence[Mode]):
+    """The modes of a system, slowest first; prints as a table.
+
+    Attributes
+    ----------
+    modes : tuple of Mode
+        A complex pair counts once.
+    """
+
+    modes: tuple[Mode, ...]
+
+    def __len__(self) -> int:
+        return len(self.modes)
+
+    @overload
+    def __getitem__(self, index: int) -> Mode: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Mode, ...]: ...
+    def __getitem__(self, index: int | slice) -> Mode | tuple[Mode, ...]:
+        return self.modes[index]
+
+    def __iter__(self) -> Iterator[Mode]:
+        return iter(self.modes)
+
+    @property
+    def eigenvalues(self) -> NDArray[np.complex128]:
+        """Eigenvalues, one of each pair."""
+        return np.array([mode.eigenvalue for mode in self.modes], dtype=complex)
+
+    @property
+    def frequencies_hz(self) -> NDArray[np.float64]:
+        """Damped frequencies in Hz."""
+        return np.array([mode.frequency_hz for mode in self.modes])
+
+    @property
+    def natural_frequencies_hz(self) -> NDArray[np.float64]:
+        """Natural frequencies in Hz."""
+        return np.array([mode.natural_frequency_hz for mode in self.modes])
+
+    @property
+    def damping_ratios(self) -> NDArray[np.float64]:
+        """Damping ratios."""
+        return np.array([mode.damping_ratio for mode in self.modes])
+
+    def __repr__(self) -> str:
+        width = max((len(mode.state) for mode in self.modes), default=5)
+        width = max(width, 5)
+        head = f"{'state':<{width}}  {'natural [Hz]':>13}  {'damped [Hz]':>13}  "
+        lines = [head + f"{'damping':>13}  {'share':>5}  eigenvalue"]
+        for mode in self.modes:
+            sign = "+" if mode.eigenvalue.imag else ""
+            pair = f"{sign}/- {mode.eigenvalue.imag:.6g}j" if sign else ""
+            lines.append(
+                f"{mode.state:<{width}}  {mode.natural_frequency_hz:13.7g}  "
+                f"{mode.frequency_hz:13.7g}  {mode.damping_ratio:13.6g}  "
+                f"{mode.participation:5.2f}  {mode.eigenvalue.real:.6g} {pair}".rstrip()
+            )
+        return "\n".join(lines)
+
+
+def modes(system: control.StateSpace) -> Modes:
+    """Compute eigenfrequencies, damping ratios and the state that dominates each mode.
+
+    Up to 60 coupled states the eigenvalues are roots of the exact characteristic
+    polynomial, so even a damping ratio of 1e-15 is right for the stored matrix.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        Continuous or discrete.
+
+    Returns
+    -------
+    Modes
+        Sorted by natural frequency.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no ``StateSpace`` or has entries that are not finite.
+
+    Examples
+    --------
+    >>> import control
+    >>> from robustpolish.analysis import modes
+    >>> plant = control.ss([[0, 1], [-4, -0.04]], [[0], [1]], [[1, 0]], 0, states=["x", "v"])
+    >>> modes(plant)
+    state   natural [Hz]    damped [Hz]        damping  share  eigenvalue
+    x          0.3183099      0.3182939           0.01   0.50  -0.02 +/- 1.9999j
+    """
+    model = realisation("system", system)
+    names = list(system.state_labels)
+    found: list[Mode] = []
+    for part, indices in parts_with_states(model):
+        found += _part_modes(part, [names[i] for i in indices])
+    return Modes(tuple(sorted(found, key=lambda m: (m.natural_frequency_hz, m.state))))
+
+
+def _part_modes(model: Realisation, names: list[str]) -> list[Mode]:
+    if model.states == 0:
+        return []
+    scaled = rescaled(model)
+    values, left, right = sla.eig(scaled.A, left=True, right=True, check_finite=False)
+    share = participation(left, right)
+    if model.states <= EXACT_STATES:
+        exact = np.array(eigenvalues(rational(scaled.A)))
+        values = _matched(values, exact)
+    result = []
+    for i, value in enumerate(values):
+        if value.imag < 0:
+            continue
+        state = int(np.argmax(share[:, i]))
+        result.append(
+            _mode(value * scaled.time, model, names[state], min(1.0, float(share[state, i])))
+        )
+    return result
+
+
+def _matched(values: NDArray[np.complex128], exact: NDArray[np.complex128]) -> NDArray:
+    """Order the exact eigenvalues as the computed ones, whose vectors are known."""
+    _, columns = linear_sum_assignment(np.abs(values[:, None] - exact[None, :]))
+    return exact[columns]
+
+
+def _mode(value: complex, model: Realisation, state: str, share: float) -> Mode:
+    rate = value
+    if model.discrete:
+        rate = np.log(value) / model.step if value != 0 else complex(-math.inf, 0)
+    size = abs(rate)
+    damping = math.nan if size == 0 else (1.0 if math.isinf(size) else 0.0 - rate.real / size)
+    imaginary = abs(rate.imag) / (2 * math.pi)
+    return Mode(complex(value), size / (2 * math.pi), imaginary, damping, state, share)
