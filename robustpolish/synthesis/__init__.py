@@ -2,5 +2,15 @@
 
 from robustpolish.synthesis.certificate import Certificate, certify
 from robustpolish.synthesis.design import Design
+from robustpolish.synthesis.pole_regions import Disk, HalfPlane, Sector
+from robustpolish.synthesis.state_feedback import state_feedback
 
-__all__ = ["Certificate", "Design", "certify"]
+__all__ = [
+    "Certificate",
+    "Design",
+    "Disk",
+    "HalfPlane",
+    "Sector",
+    "certify",
+    "state_feedback",
+]

@@ -19,7 +19,7 @@ class Affine:
     """A matrix whose entries are affine functions of a vector of variables.
 
     ``vec(value) = constant + linear @ x``, with the columns stacked. It supports
-    ``+``, ``-``, products with constant matrices from either side and ``.T``, which
+    ``+``, ``-``, ``*`` and ``/`` by numbers, products with constant matrices from either side and ``.T``, which
     is all that a linear matrix inequality needs; every backend then receives the same numbers.
 
     Parameters
@@ -91,6 +91,9 @@ class Affine:
         return Affine(self.shape, self.constant * factor, _csr(self.linear * factor))
 
     __rmul__ = __mul__
+
+    def __truediv__(self, divisor: float) -> Affine:
+        return self * (1.0 / divisor)
 
     def __rmatmul__(self, left: ArrayLike) -> Affine:
         left = np.atleast_2d(np.asarray(left, dtype=float))

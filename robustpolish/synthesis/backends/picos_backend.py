@@ -29,7 +29,7 @@ def solve(
     name = (solver or "cvxopt").lower()
     one_of("solver", name, picos.available_solvers())
     x = picos.RealVariable("x", form.objective.size)
-    problem = picos.Problem(primals=None, verbosity=0, max_iterations=200)
+    problem = picos.Problem(primals=None, verbosity=0, max_iterations=100)
     for size, G, h in form.psd:
         entries: Any = picos.Constant(csc_matrix(G)) * x + picos.Constant(h)
         problem.add_constraint(entries.reshaped((size, size)) >> 0)

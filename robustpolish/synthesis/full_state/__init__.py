@@ -1,0 +1,1 @@
+"""The steps of a state feedback u = F x: matrices, inequalities, Riccati equations, bounds."""
