@@ -241,7 +241,7 @@ def _starts(
     if projected is not None:
         yield parametrisation.coordinates(np.where(task.mask, projected, 0.0))
     while True:
-        size = 10 ** rng.uniform(-1.5, 0.7)
+        size = 10 ** rng.uniform(-1.5, 1.5)
         K = rest + size * rng.normal(size=task.mask.shape)
         yield parametrisation.coordinates(np.where(task.mask, K, 0.0))
 

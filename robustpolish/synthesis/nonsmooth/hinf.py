@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ class HinfMeasure:
     """
 
     loop: Loop
+    # The last peaks are good guesses for the next.
+    _recent: list[float] = field(default_factory=list, init=False, repr=False)
 
     def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
         """Return the active peaks; nothing if the loop is not stable."""
@@ -34,7 +36,9 @@ class HinfMeasure:
         if closed is None or not closed.stable:
             return []
         response = _Response(closed)
-        norm, peak = _norm(response, [w for w in frequencies if np.isfinite(w)])
+        known = [w for w in (*frequencies, *self._recent) if np.isfinite(w)]
+        norm, peak = _norm(response, known)
+        self._recent[:] = [peak, *self._recent[:2]]
         if norm == 0:
             return [Piece(0.0, np.zeros_like(K), peak)]
         peaks = [peak]
@@ -71,6 +75,7 @@ class _Response:
         self.closed = closed
         self.discrete = closed.loop.discrete
         self.A, self.B, self.C, self.D = _continuous(closed)
+        self.feedthrough = float(np.linalg.norm(self.D, 2)) if self.D.any() else 0.0
 
     def point(self, frequency: float | Vector) -> complex | NDArray[np.complex128]:
         """The point of the s plane (or z plane) at a frequency."""
@@ -87,7 +92,12 @@ class _Response:
             states = np.linalg.solve(pencils, np.broadcast_to(B, (len(points), *B.shape)))
         except np.linalg.LinAlgError:
             return np.full(len(points), np.inf)
-        return np.linalg.norm(C @ states + D, 2, axis=(1, 2))
+        values = C @ states + D
+        adjoint = values.conj().swapaxes(1, 2)
+        gram = values @ adjoint if values.shape[1] <= values.shape[2] else adjoint @ values
+        if gram.shape[1] == 1:
+            return np.sqrt(gram[:, 0, 0].real)
+        return np.sqrt(np.maximum(np.linalg.eigvalsh(gram)[:, -1], 0.0))
 
     def crossings(self, level: float) -> Vector:
         """Frequencies at which a singular value equals `level`, increasing."""
@@ -140,30 +150,31 @@ def _norm(response: _Response, guesses: Sequence[float]) -> tuple[float, float]:
     """Return the norm and its frequency: level sets of Bruinsma and Steinbuch (1990)."""
     frequencies = np.unique(np.concatenate([response.start(), np.asarray(guesses, float)]))
     values = response.sigma(frequencies)
-    norm, peak = 0.0, 0.0
-    for i in _hills(values):
-        height, place = _climb(response, float(values[i]), float(frequencies[i]))
-        if height > norm:
-            norm, peak = height, place
-    feedthrough = float(np.linalg.norm(response.D, 2)) if response.D.size else 0.0
+    best = int(np.argmax(values))
+    norm, peak = float(values[best]), float(frequencies[best])
+    feedthrough = response.feedthrough
     if feedthrough > norm:
         norm, peak = feedthrough, (np.pi if response.discrete else np.inf)
     if norm == 0:
         return norm, peak
-    for _ in range(30):
+    hills = frequencies[_hills(values)]
+    for _ in range(40):
         better = _exceeding(response, norm)
         if better is None:
+            near = [peak, *hills] if np.isfinite(peak) else list(hills)
+            better = _around(response, norm, np.array(near))
+        if better is None:
             break
-        norm, peak = _climb(response, *better)
+        norm, peak = better
     return norm, peak
 
 
-def _hills(values: Vector) -> list[int]:
-    """Indices of local maxima within a hundredth of the largest value, three at most."""
+def _hills(values: Vector) -> NDArray[np.intp]:
+    """Indices of local maxima within a twentieth of the largest value, three at most."""
     padded = np.concatenate([[-np.inf], values, [-np.inf]])
     local = (values >= padded[:-2]) & (values >= padded[2:])
-    near = np.flatnonzero(local & (values >= 0.99 * values.max(initial=0.0)))
-    return [int(i) for i in near[np.argsort(-values[near])][:3]]
+    near = np.flatnonzero(local & (values >= 0.95 * values.max(initial=0.0)))
+    return near[np.argsort(-values[near])][:3]
 
 
 def _exceeding(response: _Response, norm: float) -> tuple[float, float] | None:
@@ -172,33 +183,41 @@ def _exceeding(response: _Response, norm: float) -> tuple[float, float] | None:
     Near the feedthrough the Hamiltonian is close to singular and hides crossings, so
     that a higher level is asked as well.
     """
-    for step in (_RELATIVE_STEP, 1e-6, 1e-4):
+    close = norm < 1.01 * response.feedthrough
+    for step in (_RELATIVE_STEP, 1e-6, 1e-4) if close else (_RELATIVE_STEP,):
         edges = response.crossings(norm * (1 + step))
         if len(edges) == 0:
             continue
-        places = np.concatenate([0.5 * (edges[1:] + edges[:-1]), edges])
-        values = response.sigma(places)
-        best = int(np.argmax(values))
-        if values[best] > norm * (1 + _RELATIVE_STEP):
-            return float(values[best]), float(places[best])
+        found = _highest(response, norm, np.concatenate([0.5 * (edges[1:] + edges[:-1]), edges]))
+        if found is not None:
+            return found
     return None
 
 
-def _climb(response: _Response, norm: float, peak: float) -> tuple[float, float]:
-    """Look around the peak, on the scale of the nearest pole, in case rounding moved it."""
+def _around(response: _Response, norm: float, places: Vector) -> tuple[float, float] | None:
+    """Look around some frequencies, on the scale of the nearest pole.
+
+    Rounding in the Hamiltonian of a loop with large gains can hide a peak that ties.
+    """
     poles = response.closed.poles
-    for _ in range(20):
-        if len(poles) == 0:
-            break
-        scale = float(np.abs(response.point(peak) - poles).min())
-        offsets = scale * np.array([1e-4, 1e-3, 1e-2, 0.1, 0.5])
-        places = np.abs(np.concatenate([peak - offsets, peak + offsets]))
-        values = response.sigma(places)
-        best = int(np.argmax(values))
-        if not values[best] > norm * (1 + _RELATIVE_STEP):
-            break
-        norm, peak = float(values[best]), float(places[best])
-    return norm, peak
+    if len(poles) == 0 or len(places) == 0:
+        return None
+    points = np.atleast_1d(response.point(places))
+    scale = np.abs(points[:, None] - poles).min(axis=1)
+    offsets = (scale[:, None] * _OFFSETS).ravel()
+    return _highest(response, norm, np.abs(np.repeat(places, len(_OFFSETS)) + offsets))
+
+
+_OFFSETS = np.outer([-1, 1], [1e-4, 1e-3, 1e-2, 0.1, 0.5]).ravel()
+
+
+def _highest(response: _Response, norm: float, places: Vector) -> tuple[float, float] | None:
+    """Return the best of some frequencies if it exceeds `norm` noticeably."""
+    values = response.sigma(places)
+    best = int(np.argmax(values))
+    if not values[best] > norm * (1 + _RELATIVE_STEP):
+        return None
+    return float(values[best]), float(places[best])
 
 
 def _local_peaks(response: _Response, level: float) -> list[float]:

@@ -32,6 +32,8 @@ class SearchLimits:
         Logarithm of a norm that is good enough.
     starts : int
         Largest number of descents.
+    fewest : int
+        Number of descents before agreement counts.
     agreeing : int
         Stop when so many descents have reached the best norm ...
     patience : int
@@ -41,6 +43,7 @@ class SearchLimits:
     deadline: float
     target: float = -np.inf
     starts: int = 40
+    fewest: int = 9
     agreeing: int = 4
     patience: int = 12
 
@@ -150,7 +153,8 @@ def _verdict(progress: _Progress, limits: SearchLimits) -> str | None:
         return "time"
     if progress.value < limits.target:
         return "target"
-    if progress.point is not None and progress.agreeing() >= limits.agreeing:
+    enough = len(progress.values) >= limits.fewest
+    if progress.point is not None and enough and progress.agreeing() >= limits.agreeing:
         return "agreed"
     if progress.point is not None and progress.since >= limits.patience:
         return "patience"
@@ -183,7 +187,7 @@ def _descend(
             target=limits.target if not problem.requirements else -np.inf,
         )
         point = first.point
-    if first is None or first.value < progress.value + 0.3:
+    if first is None or first.value < progress.value + 0.1:
         last = minimax(
             problem, point, limits.deadline, target=limits.target, bounds=bounds
         )
