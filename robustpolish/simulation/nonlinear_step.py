@@ -54,7 +54,7 @@ def step_matrices(A: Array, B: Array, G: Array, step: float) -> StepMatrices:
         h1[:, g],
         (p1 - 3 * p2 + 4 * p3)[:, g], (2 * p2 - 4 * p3)[:, g], (4 * p3 - p2)[:, g],
     )  # fmt: skip
-    return StepMatrices(*(np.ascontiguousarray(part.reshape(n, -1)) for part in parts))
+    return StepMatrices(*(np.ascontiguousarray(part) for part in parts))
 
 
 def _phi(A: Array, B: Array, h: float) -> tuple[Array, Array, Array, Array]:
