@@ -1,8 +1,10 @@
 """Modes, norms, scaling, observability: what a linear system is like."""
 
 from robustpolish.analysis.decoupled_blocks import Block, decoupled_blocks
+from robustpolish.analysis.definite import is_positive_definite
 from robustpolish.analysis.h2_norm import H2Norm, h2_norm
 from robustpolish.analysis.hinf_norm import HinfNorm, hinf_norm
+from robustpolish.analysis.lmi import LmiCheck, h2_norm_lmi, hinf_norm_lmi, lyapunov_lmi
 from robustpolish.analysis.modes import Mode, Modes, modes
 from robustpolish.analysis.pbh import (
     Feasibility,
@@ -13,6 +15,7 @@ from robustpolish.analysis.pbh import (
     is_stabilizable,
     observability,
 )
+from robustpolish.analysis.prescale import Prescaled, prescale
 from robustpolish.analysis.scaling import Scaling, scale_system
 from robustpolish.analysis.stability import Stability, stability
 
@@ -21,20 +24,27 @@ __all__ = [
     "Feasibility",
     "H2Norm",
     "HinfNorm",
+    "LmiCheck",
     "Mode",
     "ModeTest",
     "Modes",
     "PbhTest",
+    "Prescaled",
     "Scaling",
     "Stability",
     "controllability",
     "decoupled_blocks",
     "h2_norm",
+    "h2_norm_lmi",
     "hinf_norm",
+    "hinf_norm_lmi",
     "is_detectable",
+    "is_positive_definite",
     "is_stabilizable",
+    "lyapunov_lmi",
     "modes",
     "observability",
+    "prescale",
     "scale_system",
     "stability",
 ]

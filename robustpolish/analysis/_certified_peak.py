@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from flint import arb, fmpq
 
 from robustpolish.analysis._crossings import crossings
+from robustpolish.analysis._eigen import EPS
 from robustpolish.analysis._exact import ExactModel, fraction, transfer
-from robustpolish.analysis._peak_search import EPS, bounds_gain, cayley, peak
+from robustpolish.analysis._peak_search import bounds_gain, cayley, peak
 from robustpolish.analysis._realisation import Realisation, rescaled
 
 EXACT_ALWAYS = 40
@@ -52,7 +54,7 @@ def certified_peak(
     search = replace(model, time=1.0, gain=1.0)
     if model.discrete:
         search = rescaled(cayley(search))
-    poles = np.linalg.eigvals(search.A)
+    poles = np.linalg.eigvals(search.A).astype(complex)
     frequency, gain = peak(search, poles, tolerance)
     if not exact or model.states > EXACT_ALWAYS:
         found = _estimated(search, frequency, gain, tolerance)
@@ -78,7 +80,7 @@ def _proven(model: ExactModel, start: float, tolerance: float) -> Peak:
         found = crossings(model, fraction(upper) ** 2)
         if not found:
             break
-        middles = [(a + b) / 2 for a, b in zip(found, found[1:], strict=False)]
+        middles = [(a + b) / 2 for a, b in pairwise(found)]
         trial = [fmpq(0), None, *middles, *(found if len(found) < 2 else [])]
     rounding = 4 * EPS * (model.B.ncols() + model.C.nrows())
     frequency = math.inf if at is None else float(arb(at))

@@ -6,7 +6,7 @@ from math import isqrt, lcm
 
 from flint import fmpq, fmpq_mat, fmpq_poly, fmpz_mat, fmpz_poly
 
-from robustpolish.analysis._exact import ExactModel, identity, positive_roots
+from robustpolish.analysis._exact import ExactModel, identity, joined, positive_roots
 
 
 def crossings(model: ExactModel, square: fmpq) -> list[fmpq]:
@@ -29,7 +29,7 @@ def crossings(model: ExactModel, square: fmpq) -> list[fmpq]:
     list of fmpq
         Ascending, each to about 128 bits.
     """
-    if model.discrete or model.D != fmpq_mat(model.D.nrows(), model.D.ncols()):
+    if model.discrete or any(entry != 0 for entry in model.D.entries()):
         polynomial = _pencil_polynomial(model, square)
     else:
         polynomial = _hamiltonian_polynomial(model, square)
@@ -100,16 +100,7 @@ def _pencil(model: ExactModel, square: fmpq) -> tuple[fmpz_mat, fmpz_mat]:
         [zero(p, n), zero(p, n), zero(p, m), zero(p, p)],
         [zero(m, n), zero(m, n), zero(m, m), zero(m, p)],
     ]
-    return _whole_rows(_joined(states + outputs), _joined(slopes + still))
-
-
-def _joined(blocks: list[list[fmpq_mat]]) -> list[list[fmpq]]:
-    rows = []
-    for line in blocks:
-        tables = [block.table() for block in line if block.ncols()]
-        for i in range(line[0].nrows()):
-            rows.append([entry for table in tables for entry in table[i]])
-    return rows
+    return _whole_rows(joined(states + outputs).table(), joined(slopes + still).table())
 
 
 def _whole_rows(first: list[list[fmpq]], second: list[list[fmpq]]) -> tuple[fmpz_mat, fmpz_mat]:

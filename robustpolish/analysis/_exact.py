@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from flint import acb, acb_mat, arb, arb_mat, ctx, fmpq, fmpq_mat, fmpz_mat, fmpz_poly
@@ -38,7 +39,8 @@ def rational(M: NDArray[np.float64]) -> fmpq_mat:
     """Return a matrix of doubles as the fractions that they are."""
     ratios = [value.as_integer_ratio() for value in M.ravel().tolist()]
     common = max((den for _, den in ratios), default=1)
-    whole = fmpz_mat(*M.shape, [num * (common // den) for num, den in ratios])
+    rows, columns = M.shape
+    whole = fmpz_mat(rows, columns, [num * (common // den) for num, den in ratios])
     return fmpq_mat(whole) / common
 
 
@@ -52,6 +54,15 @@ def to_float(M: fmpq_mat) -> NDArray[np.float64]:
 def identity(n: int) -> fmpq_mat:
     """Return the n x n identity."""
     return fmpq_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
+
+
+def joined(blocks: list[list[fmpq_mat]]) -> fmpq_mat:
+    """Join rows of blocks into one matrix; blocks without columns are passed over."""
+    rows: list[list[fmpq]] = []
+    for line in blocks:
+        tables = [block.table() for block in line if block.ncols()]
+        rows += [sum((table[i] for table in tables), []) for i in range(line[0].nrows())]
+    return fmpq_mat(rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +82,8 @@ class ExactModel:
     @classmethod
     def of(cls, model: Realisation) -> ExactModel:
         """Read the doubles of `model` as fractions."""
-        parts = (rational(M) for M in (model.A, model.B, model.C, model.D))
-        return cls(*parts, model.discrete)
+        A, B, C, D = (rational(M) for M in (model.A, model.B, model.C, model.D))
+        return cls(A, B, C, D, model.discrete)
 
     @property
     def states(self) -> int:
@@ -170,7 +181,7 @@ def eigenvalues(A: fmpq_mat) -> list[complex]:
     bits = 128
     while True:
         with precision(bits):
-            roots = polynomial.complex_roots()
+            roots = isolated_roots(polynomial)
             if bits > 4096 or all(_sharp(root.real) and _sharp(root.imag) for root, _ in roots):
                 return [complex(root) for root, times in roots for _ in range(times)]
         bits *= 2
@@ -200,7 +211,7 @@ def _resolved(polynomial: fmpz_poly, on_axis: int) -> list[tuple[acb, int]]:
     bits = 64
     while True:
         with precision(bits):
-            roots = polynomial.complex_roots()
+            roots = isolated_roots(polynomial)
         if sum(times for root, times in roots if root.real.contains(0)) == on_axis:
             return roots
         bits *= 2
@@ -215,6 +226,12 @@ def _axis_count(symmetric: fmpz_poly) -> int:
     return zeros + 2 * sum(times for _, times in positive_roots(even))
 
 
+def isolated_roots(polynomial: fmpz_poly) -> list[tuple[acb, int]]:
+    """Return disjoint balls around the roots, with multiplicities, at the precision in force."""
+    roots: Any = polynomial.complex_roots()  # the library's stub forgets the multiplicities
+    return roots
+
+
 def positive_roots(polynomial: fmpz_poly) -> list[tuple[acb, int]]:
     """Isolate the real roots at or above zero of a polynomial with integer coefficients."""
     if polynomial.degree() <= 0:
@@ -226,7 +243,7 @@ def positive_roots(polynomial: fmpz_poly) -> list[tuple[acb, int]]:
     bits = 128
     while True:
         with precision(bits):
-            roots = rest.complex_roots() if rest.degree() > 0 else []
+            roots = isolated_roots(rest) if rest.degree() > 0 else []
         real = [(root, times) for root, times in roots if root.imag == 0]
         if not any(root.real.contains(0) for root, _ in real):
             return found + [(root, times) for root, times in real if root.real > 0]

@@ -9,8 +9,8 @@ import numpy as np
 import scipy.linalg as sla
 from flint import arb, arb_mat
 
+from robustpolish.analysis._eigen import EPS
 from robustpolish.analysis._exact import ExactModel, identity, precision
-from robustpolish.analysis._peak_search import EPS
 from robustpolish.analysis._realisation import Realisation
 
 Bounds = tuple[float, float]
@@ -33,7 +33,7 @@ def energy(model: Realisation) -> Bounds:
     else:
         residual = A @ X + X @ A.T + source
         rounding = 2 * size(A) * size(X) + size(source)
-    r = size(residual, 2) + 4 * EPS * n * rounding
+    r = float(size(residual, 2) + 4 * EPS * n * rounding)
     square = float(np.sum((C @ X) * C))
     error = 2 * r * float(np.sum((C @ W) * C))
     error += 4 * EPS * n * float(np.sum((np.abs(C) @ np.abs(X)) * np.abs(C)))
@@ -47,10 +47,8 @@ def energy(model: Realisation) -> Bounds:
 def _gramian(A: np.ndarray, Q: np.ndarray, discrete: bool) -> np.ndarray:
     with warnings.catch_warnings():  # bad conditioning shows in the residual
         warnings.simplefilter("ignore")
-        if discrete:
-            X = sla.solve_discrete_lyapunov(A, Q)
-        else:
-            X = sla.solve_continuous_lyapunov(A, -Q)
+        solve = sla.solve_discrete_lyapunov if discrete else sla.solve_continuous_lyapunov
+        X = solve(A, Q if discrete else -Q)
     return (X + X.T) / 2
 
 
@@ -84,7 +82,7 @@ def _energy_ball(model: ExactModel) -> arb:
             return gain
         if gain < 0.5:
             rest = _square_size(C) * gain * X.trace() / (1 - gain)
-            if rest < seen * arb(2) ** -70 or not seen > 0 and gain < arb(2) ** -4000:
+            if rest < seen * arb(2) ** -70 or (not seen > 0 and gain < arb(2) ** -4000):
                 return seen + arb(rest.mid() / 2, rest.mid() / 2 + rest.rad())
         X = X + M * X * M.transpose()
         M = M * M

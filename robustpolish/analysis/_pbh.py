@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg as sla
 from numpy.typing import NDArray
 
+from robustpolish.analysis._eigen import EPS, eigensystem
 from robustpolish.analysis._exact import hidden_poles, rational
-from robustpolish.analysis._peak_search import EPS, eigenvalue_errors
 from robustpolish.analysis._realisation import Realisation
 from robustpolish.analysis.decoupled_blocks import decoupled_blocks
 from robustpolish.analysis.scaling import even_scales
@@ -55,9 +54,8 @@ def _scaled(model: Realisation) -> Realisation:
 
 def _modes(model: Realisation, tolerance: float | None) -> list[Deficiency]:
     A, B, n = model.A, model.B, model.states
-    values, errors = eigenvalue_errors(A)
-    _, left, right = sla.eig(A, left=True, right=True, check_finite=False)
-    share = participation(left, right)
+    spectrum = eigensystem(A)
+    values = spectrum.values
     size = float(np.linalg.norm(np.hstack([A, B]), 2))
     limit = (100 * n * EPS if tolerance is None else tolerance) * size
     hidden = hidden_poles(rational(A), rational(B), model.discrete) if n <= EXACT_STATES else []
@@ -68,29 +66,15 @@ def _modes(model: Realisation, tolerance: float | None) -> list[Deficiency]:
             continue
         distance = _distance(A, B, values, i)
         margin = 1 - abs(value) if model.discrete else -value.real
-        deficient, stable = distance <= limit, bool(margin > errors[i])
+        deficient, stable = distance <= limit, bool(margin > spectrum.errors[i])
         if i in matched:
             value, stable = matched[i]
             distance, deficient = 0.0, True
         relative = distance / size if size else 0.0
-        leader = int(share[:, i].argmax())
+        leader = int(spectrum.shares[:, i].argmax())
         value = complex(value) * model.time
         result.append(Deficiency(value, relative, leader, deficient, stable))
     return result
-
-
-def participation(
-    left: NDArray[np.complex128], right: NDArray[np.complex128]
-) -> NDArray[np.float64]:
-    """Return the share of each state (row) in each mode (column), whatever the units.
-
-    It is rounded, so that the first of equal states leads.
-    """
-    share = np.abs(left.conj() * right)
-    total = share.sum(axis=0)
-    vanishing = total <= np.finfo(float).tiny  # defective: left and right vectors are orthogonal
-    share[:, vanishing] = np.abs(right[:, vanishing])
-    return np.round(share / share.sum(axis=0), 3)
 
 
 def _matched(

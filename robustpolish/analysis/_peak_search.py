@@ -8,10 +8,10 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
+from robustpolish.analysis._eigen import EPS, eigensystem
 from robustpolish.analysis._realisation import Realisation
 
 Vector = NDArray[np.float64]
-EPS = float(np.finfo(float).eps)
 
 
 def cayley(model: Realisation) -> Realisation:
@@ -115,27 +115,10 @@ def _crossings(model: Realisation, gamma: float) -> Vector:
     return np.unique(np.abs(eigenvalues.imag[near]))
 
 
-def eigenvalue_errors(M: NDArray[np.float64]) -> tuple[NDArray[np.complex128], Vector]:
-    """Return eigenvalues and a generous estimate of their rounding errors.
-
-    First-order perturbation theory: the backward error of the QR algorithm
-    divided by the cosine between left and right eigenvector, with a margin of
-    ten. Meaningless where the errors overlap, but then it is large.
-    """
-    n = M.shape[0]
-    if n == 0:
-        return np.empty(0, complex), np.empty(0)
-    values, left, right = sla.eig(M, left=True, right=True, check_finite=False)
-    cosine = np.abs(np.sum(left.conj() * right, axis=0))
-    backward = 10 * EPS * math.sqrt(n) * np.linalg.norm(M)
-    with np.errstate(divide="ignore"):
-        return values, backward / cosine
-
-
 def bounds_gain(model: Realisation, gamma: float) -> bool:
     """Say whether the Hamiltonian has no imaginary eigenvalue, rounding errors considered."""
     H = hamiltonian(model, gamma)
     if H is None or not np.isfinite(H).all():
         return False
-    values, errors = eigenvalue_errors(H)
-    return bool((np.abs(values.real) > errors).all())
+    spectrum = eigensystem(H)
+    return bool((np.abs(spectrum.values.real) > spectrum.errors).all())

@@ -164,8 +164,9 @@ def _marginal_norm(model: Realisation, verdict: Stability, tolerance: float) -> 
     left = count_poles(minimal.A, model.discrete)
     if left.marginal or left.unstable:
         return _infinite(verdict.reason)
-    rounded = (to_float(M) for M in (minimal.A, minimal.B, minimal.C, minimal.D))
-    found = certified_peak(Realisation(*rounded, model.discrete), tolerance, True, minimal)
+    A, B, C, D = (to_float(M) for M in (minimal.A, minimal.B, minimal.C, minimal.D))
+    rounded = Realisation(A, B, C, D, model.discrete)
+    found = certified_peak(rounded, tolerance, True, minimal)
     reason = f"{verdict.reason}, but hidden from the inputs or outputs: not internally stable"
     return replace(_in_units(model, found), stable=False, reason=reason)
 

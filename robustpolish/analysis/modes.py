@@ -9,13 +9,12 @@ from typing import overload
 
 import control
 import numpy as np
-import scipy.linalg as sla
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from robustpolish.analysis._eigen import eigensystem
 from robustpolish.analysis._exact import eigenvalues, rational
 from robustpolish.analysis._parts import parts_with_states
-from robustpolish.analysis._pbh import participation
 from robustpolish.analysis._realisation import Realisation, realisation, rescaled
 
 EXACT_STATES = 60
@@ -142,7 +141,7 @@ def modes(system: control.StateSpace) -> Modes:
     >>> plant = control.ss([[0, 1], [-4, -0.04]], [[0], [1]], [[1, 0]], 0, states=["x", "v"])
     >>> modes(plant)
     state   natural [Hz]    damped [Hz]        damping  share  eigenvalue
-    x          0.3183099      0.3182939           0.01   0.50  -0.02 +/- 1.9999j
+    x          0.3183099       0.318294           0.01   0.50  -0.02 +/- 1.9999j
     """
     model = realisation("system", system)
     names = list(system.state_labels)
@@ -156,8 +155,8 @@ def _part_modes(model: Realisation, names: list[str]) -> list[Mode]:
     if model.states == 0:
         return []
     scaled = rescaled(model)
-    values, left, right = sla.eig(scaled.A, left=True, right=True, check_finite=False)
-    share = participation(left, right)
+    spectrum = eigensystem(scaled.A)
+    values, share = spectrum.values, spectrum.shares
     if model.states <= EXACT_STATES:
         exact = np.array(eigenvalues(rational(scaled.A)))
         values = _matched(values, exact)

@@ -209,7 +209,8 @@ def observability(
     Examples
     --------
     >>> from robustpolish.analysis import observability
-    >>> bool(observability([[0, 1], [0, 0]], [[1, 0]])), bool(observability([[0, 1], [0, 0]], [[0, 1]]))
+    >>> A = [[0, 1], [0, 0]]
+    >>> bool(observability(A, [[1, 0]])), bool(observability(A, [[0, 1]]))
     (True, False)
     """
     return _test("observability", system, C, states, dt, tolerance)
@@ -276,7 +277,7 @@ def _feasible(test: PbhTest) -> Feasibility:
     return Feasibility(False, test.harmful, f"not {word}: {lack} {listed}")
 
 
-def _test(kind: Kind, system, signals, states, dt, tolerance) -> PbhTest:  # noqa: ANN001
+def _test(kind: Kind, system, signals, states, dt, tolerance) -> PbhTest:
     model, names = _read(kind, system, signals, states, dt)
     if tolerance is not None:
         tolerance = positive("tolerance", tolerance, zero=True)
@@ -297,7 +298,7 @@ def _shown(value: complex) -> str:
     return f"{value.real:.6g} +/- {abs(value.imag):.6g}j"
 
 
-def _read(kind: Kind, system, signals, states, dt) -> tuple[Realisation, list[str]]:  # noqa: ANN001
+def _read(kind: Kind, system, signals, states, dt) -> tuple[Realisation, list[str]]:
     other = "B" if kind == "controllability" else "C"
     if isinstance(system, control.StateSpace) or signals is None:
         if signals is not None:

@@ -8,8 +8,8 @@ from typing import Literal
 import control
 import numpy as np
 
+from robustpolish.analysis._eigen import eigensystem
 from robustpolish.analysis._exact import count_poles, rational
-from robustpolish.analysis._peak_search import eigenvalue_errors
 from robustpolish.analysis._realisation import Realisation, realisation, rescaled
 
 EXACT_STATES = 150
@@ -83,7 +83,8 @@ def stability(system: control.StateSpace) -> Stability:
 
 def stability_of(model: Realisation) -> Stability:
     """Decide it for rescaled matrices."""
-    poles, errors = eigenvalue_errors(model.A)
+    spectrum = eigensystem(model.A)
+    poles, errors = spectrum.values, spectrum.errors
     if poles.size == 0:
         return Stability("stable", None, np.inf, False, "there are no states")
     margins = 1 - np.abs(poles) if model.discrete else -poles.real

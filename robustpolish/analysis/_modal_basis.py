@@ -1,0 +1,78 @@
+"""A basis in which an inequality's matrix is near diagonal and of order one, for the solver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.analysis._realisation import Realisation
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ModalModel:
+    """A system in modal coordinates, x = basis * (modal x).
+
+    Attributes
+    ----------
+    A, B, C, D : ndarray
+        Matrices in these coordinates.
+    basis : ndarray, shape (n, n)
+    weights : ndarray, shape (n,)
+        Inverse roots of twice each mode's decay rate: multiplied from both sides they
+        make A^T K + K A of the size of K.
+    """
+
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+    basis: Matrix
+    weights: Matrix
+
+    def back(self, K: Matrix) -> Matrix:
+        """Map the matrix of a quadratic form in modal coordinates back, exactly symmetric."""
+        inverse = np.linalg.inv(self.basis)
+        K = inverse.T @ K @ inverse
+        return (K + K.T) / 2
+
+
+def modal_model(model: Realisation) -> ModalModel:
+    """Choose the real modal basis, or the unit basis where that is ill conditioned."""
+    basis, rates = _modal_basis(model.A)
+    weights = 1 / np.sqrt(2 * rates)
+    basis = basis * _even(np.linalg.solve(basis, model.B), model.C @ basis, weights)
+    A = np.linalg.solve(basis, model.A @ basis)
+    B, C = np.linalg.solve(basis, model.B), model.C @ basis
+    return ModalModel(A, B, C, model.D, basis, weights)
+
+
+def _even(B: Matrix, C: Matrix, weights: Matrix) -> Matrix:
+    """Return factors of the basis that make inputs and outputs act alike on each mode."""
+    reach = np.maximum(np.linalg.norm(B, axis=1) * weights, 1e-3)
+    show = np.maximum(np.linalg.norm(C, axis=0) * weights, 1e-3)
+    ratio = np.sqrt(reach / show)
+    for i in np.flatnonzero(weights[1:] == weights[:-1]):  # a pair shares its factor
+        ratio[i : i + 2] = np.sqrt(ratio[i] * ratio[i + 1])
+    return ratio
+
+
+def _modal_basis(A: Matrix) -> tuple[Matrix, Matrix]:
+    n = A.shape[0]
+    plain = np.eye(n), np.ones(n)
+    values, vectors = np.linalg.eig(A)
+    columns, rates = [], []
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value.imag == 0:
+            columns.append(vector.real)
+            rates.append(abs(value.real))
+        elif value.imag > 0:
+            columns += [vector.real, vector.imag]
+            rates += [abs(value.real)] * 2
+    basis = np.array(columns).T if n else np.zeros((0, 0))
+    if n == 0 or not np.linalg.cond(basis) < 1e8 or min(rates) <= 0:
+        return plain
+    return basis, np.array(rates)

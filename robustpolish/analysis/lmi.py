@@ -1,0 +1,218 @@
+"""The norms by linear matrix inequalities, an independent check on the Hamiltonian ones.
+
+Equations (10.15), (10.17), (10.44) and (10.45) of the thesis, with -gamma^2 I where its
+(10.16) prints a plus sign. The solver's matrix is not trusted: whether it satisfies
+the inequalities strictly is decided in exact arithmetic.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.analysis._exact import ExactModel
+from robustpolish.analysis._lmi_proof import proves
+from robustpolish.analysis._lmi_solver import Equation, minimise, well_inside
+from robustpolish.analysis._modal_basis import ModalModel, modal_model
+from robustpolish.analysis._realisation import power_of_two, realisation
+from robustpolish.analysis.hinf_norm import hinf_norm
+from robustpolish.analysis.scaling import Scaling, even_scales
+from robustpolish.validation import described, invalid, one_of
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LmiCheck:
+    """What a linear matrix inequality says about a system.
+
+    Attributes
+    ----------
+    value : float
+        Upper bound of the norm for which `matrix` is a proof; infinite without one. For
+        (10.15) it is 0 if the proof holds.
+    matrix : ndarray, shape (n, n), or None
+        K, in the units of the system.
+    verified : bool
+        Whether K, as scaled, satisfies the strict inequalities exactly.
+    optimum : float
+        The solver's own optimum, unproven; nan if it found none.
+    equation : str
+        Number of the equation in the thesis.
+    status : str
+        The solver's status.
+    """
+
+    value: float
+    matrix: Matrix | None
+    verified: bool
+    optimum: float
+    equation: str
+    status: str
+
+    def __bool__(self) -> bool:
+        return self.verified
+
+
+def lyapunov_lmi(system: control.StateSpace) -> LmiCheck:
+    r"""Prove stability by K = K^T > 0 with A^T K + K A < 0 (10.15).
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        Continuous.
+
+    Returns
+    -------
+    LmiCheck
+        True in a condition if the proof holds. False proves nothing: K may not
+        exist, or the solver may not have found it.
+
+    Raises
+    ------
+    InvalidInputError
+        If the system is discrete, no ``StateSpace`` or not finite.
+
+    Examples
+    --------
+    >>> import control
+    >>> from robustpolish.analysis import lyapunov_lmi
+    >>> bool(lyapunov_lmi(control.ss([[0, 1], [-2, -1]], [[0], [1]], [[1, 0]], 0)))
+    True
+    """
+    return _Problem.of(system).lyapunov()
+
+
+def hinf_norm_lmi(
+    system: control.StateSpace, *, equation: Literal["10.17", "10.44"] = "10.17"
+) -> LmiCheck:
+    r"""Bound the H-infinity norm by the smallest gamma that the bounded real lemma allows.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        Continuous.
+    equation : {"10.17", "10.44"}, optional
+        The form with three block rows and K > 0, or the one with two, where K > 0 follows
+        if A is stable (it is demanded here too, so that the proof includes stability).
+
+    Returns
+    -------
+    LmiCheck
+        `value` exceeds the norm by 1e-6 or so, more where the solver strains.
+
+    Raises
+    ------
+    InvalidInputError
+        If the system is discrete, no ``StateSpace`` or not finite.
+
+    Examples
+    --------
+    >>> import control
+    >>> from robustpolish.analysis import hinf_norm_lmi
+    >>> check = hinf_norm_lmi(control.ss([[-2.0]], [[1.0]], [[1.0]], 0))
+    >>> check.verified, round(check.value, 4)
+    (True, 0.5)
+    """
+    one_of("equation", equation, ("10.17", "10.44"))
+    return _Problem.of(system).solved(equation)
+
+
+def h2_norm_lmi(system: control.StateSpace) -> LmiCheck:
+    r"""Bound the H2 norm by the smallest gamma that (10.45) allows.
+
+    The optimum is the norm itself, not its square.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        Continuous, with D = 0.
+
+    Returns
+    -------
+    LmiCheck
+
+    Raises
+    ------
+    InvalidInputError
+        If the system is discrete, no ``StateSpace``, not finite, or D is not zero.
+
+    Examples
+    --------
+    >>> import control
+    >>> from robustpolish.analysis import h2_norm_lmi
+    >>> round(h2_norm_lmi(control.ss([[-2.0]], [[1.0]], [[1.0]], 0)).value, 4)
+    0.5
+    """
+    problem = _Problem.of(system)
+    if problem.D.any():
+        raise invalid(
+            "system.D", problem.D, "zero", "In continuous time the H2 norm is infinite."
+        )
+    return problem.solved("10.45")
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """A system in even units, in a modal basis for the solver and exactly for the proof."""
+
+    scales: Scaling
+    modal: ModalModel
+    exact: ExactModel
+    D: Matrix
+
+    @classmethod
+    def of(cls, system: control.StateSpace) -> _Problem:
+        model = realisation("system", system)
+        if model.discrete:
+            raise invalid(
+                "system",
+                described(f"a discrete system, dt = {system.dt}"),
+                "a continuous one",
+                "Use hinf_norm or h2_norm, which take both.",
+            )
+        p, m = model.D.shape
+        scales = even_scales(model, [np.arange(m)], [np.arange(p)])
+        guess = hinf_norm(scales.apply(system), tolerance=0.1, exact=False).value
+        scales = replace(scales, outputs=scales.outputs * power_of_two(guess))
+        scaled = realisation("system", scales.apply(system))
+        return cls(scales, modal_model(scaled), ExactModel.of(scaled), model.D)
+
+    def solved(self, equation: Equation) -> LmiCheck:
+        """Minimise gamma, step back from the optimum until K is a proof."""
+        unit, weight = self._units(equation)
+        best = minimise(self.modal, equation)
+        if best.K is None:
+            return LmiCheck(math.inf, None, False, math.nan, equation, best.status)
+        for back_off in (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2):
+            gamma = best.gamma * (1 + back_off)
+            inside = well_inside(self.modal, equation, gamma)
+            if inside.K is not None and proves(self.exact, equation, inside.K, gamma):
+                K = self._physical(inside.K, weight)
+                return LmiCheck(gamma * unit, K, True, best.gamma * unit, equation, best.status)
+        K = self._physical(best.K, weight)
+        return LmiCheck(math.inf, K, False, best.gamma * unit, equation, best.status)
+
+    def lyapunov(self) -> LmiCheck:
+        """Find K for (10.15)."""
+        found = well_inside(self.modal, "10.15", 1.0)
+        proven = found.K is not None and proves(self.exact, "10.15", found.K, 1.0)
+        K = None if found.K is None else self._physical(found.K, 1.0)
+        value = 0.0 if proven else math.inf
+        return LmiCheck(value, K, proven, math.nan, "10.15", found.status)
+
+    def _units(self, equation: Equation) -> tuple[float, float]:
+        """Return the unit of gamma and the factor of T^-1 K T^-1 in the given units."""
+        u, y = (float(s[0]) if s.size else 1.0 for s in (self.scales.inputs, self.scales.outputs))
+        if equation == "10.45":
+            return y / u * math.sqrt(self.scales.time), y / u / math.sqrt(self.scales.time)
+        return y / u, y**2 / self.scales.time
+
+    def _physical(self, K: Matrix, weight: float) -> Matrix:
+        T = self.scales.state
+        return weight * K / T / T[:, None]

@@ -1,0 +1,203 @@
+"""Both norms against fifty-digit arithmetic on systems made to be hard.
+
+The reference shares nothing with the package: mpmath's eigenvalues decide stability and
+give the places to look, mpmath evaluates the gain there, a series in mpmath gives the H2 norm.
+"""
+
+import control
+import mpmath as mp
+import numpy as np
+import pytest
+
+from robustpolish.analysis import h2_norm, hinf_norm, stability
+
+QUICK, FULL = 70, 560
+
+
+def oscillators(rng, count):
+    A = np.zeros((2 * count, 2 * count))
+    for k in range(count):
+        w, zeta = 10.0 ** rng.uniform(-1, 1), 10.0 ** rng.uniform(-12, -0.1)
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[0, 1], [-w * w, -2 * zeta * w]]
+    return A
+
+
+def dense(rng):
+    n = rng.integers(1, 8)
+    A = rng.standard_normal((n, n))
+    return A - (np.linalg.eigvals(A).real.max() + 10.0 ** rng.uniform(-6, 0)) * np.eye(n)
+
+
+def damped_lightly(rng):
+    return oscillators(rng, rng.integers(1, 4))
+
+
+def mixed(rng):  # rounding may even make these unstable
+    A = oscillators(rng, rng.integers(1, 4))
+    Q = np.linalg.qr(rng.standard_normal(A.shape))[0]
+    return Q @ A @ Q.T
+
+
+def defective(rng):
+    n = rng.integers(2, 6)
+    return -(10.0 ** rng.uniform(-6, 0)) * np.eye(n) + np.diag(np.ones(n - 1), 1)
+
+
+def chain(rng):
+    n = rng.integers(2, 5)
+    K = 2 * np.eye(n) - np.diag(np.ones(n - 1), 1) - np.diag(np.ones(n - 1), -1)
+    zeta = 10.0 ** rng.uniform(-10, -1)
+    return np.block([[np.zeros((n, n)), np.eye(n)], [-K, -zeta * (K + 0.1 * np.eye(n))]])
+
+
+def stiff(rng):
+    n = rng.integers(2, 6)
+    return np.triu(rng.standard_normal((n, n)), 1) - np.diag(10.0 ** rng.uniform(-6, 6, n))
+
+
+FAMILIES = [dense, damped_lightly, mixed, defective, chain, stiff]
+
+
+def system(seed):
+    """Return a system of one of the families, in odd units, sometimes sampled, hidden, with D."""
+    rng = np.random.default_rng(seed)
+    A = FAMILIES[seed % len(FAMILIES)](rng)
+    n, m, p = len(A), rng.integers(1, 4), rng.integers(1, 4)
+    B, C = rng.standard_normal((n, m)), rng.standard_normal((p, n))
+    style = rng.integers(5)
+    if style == 0:
+        B[rng.integers(n)] = 0
+    elif style == 1:
+        C[:, rng.integers(n)] *= 1e-12
+    elif style == 2:
+        B, C = B * (rng.random(B.shape) < 0.4), C * (rng.random(C.shape) < 0.4)
+    D = rng.standard_normal((p, m)) * rng.choice([0, 0, 1e-3, 1, 10])
+    dt = 0
+    if rng.random() < 0.3:
+        dt = rng.choice([1e-6, 1.0])
+        radius = max(abs(np.linalg.eigvals(A)).max(), 1e-300)
+        step = 0.5 / radius
+        A = np.linalg.solve(np.eye(n) - A * step, np.eye(n) + A * step)
+    else:
+        time = 10.0 ** rng.uniform(-9, 9)
+        A, B = A * time, B * time
+    units = 10.0 ** rng.uniform(-4, 4, n)
+    A, B, C = A * units / units[:, None], B / units[:, None], C * units
+    return control.StateSpace(A, B, C, D, dt, remove_useless_states=False)
+
+
+def reference(G):
+    """Return (stable, gain as a function of frequency, places to look)."""
+    A, B, C, D = (mp.matrix(M.tolist()) for M in (G.A, G.B, G.C, G.D))
+    poles = mp.eig(A, left=False, right=False)
+    discrete = G.dt != 0
+    margins = [1 - abs(z) if discrete else -mp.re(z) for z in poles]
+    one = mp.eye(G.nstates)
+
+    def gain(w):
+        z = mp.expj(w * mp.mpf(G.dt)) if discrete else mp.mpc(0, w)
+        response = np.array((D + C * mp.lu_solve_matrix(z * one - A, B)).tolist())
+        return largest(response)
+
+    return margins, gain, poles
+
+
+def largest(response):
+    size = max(abs(x) for x in response.ravel())
+    if size == 0:
+        return mp.mpf(0)
+    scaled = (response / size).astype(complex)
+    return size * mp.mpf(float(np.linalg.norm(scaled, 2)))
+
+
+def solve_matrix(M, B):
+    columns = [mp.lu_solve(M, B[:, j]) for j in range(B.cols)]
+    return mp.matrix([[columns[j][i] for j in range(B.cols)] for i in range(B.rows)])
+
+
+mp.lu_solve_matrix = solve_matrix
+
+
+def places(G, poles):
+    """Return frequencies near every pole, at several widths, and over a wide range."""
+    found = [mp.mpf(0)]
+    for pole in poles:
+        s = pole if G.dt == 0 else mp.log(pole) / mp.mpf(G.dt) if pole != 0 else mp.mpc(-1)
+        w, width = abs(mp.im(s)), abs(mp.re(s))
+        found += [abs(w + width * k / 4) for k in range(-4, 5)] + [abs(s), abs(s) / 3, 3 * abs(s)]
+        if abs(s) > 0 and 2 * width**2 < abs(s) ** 2:
+            found.append(mp.sqrt(abs(s) ** 2 - 2 * width**2))
+    if G.dt:
+        top = mp.pi / mp.mpf(G.dt)
+        found = [min(w, top) for w in found] + [top * k / 12 for k in range(13)]
+    return found
+
+
+def check_hinf(G):
+    margins, gain, poles = reference(G)
+    norm = hinf_norm(G)
+    if min(margins) <= 0:
+        assert not norm.stable
+        assert norm.value == np.inf or "hidden" in norm.reason
+        return
+    assert norm.stable
+    assert bool(stability(G))
+    assert norm.lower <= norm.value <= norm.upper <= norm.lower * (1 + 2e-9)
+    best = max(gain(w) for w in places(G, poles))
+    assert best <= mp.mpf(norm.upper) * (1 + mp.mpf(1e-14))
+    if np.isinf(norm.frequency):
+        assert norm.value == pytest.approx(np.linalg.norm(G.D, 2), rel=1e-12)
+    else:
+        assert float(gain(mp.mpf(norm.frequency))) == pytest.approx(norm.value, rel=1e-6)
+
+
+def reference_h2(G):
+    """Sum the Gramian's series by doubling, after the bilinear map in continuous time."""
+    A, B, C, D = (mp.matrix(M.tolist()) for M in (G.A, G.B, G.C, G.D))
+    one = mp.eye(G.nstates)
+    extra = sum(abs(x) ** 2 for x in D)
+    if G.dt == 0:
+        poles = mp.eig(A, left=False, right=False)
+        pace = mp.exp(sum(mp.log(abs(p)) for p in poles) / len(poles))
+        inverse = mp.inverse(pace * one - A)
+        A, B, extra = inverse * (pace * one + A), mp.sqrt(2 * pace) * inverse * B, mp.mpf(0)
+    X, M = B * B.T, A
+    for _ in range(400):
+        step = M * X * M.T
+        X, M = X + step, M * M
+        if mp.mnorm(M, "f") < mp.mpf(10) ** -30:
+            break
+    return mp.sqrt(sum((C * X * C.T)[i, i] for i in range(C.rows)) + extra)
+
+
+def check_h2(G):
+    margins, _, _ = reference(G)
+    norm = h2_norm(G)
+    if min(margins) <= 0:
+        assert not norm.stable
+    elif G.dt == 0 and np.any(G.D):
+        assert norm.stable
+        assert norm.value == np.inf
+    else:
+        expected = reference_h2(G)
+        assert norm.lower <= norm.value <= norm.upper
+        assert float(expected) == pytest.approx(norm.value, rel=2e-9, abs=0)
+        assert mp.mpf(norm.lower) * (1 - mp.mpf(1e-14)) <= expected
+        assert expected <= mp.mpf(norm.upper) * (1 + mp.mpf(1e-14))
+
+
+@pytest.mark.parametrize("seed", range(QUICK))
+def test_norms_of_hard_systems(seed):
+    with mp.workdps(60):
+        G = system(seed)
+        check_hinf(G)
+        check_h2(G)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(QUICK, FULL))
+def test_norms_of_many_hard_systems(seed):
+    with mp.workdps(60):
+        G = system(seed)
+        check_hinf(G)
+        check_h2(G)
