@@ -61,7 +61,7 @@ DEFAULT_OUT = "robustpolish-results"
 @click.option(
     "--control-weight",
     type=float,
-    help="Price of a unit of control in metres; 1e-7 for forces and 1e-5 for velocities, unless "
+    help="Price of a unit of control in metres; 1e-7 for forces and 1e-8 for velocities, unless "
     "a gain bound is given.",
 )
 @click.option("--gain-bound", type=float, help="Largest singular value that the gain may have.")

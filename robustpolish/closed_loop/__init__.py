@@ -1,6 +1,13 @@
 """Controllers meet disturbances."""
 
+from robustpolish.closed_loop.brush_design import BrushDesign, design_against_brush
 from robustpolish.closed_loop.comparison import ControllerComparison, compare_controllers
 from robustpolish.closed_loop.simulation import simulate
 
-__all__ = ["ControllerComparison", "compare_controllers", "simulate"]
+__all__ = [
+    "BrushDesign",
+    "ControllerComparison",
+    "compare_controllers",
+    "design_against_brush",
+    "simulate",
+]

@@ -16,8 +16,8 @@ from robustpolish.synthesis import Design, state_feedback
 
 # What a unit of control costs, in metres of deviation, where the user names no price. A force is
 # priced like the deflection of a spring of 1e7 N/m, thirty times as stiff as the rod; a velocity
-# like the distance that it covers in 10 us.
-DEFAULT_CONTROL_WEIGHT = {"force": 1e-7, "displacement": 1e-5}
+# like the distance that it covers in 10 ns.
+DEFAULT_CONTROL_WEIGHT = {"force": 1e-7, "displacement": 1e-8}
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ def design_against_brush(
         could realise.
     norm, method, backend, control_weight, gain_bound : optional
         As in :func:`robustpolish.state_feedback`. Without weight and bound the infimum would be
-        zero, at infinite gain; then a force costs 1e-7 m/N and a velocity 1e-5 m per m/s.
+        zero, at infinite gain; then a force costs 1e-7 m/N and a velocity 1e-8 m per m/s.
     duration : float, optional
         Simulated time in s.
     tell : callable, optional

@@ -28,6 +28,6 @@ def new_axes(ax: Axes | None) -> Axes:
 
 
 def si_axis(axis: Axis, name: str, unit: str) -> None:
-    """Label an axis and let its ticks carry SI prefixes, such as 35 um."""
+    """Label an axis; its ticks carry the unit with an SI prefix, such as 35 um."""
     axis.set_major_formatter(EngFormatter(unit=unit))
-    axis.set_label_text(f"{name} [{unit}]" if unit else name)
+    axis.set_label_text(name)

@@ -1,0 +1,26 @@
+"""`robustpolish modes`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import click
+
+from robustpolish.analysis import modes as modes_of
+from robustpolish.cli.machine import READINGS, machine_options
+from robustpolish.cli.options import force_option, json_option, reports_errors, write_json
+from robustpolish.models import air_bearing
+
+
+@click.command()
+@machine_options
+@json_option
+@force_option
+@reports_errors
+def modes(reading: str, dissipation: float, json_out: str | None, force: bool) -> None:
+    """Show natural frequencies, damping ratios and the state that carries each mode."""
+    found = modes_of(air_bearing(READINGS[reading](), dissipation).open_loop)
+    if json_out is not None:
+        write_json({"modes": [asdict(mode) for mode in found]}, json_out, force)
+    if json_out != "-":
+        click.echo(str(found))
