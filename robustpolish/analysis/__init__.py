@@ -18,8 +18,10 @@ from robustpolish.analysis.pbh import (
 from robustpolish.analysis.prescale import Prescaled, prescale
 from robustpolish.analysis.scaling import Scaling, scale_system
 from robustpolish.analysis.stability import Stability, stability
+from robustpolish.analysis.zeros import AxisZero, zeros_on_axis
 
 __all__ = [
+    "AxisZero",
     "Block",
     "Feasibility",
     "H2Norm",
@@ -47,4 +49,5 @@ __all__ = [
     "prescale",
     "scale_system",
     "stability",
+    "zeros_on_axis",
 ]

@@ -61,7 +61,7 @@ def joined(blocks: list[list[fmpq_mat]]) -> fmpq_mat:
     rows: list[list[fmpq]] = []
     for line in blocks:
         tables = [block.table() for block in line if block.ncols()]
-        rows += [sum((table[i] for table in tables), []) for i in range(line[0].nrows())]
+        rows += [[e for table in tables for e in table[i]] for i in range(line[0].nrows())]
     return fmpq_mat(rows)
 
 

@@ -51,7 +51,9 @@ def _gamma(equation: Equation, bound: float) -> float:
     return math.sqrt(max(bound, 0.0)) if equation in ("10.17", "10.44") else bound
 
 
-def _constraints(model: ModalModel, equation: Equation, bound: Any, margin: Any) -> tuple[Any, list]:
+def _constraints(
+    model: ModalModel, equation: Equation, bound: Any, margin: Any
+) -> tuple[Any, list]:
     """Return K and the constraints, the state rows weighted so that all modes count alike."""
     import cvxpy as cp  # late, as above
 
@@ -62,10 +64,12 @@ def _constraints(model: ModalModel, equation: Equation, bound: Any, margin: Any)
     rows, KB, Ct = E @ (A.T @ K + K @ A) @ E, E @ K @ B, E @ C.T
     constraints: list[Any] = []
     if equation == "10.15":
-        inequality, form = rows, K << np.eye(n)
-        constraints.append(form)
+        inequality = rows
+        constraints.append(K << np.eye(n))
     elif equation == "10.17":
-        inequality = cp.bmat([[rows, KB, Ct], [KB.T, -bound * np.eye(m), D.T], [Ct.T, D, -np.eye(p)]])
+        inequality = cp.bmat(
+            [[rows, KB, Ct], [KB.T, -bound * np.eye(m), D.T], [Ct.T, D, -np.eye(p)]]
+        )
     elif equation == "10.44":
         corner = KB + Ct @ D
         inequality = cp.bmat([[rows + Ct @ Ct.T, corner], [corner.T, D.T @ D - bound * np.eye(m)]])
@@ -81,12 +85,16 @@ def _constraints(model: ModalModel, equation: Equation, bound: Any, margin: Any)
 def _solved(problem: Any, K: Any, model: ModalModel) -> tuple[NDArray[np.float64] | None, str]:
     import cvxpy as cp  # late, as above
 
-    try:
-        with warnings.catch_warnings():  # an inaccurate answer is checked like any other
-            warnings.simplefilter("ignore")
-            problem.solve(solver=cp.CLARABEL)
-    except cp.SolverError as error:
-        return None, f"solver failed: {error}"
-    if K.value is None or not np.isfinite(K.value).all():
-        return None, str(problem.status)
-    return model.back(np.asarray(K.value)), str(problem.status)
+    status = ""
+    for decompose in (False, True):  # another path to the optimum, where one breaks off
+        try:
+            with warnings.catch_warnings():  # an inaccurate answer is checked like any other
+                warnings.simplefilter("ignore")
+                problem.solve(solver=cp.CLARABEL, chordal_decomposition_enable=decompose)
+        except cp.SolverError as error:
+            status = f"solver failed: {error}"
+            continue
+        if K.value is not None and np.isfinite(K.value).all():
+            return model.back(np.asarray(K.value)), str(problem.status)
+        status = str(problem.status)
+    return None, status

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.analysis._realisation import Realisation
 
-Matrix = NDArray[np.float64]
+Matrix = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,37 +43,37 @@ class ModalModel:
 
 def modal_model(model: Realisation) -> ModalModel:
     """Choose the real modal basis, or the unit basis where that is ill conditioned."""
-    basis, rates = _modal_basis(model.A)
+    basis, rates, pairs = _modal_basis(model.A)
     weights = 1 / np.sqrt(2 * rates)
-    basis = basis * _even(np.linalg.solve(basis, model.B), model.C @ basis, weights)
+    basis = basis * _even(np.linalg.solve(basis, model.B), model.C @ basis, weights, pairs)
     A = np.linalg.solve(basis, model.A @ basis)
     B, C = np.linalg.solve(basis, model.B), model.C @ basis
     return ModalModel(A, B, C, model.D, basis, weights)
 
 
-def _even(B: Matrix, C: Matrix, weights: Matrix) -> Matrix:
+def _even(B: Matrix, C: Matrix, weights: Matrix, pairs: list[int]) -> Matrix:
     """Return factors of the basis that make inputs and outputs act alike on each mode."""
-    reach = np.maximum(np.linalg.norm(B, axis=1) * weights, 1e-3)
-    show = np.maximum(np.linalg.norm(C, axis=0) * weights, 1e-3)
-    ratio = np.sqrt(reach / show)
-    for i in np.flatnonzero(weights[1:] == weights[:-1]):  # a pair shares its factor
-        ratio[i : i + 2] = np.sqrt(ratio[i] * ratio[i + 1])
-    return ratio
+    reach, show = np.linalg.norm(B, axis=1) * weights, np.linalg.norm(C, axis=0) * weights
+    for i in pairs:  # both vectors of a pair share their factor
+        reach[i : i + 2] = np.linalg.norm(reach[i : i + 2])
+        show[i : i + 2] = np.linalg.norm(show[i : i + 2])
+    return np.sqrt(np.maximum(reach, 1e-3) / np.maximum(show, 1e-3))
 
 
-def _modal_basis(A: Matrix) -> tuple[Matrix, Matrix]:
+def _modal_basis(A: Matrix) -> tuple[Matrix, Matrix, list[int]]:
     n = A.shape[0]
-    plain = np.eye(n), np.ones(n)
+    plain = np.eye(n), np.ones(n), []
     values, vectors = np.linalg.eig(A)
-    columns, rates = [], []
+    columns, rates, pairs = [], [], []
     for value, vector in zip(values, vectors.T, strict=True):
         if value.imag == 0:
             columns.append(vector.real)
             rates.append(abs(value.real))
         elif value.imag > 0:
+            pairs.append(len(columns))
             columns += [vector.real, vector.imag]
             rates += [abs(value.real)] * 2
     basis = np.array(columns).T if n else np.zeros((0, 0))
     if n == 0 or not np.linalg.cond(basis) < 1e8 or min(rates) <= 0:
         return plain
-    return basis, np.array(rates)
+    return basis, np.array(rates), pairs

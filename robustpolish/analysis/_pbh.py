@@ -11,7 +11,7 @@ from robustpolish.analysis._eigen import EPS, eigensystem
 from robustpolish.analysis._exact import hidden_poles, rational
 from robustpolish.analysis._realisation import Realisation
 from robustpolish.analysis.decoupled_blocks import decoupled_blocks
-from robustpolish.analysis.scaling import even_scales
+from robustpolish.analysis.scaling import even_scales, in_units
 
 EXACT_STATES = 60
 """Up to so many coupled states are split exactly into reachable and hidden ones."""
@@ -35,21 +35,21 @@ def deficiencies(model: Realisation, tolerance: float | None) -> list[Deficiency
         if block.states:
             A = model.A[np.ix_(block.states, block.states)]
             B = model.B[np.ix_(block.states, block.inputs)]
-            part = _scaled(replace(model, A=A, B=B, C=np.zeros((0, len(block.states)))))
+            part = _scaled(_pair(model, A, B))
             found += [
                 replace(mode, state=block.states[mode.state]) for mode in _modes(part, tolerance)
             ]
     return found
 
 
+def _pair(model: Realisation, A: NDArray[np.float64], B: NDArray[np.float64]) -> Realisation:
+    return replace(model, A=A, B=B, C=np.zeros((0, len(A))), D=np.zeros((0, B.shape[1])))
+
+
 def _scaled(model: Realisation) -> Realisation:
     """Scale states, time and each input on its own: none of them changes what is reachable."""
     each = [np.array([i]) for i in range(model.B.shape[1])]
-    scales = even_scales(model, each, [])
-    T = scales.state
-    A = model.A * T / T[:, None] / scales.time
-    B = model.B * scales.inputs / T[:, None] / scales.time
-    return replace(model, A=A, B=B, time=scales.time)
+    return in_units(model, even_scales(model, each, []))
 
 
 def _modes(model: Realisation, tolerance: float | None) -> list[Deficiency]:

@@ -33,6 +33,8 @@ def cayley(model: Realisation) -> Realisation:
 def gains(model: Realisation, frequencies: Vector) -> Vector:
     """Return the largest singular value at each frequency x, s = i x; infinity is allowed."""
     result = np.empty(len(frequencies))
+    if model.states == 0:
+        return np.full(len(frequencies), float(np.linalg.norm(model.D, 2)))
     finite = np.isfinite(frequencies)
     result[~finite] = np.linalg.norm(model.D, 2)
     x = frequencies[finite]
@@ -50,6 +52,13 @@ def gains(model: Realisation, frequencies: Vector) -> Vector:
         where = np.flatnonzero(finite)[start : start + 64]
         result[where] = np.nan_to_num(np.linalg.svd(G, compute_uv=False)[:, 0])
     return result
+
+
+def largest_response(model: Realisation) -> float:
+    """Return the largest gain at the poles' frequencies, a rough size of the norm."""
+    if 0 in model.D.shape:
+        return 0.0
+    return float(gains(model, _seeds(np.linalg.eigvals(model.A).astype(complex))).max())
 
 
 def peak(

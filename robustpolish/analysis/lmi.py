@@ -8,6 +8,7 @@ the inequalities strictly is decided in exact arithmetic.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -19,9 +20,10 @@ from robustpolish.analysis._exact import ExactModel
 from robustpolish.analysis._lmi_proof import proves
 from robustpolish.analysis._lmi_solver import Equation, minimise, well_inside
 from robustpolish.analysis._modal_basis import ModalModel, modal_model
-from robustpolish.analysis._realisation import power_of_two, realisation
-from robustpolish.analysis.hinf_norm import hinf_norm
-from robustpolish.analysis.scaling import Scaling, even_scales
+from robustpolish.analysis._parts import parts_with_indices
+from robustpolish.analysis._peak_search import largest_response
+from robustpolish.analysis._realisation import Realisation, power_of_two, realisation
+from robustpolish.analysis.scaling import Scaling, even_scales, in_units
 from robustpolish.validation import described, invalid, one_of
 
 Matrix = NDArray[np.float64]
@@ -85,7 +87,7 @@ def lyapunov_lmi(system: control.StateSpace) -> LmiCheck:
     >>> bool(lyapunov_lmi(control.ss([[0, 1], [-2, -1]], [[0], [1]], [[1, 0]], 0)))
     True
     """
-    return _Problem.of(system).lyapunov()
+    return _checked(system, "10.15")
 
 
 def hinf_norm_lmi(
@@ -120,7 +122,7 @@ def hinf_norm_lmi(
     (True, 0.5)
     """
     one_of("equation", equation, ("10.17", "10.44"))
-    return _Problem.of(system).solved(equation)
+    return _checked(system, equation)
 
 
 def h2_norm_lmi(system: control.StateSpace) -> LmiCheck:
@@ -149,12 +151,44 @@ def h2_norm_lmi(system: control.StateSpace) -> LmiCheck:
     >>> round(h2_norm_lmi(control.ss([[-2.0]], [[1.0]], [[1.0]], 0)).value, 4)
     0.5
     """
-    problem = _Problem.of(system)
-    if problem.D.any():
+    if realisation("system", system).D.any():
+        raise invalid("system.D", system.D, "zero", "In continuous time the H2 norm is infinite.")
+    return _checked(system, "10.45")
+
+
+def _checked(system: control.StateSpace, equation: Equation) -> LmiCheck:
+    """Solve each decoupled part and put the proofs together."""
+    model = realisation("system", system)
+    if model.discrete:
         raise invalid(
-            "system.D", problem.D, "zero", "In continuous time the H2 norm is infinite."
+            "system",
+            described(f"a discrete system, dt = {system.dt}"),
+            "a continuous one",
+            "Use hinf_norm or h2_norm, which take both.",
         )
-    return problem.solved("10.45")
+    K: Matrix | None = np.zeros((model.states, model.states))
+    combined = math.hypot if equation == "10.45" else max
+    found = [(indices, _Problem.of(part)) for part, indices in parts_with_indices(model)]
+    checks = [problem.solved(equation) for _, problem in found]
+    value = combined(0.0, *(check.value for check in checks))
+    for (indices, _), check in zip(found, checks, strict=True):
+        if check.matrix is None or K is None:
+            K = None
+        elif indices:  # the H2 inequality of a part holds with K / gamma, whatever gamma
+            share = value / check.value if equation == "10.45" and 0 < value < math.inf else 1.0
+            K[np.ix_(indices, indices)] = check.matrix * share
+    return LmiCheck(
+        value,
+        K,
+        all(check.verified for check in checks),
+        _optimum(combined, [check.optimum for check in checks]),
+        equation,
+        next((check.status for check in checks if not check.verified), "optimal"),
+    )
+
+
+def _optimum(combined: Callable[..., float], optima: list[float]) -> float:
+    return math.nan if any(map(math.isnan, optima)) else combined(0.0, *optima)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,27 +198,22 @@ class _Problem:
     scales: Scaling
     modal: ModalModel
     exact: ExactModel
-    D: Matrix
 
     @classmethod
-    def of(cls, system: control.StateSpace) -> _Problem:
-        model = realisation("system", system)
-        if model.discrete:
-            raise invalid(
-                "system",
-                described(f"a discrete system, dt = {system.dt}"),
-                "a continuous one",
-                "Use hinf_norm or h2_norm, which take both.",
-            )
+    def of(cls, model: Realisation) -> _Problem:
         p, m = model.D.shape
         scales = even_scales(model, [np.arange(m)], [np.arange(p)])
-        guess = hinf_norm(scales.apply(system), tolerance=0.1, exact=False).value
+        guess = largest_response(in_units(model, scales))
         scales = replace(scales, outputs=scales.outputs * power_of_two(guess))
-        scaled = realisation("system", scales.apply(system))
-        return cls(scales, modal_model(scaled), ExactModel.of(scaled), model.D)
+        scaled = in_units(model, scales)
+        return cls(scales, modal_model(scaled), ExactModel.of(scaled))
 
     def solved(self, equation: Equation) -> LmiCheck:
         """Minimise gamma, step back from the optimum until K is a proof."""
+        if equation == "10.15":
+            return self._lyapunov()
+        if 0 in self.modal.D.shape:  # no norm to bound, only stability to prove
+            return replace(self._lyapunov(), equation=equation)
         unit, weight = self._units(equation)
         best = minimise(self.modal, equation)
         if best.K is None:
@@ -198,7 +227,7 @@ class _Problem:
         K = self._physical(best.K, weight)
         return LmiCheck(math.inf, K, False, best.gamma * unit, equation, best.status)
 
-    def lyapunov(self) -> LmiCheck:
+    def _lyapunov(self) -> LmiCheck:
         """Find K for (10.15)."""
         found = well_inside(self.modal, "10.15", 1.0)
         proven = found.K is not None and proves(self.exact, "10.15", found.K, 1.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import control
 import numpy as np
@@ -68,12 +68,12 @@ class Scaling:
                 f"{sizes}, as the scaling has",
                 "Scale this system with scale_system.",
             )
-        T, U, Y = self.state, self.inputs, self.outputs
+        scaled = in_units(model, self)
         return control.StateSpace(
-            model.A * T / T[:, None] / self.time,
-            model.B * U / T[:, None] / self.time,
-            model.C * T / Y[:, None],
-            model.D * U / Y[:, None],
+            scaled.A,
+            scaled.B,
+            scaled.C,
+            scaled.D,
             system.dt,
             states=system.state_labels,
             inputs=system.input_labels,
@@ -194,6 +194,19 @@ def scale_system(
     rows = _grouped("output_groups", output_groups, p)
     scaling = even_scales(model, columns, rows)
     return scaling.apply(system), scaling
+
+
+def in_units(model: Realisation, scaling: Scaling) -> Realisation:
+    """Return the matrices in scaled variables and time."""
+    T, U, Y, time = scaling.state, scaling.inputs, scaling.outputs, scaling.time
+    return replace(
+        model,
+        A=model.A * T / T[:, None] / time,
+        B=model.B * U / T[:, None] / time,
+        C=model.C * T / Y[:, None],
+        D=model.D * U / Y[:, None],
+        time=model.time * time,
+    )
 
 
 def even_scales(
