@@ -108,7 +108,11 @@ def add_arrays(table: RawTable, arrays: dict[str, Any], chosen: str | None, sour
             "one table to be chosen",
             "Pass table=NAME.",
         )
-    left = [name for name in arrays if split_header(name)[0] not in table.columns]
+    left = [
+        name
+        for name, values in arrays.items()
+        if split_header(name)[0] not in table.columns and np.size(values) > 1
+    ]
     if left:
         table.notes.append(f"left out, as they are no signals: {', '.join(sorted(left))}")
 

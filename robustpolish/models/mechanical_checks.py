@@ -204,7 +204,3 @@ def _effect_place(argument: str, effect: Effect, model: MechanicalModel) -> None
         raise invalid(
             argument, effect.at, "two coordinates of one unit", "Do not mix masses and inertias."
         )
-    if kind.rotational_only and turning == {False}:
-        raise invalid(
-            argument, effect.at, "a coordinate with an inertia", f"{kind.title} needs an angle."
-        )

@@ -1,0 +1,181 @@
+"""What came out of holding a model against data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from robustpolish.models.mechanical import MechanicalModel
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class OutputError:
+    """The error of one output.
+
+    Attributes
+    ----------
+    name, unit : str
+        Output and its SI unit.
+    nrmse : float
+        Norm of the error over the norm of the measured signal without its mean.
+    rmse : float
+        Root of the mean squared error, in `unit`.
+    band : (float, float)
+        95 % confidence band of `rmse`. It is wide where the error is slow: samples that resemble
+        each other count less.
+    relative : float
+        Norm of the error over the norm of the measured signal with its mean.
+    """
+
+    name: str
+    unit: str
+    nrmse: float
+    rmse: float
+    band: tuple[float, float]
+    relative: float
+
+    @property
+    def fit_percent(self) -> float:
+        """100 (1 - NRMSE), as in MATLAB: 100 is perfect, 0 no better than the mean."""
+        return 100 * (1 - self.nrmse)
+
+    @property
+    def fit_band(self) -> tuple[float, float]:
+        """95 % confidence band of `fit_percent`."""
+        share = self.nrmse / self.rmse if self.rmse else 0.0
+        return 100 * (1 - share * self.band[1]), 100 * (1 - share * self.band[0])
+
+
+@dataclass(frozen=True)
+class Reproducibility:
+    """Whether a free run can be repeated at all.
+
+    Attributes
+    ----------
+    reproducible : bool
+        False if a tiny change of the start grows beyond the noise, or the run diverges.
+    growth : float
+        Largest change of an output over the change at the beginning.
+    diverged_after : float or None
+        Time in s until the change exceeds the noise.
+    reason : str
+        In words.
+    """
+
+    reproducible: bool
+    growth: float
+    diverged_after: float | None
+    reason: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison:
+    """A model held against data.
+
+    Attributes
+    ----------
+    model : MechanicalModel
+    data : xarray.Dataset
+        Inputs and measured outputs over ``time``.
+    simulated : xarray.Dataset
+        The model's outputs; NaN where there is no prediction yet.
+    outputs : dict of str to OutputError
+        Errors by output.
+    method : str
+        ``"free run"``, ``"windows"`` or ``"prediction"``.
+    span : float or None
+        Length of the windows, or the prediction horizon, in s.
+    starts : ndarray, shape (runs, n)
+        Estimated starts: free displacements, velocities, internal states of effects.
+    reproducibility : Reproducibility
+    band : xarray.Dataset or None
+        Half width of the 95 % band of the simulated outputs that the parameters' standard errors
+        cause, if these were given.
+    notes : tuple of str
+        What has to be known to judge the figures.
+    """
+
+    model: MechanicalModel
+    data: xr.Dataset
+    simulated: xr.Dataset
+    outputs: Mapping[str, OutputError]
+    method: str
+    span: float | None
+    starts: np.ndarray
+    reproducibility: Reproducibility
+    band: xr.Dataset | None = None
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+    @property
+    def nrmse(self) -> float:
+        """Root of the mean squared NRMSE of the outputs."""
+        return float(np.sqrt(np.mean([error.nrmse**2 for error in self.outputs.values()])))
+
+    @property
+    def fit_percent(self) -> float:
+        """100 (1 - NRMSE) over all outputs."""
+        return 100 * (1 - self.nrmse)
+
+    @property
+    def reproducible(self) -> bool:
+        """Whether the runs can be repeated; if not, their error judges nothing."""
+        return self.reproducibility.reproducible
+
+    @property
+    def measured(self) -> xr.Dataset:
+        """The measured outputs."""
+        return self.data[list(self.outputs)]
+
+    @property
+    def residual(self) -> xr.Dataset:
+        """Measured minus simulated outputs."""
+        result = self.measured - self.simulated
+        for name, error in self.outputs.items():
+            result[name].attrs["units"] = error.unit
+        result["time"].attrs.update(self.data["time"].attrs)
+        return result
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as in the JSON of ``robustpolish compare``."""
+        return {
+            "outputs": {
+                name: {
+                    "nrmse": error.nrmse,
+                    "fit_percent": error.fit_percent,
+                    "rmse": error.rmse,
+                    "unit": error.unit,
+                    "rmse_band": list(error.band),
+                }
+                for name, error in self.outputs.items()
+            },
+            "overall": {"nrmse": self.nrmse, "fit_percent": self.fit_percent},
+            "method": self.method,
+            "span": self.span,
+            "reproducible": self.reproducible,
+            "notes": list(self.notes),
+        }
+
+    def plot(self) -> Figure:
+        """Draw measured and simulated outputs, residuals, and the spectra of both."""
+        from robustpolish.plotting.overlay import plot_overlay
+
+        return plot_overlay(self.measured, self.simulated, self.band)
+
+    def __repr__(self) -> str:
+        how = self.method if self.span is None else f"{self.method} of {self.span:.6g} s"
+        lines = [f"Comparison ({how}), fit {self.fit_percent:.2f} %"]
+        for error in self.outputs.values():
+            low, high = error.band
+            unit = "" if error.unit in ("", "1") else f" {error.unit}"
+            lines.append(
+                f"  {error.name}: fit {error.fit_percent:.2f} %, NRMSE {error.nrmse:.4g}, "
+                f"RMS error {error.rmse:.4g}{unit} (95 %: {low:.4g} to {high:.4g})"
+            )
+        return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
