@@ -6,6 +6,7 @@ computed from it, and a matrix proves both stability and the bound on the norm.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -30,7 +31,7 @@ from robustpolish.validation import described, invalid, matrix, one_of, positive
 
 Norm = Literal["hinf", "h2"]
 # How far above the computed norm the proven bound may lie, tried in this order.
-_PROOF_SLACK = (1e-6, 1e-5, 1e-4, 9e-4)
+_PROOF_SLACK = (1e-5, 2e-4, 9e-4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +164,7 @@ def certify(
     if not stable:
         reasons.append(f"the loop is unstable: {_worst(poles, plant.is_discrete)}")
     elif norm == "hinf":
-        achieved, peak = _hinf(system, reasons)
+        achieved, peak = _hinf(system, rounding_level(loop), reasons)
     else:
         achieved = _h2(system, reasons)
     proof, bound = None, np.inf
@@ -232,9 +233,12 @@ def _worst(poles: NDArray[np.complex128], discrete: bool) -> str:
     return f"a pole at {worst:.6g}"
 
 
-def _hinf(system: control.StateSpace, reasons: list[str]) -> tuple[float, float | None]:
+def _hinf(
+    system: control.StateSpace, level: float, reasons: list[str]
+) -> tuple[float, float | None]:
     """Compute the norm and confirm it on a grid that is dense around its peak."""
-    result = hinf_norm(system)
+    # The proof in balls follows, so that none is needed here.
+    result = hinf_norm(system, exact=False)
     if not result.stable or not np.isfinite(result.value):
         reasons.append(f"the H-infinity norm could not be computed: {result.reason}")
         return np.inf, None
@@ -242,16 +246,16 @@ def _hinf(system: control.StateSpace, reasons: list[str]) -> tuple[float, float 
     grid = confirmation_grid(system, peak)
     gains = largest_singular_values(system, grid)
     largest = float(gains.max(initial=0.0))
-    if largest > value * (1 + 1e-6):
+    if largest > value * (1 + 1e-6) + level:
         reasons.append(f"the frequency response reaches {largest:.6g}, the norm was {value:.6g}")
         return largest, float(grid[int(np.argmax(gains))])
-    if largest < value * (1 - 1e-4):
+    if largest < value * (1 - 1e-4) - level:
         reasons.append(f"the frequency response reaches {largest:.6g}, not the norm {value:.6g}")
     return value, peak
 
 
 def _h2(system: control.StateSpace, reasons: list[str]) -> float:
-    result = h2_norm(system)
+    result = h2_norm(system, tolerance=1e-4)  # the proof bounds it closer
     if not np.isfinite(result.value):
         reasons.append(f"the H2 norm is not finite: {result.reason}")
     return float(result.value)
@@ -261,24 +265,30 @@ def _prove(
     loop: LoopBalls, norm: Norm, achieved: float, claimed: float | None, discrete: bool
 ) -> NormProof | None:
     """Prove the smallest bound that can be proven; stability alone if no bound can."""
-    if norm == "h2":
-        return prove_h2(loop, discrete) or (None if discrete else prove_stability(loop))
+    flow = loop
     if discrete:
         try:
-            loop = cayley(loop)
+            flow = cayley(loop)
         except ZeroDivisionError:
             return None
-    bounds = [achieved * (1 + slack) for slack in _PROOF_SLACK]
-    if claimed is not None and claimed > bounds[-1]:
-        bounds.append(claimed)
+    if norm == "hinf":
+        proofs = _hinf_proofs(flow, achieved, claimed)
+    else:
+        proofs = (prove_h2(loop, discrete, slack) for slack in _PROOF_SLACK)
+    return next((proof for proof in proofs if proof is not None), None) or prove_stability(flow)
+
+
+def _hinf_proofs(
+    loop: LoopBalls, achieved: float, claimed: float | None
+) -> Iterator[NormProof | None]:
+    for slack in _PROOF_SLACK:
+        yield prove_hinf(loop, achieved * (1 + slack), slack)
+    if claimed is not None and claimed > achieved * (1 + _PROOF_SLACK[-1]):
+        yield prove_hinf(loop, claimed, min(0.1, claimed / achieved - 1) if achieved else 0.1)
     level = rounding_level(loop)
     if achieved <= level:
-        bounds += [level * factor for factor in (1.0, 1e3, 1e6)]
-    for bound in bounds:
-        proof = prove_hinf(loop, bound)
-        if proof is not None:
-            return proof
-    return prove_stability(loop)
+        for factor in (1.0, 1e4, 1e8):
+            yield prove_hinf(loop, level * factor, 0.1)
 
 
 def _gap(claimed: float | None, achieved: float) -> float | None:

@@ -2,9 +2,13 @@
 
 A proof is a symmetric P > 0 that satisfies a strict matrix inequality, the bounded-real one
 for the H-infinity norm (Boyd et al., "Linear Matrix Inequalities in System and Control Theory",
-1994, section 2.7.3), the Gramian one for the H2 norm (section 10.1). P is found in doubles; nothing
+1994, section 2.7.3), the Gramian one for the H2 norm (section 6.3.2). P is found in doubles; nothing
 is assumed about how good it is, only the check counts. Discrete-time loops are mapped by the
 Cayley transformation, which keeps stability, the H-infinity norm and P itself.
+
+What makes P strict is a small shift of all poles to the right: the equation for A + alpha I leaves
+-2 alpha P, a margin in proportion to P. Solving again in the coordinates where P was found to be
+the identity makes that margin visible in doubles however ill-conditioned P is in the given ones.
 """
 
 from __future__ import annotations
@@ -25,6 +29,7 @@ from robustpolish.synthesis.riccati import solve_lyapunov, solve_riccati
 
 Matrix = NDArray[Any]
 _BITS = 240
+_PASSES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +44,9 @@ class NormProof:
         The proven upper bound on the norm. A "lyapunov" proof tells stability only: infinite,
         or zero if the loop has no input or no output at all.
     P : ndarray, shape (n, n)
-        The matrix, in the scaled coordinates of `scale`, rounded to doubles.
-    scale : ndarray, shape (n,)
-        The loop's states are diag(scale) times the coordinates of P.
+        The matrix, in the coordinates of `transformation`, rounded to doubles.
+    transformation : ndarray, shape (n, n)
+        T of T x, the coordinates in which P is near the identity; x are the loop's states.
     bits : int
         Precision of the ball arithmetic of the check.
     """
@@ -49,7 +54,7 @@ class NormProof:
     kind: Literal["bounded_real", "gramian", "lyapunov"]
     bound: float
     P: Matrix
-    scale: Matrix
+    transformation: Matrix
     bits: int = _BITS
 
 
@@ -152,38 +157,57 @@ def rounding_level(loop: LoopBalls) -> float:
 def prove_stability(loop: LoopBalls) -> NormProof | None:
     """Prove that a continuous-time loop is stable by a Lyapunov matrix."""
     n = loop.A.nrows()
+    if n == 0:
+        return NormProof("lyapunov", np.inf, np.zeros((0, 0)), np.zeros((0, 0)))
     with balls.precision(_BITS):
-        for candidate in _lyapunov_candidates(loop.A, np.eye(n)):
-            gap = balls.symmetric(loop.A.transpose() * candidate) * flint.arb(-2)
-            if balls.is_positive_definite(candidate) and balls.is_positive_definite(gap):
-                return NormProof("lyapunov", np.inf, balls.midpoint(candidate), loop.scale)
+        silent = replace(loop, B=balls.zeros(n, 0), C=balls.zeros(0, n), D=balls.zeros(0, 0))
+        for T, P, turned in _candidates(silent, 0.5):
+            gap = balls.symmetric(P * turned.A) * flint.arb(-2)
+            if balls.is_positive_definite(P) and balls.is_positive_definite(gap):
+                return _proof("lyapunov", np.inf, P, T, loop)
     return None
 
 
-def prove_hinf(loop: LoopBalls, bound: float) -> NormProof | None:
-    """Prove that a continuous-time loop is stable with an H-infinity norm below `bound`."""
-    n, nw = loop.B.nrows(), loop.B.ncols()
+def prove_hinf(loop: LoopBalls, bound: float, slack: float = 1e-4) -> NormProof | None:
+    """Prove that a continuous-time loop is stable with an H-infinity norm below `bound`.
+
+    Parameters
+    ----------
+    loop : LoopBalls
+    bound : float
+    slack : float
+        By how much `bound` is expected to lie above the norm, relative; sets the margin
+        of strictness that is tried.
+    """
     if not np.isfinite(bound):
         return None
     if bound <= 0:
         return _prove_zero(loop)
+    n, nw = loop.B.nrows(), loop.B.ncols()
     with balls.precision(_BITS):
         g = flint.arb(float(bound))
-        A, B, C, D = loop.A, loop.B / g, loop.C, loop.D / g
+        unit = replace(loop, B=loop.B / g, D=loop.D / g)
+        fits = balls.is_positive_definite(balls.identity(nw) - unit.D.transpose() * unit.D)
+        if not fits:
+            return None
         if n == 0:
-            fits = balls.is_positive_definite(balls.identity(nw) - D.transpose() * D)
-            return NormProof("bounded_real", bound, np.zeros((0, 0)), loop.scale) if fits else None
-        for P in _bounded_real_candidates(A, B, C, D):
-            corner = P * B + C.transpose() * D
-            inequality = balls.block(
-                [
-                    [balls.symmetric(P * A) * flint.arb(2) + C.transpose() * C, corner],
-                    [corner.transpose(), D.transpose() * D - balls.identity(nw)],
-                ]
-            ) * flint.arb(-1)
-            if balls.is_positive_definite(inequality) and balls.is_positive_definite(P):
-                return NormProof("bounded_real", bound, balls.midpoint(P), loop.scale)
+            return NormProof("bounded_real", bound, np.zeros((0, 0)), np.zeros((0, 0)))
+        for T, P, turned in _candidates(unit, slack):
+            if _is_bounded_real(P, turned):
+                return _proof("bounded_real", bound, P, T, loop)
     return None
+
+
+def _is_bounded_real(P: Ball, loop: LoopBalls) -> bool:
+    A, B, C, D = loop.A, loop.B, loop.C, loop.D
+    corner = P * B + C.transpose() * D
+    inequality = balls.block(
+        [
+            [balls.symmetric(P * A) * flint.arb(2) + C.transpose() * C, corner],
+            [corner.transpose(), D.transpose() * D - balls.identity(B.ncols())],
+        ]
+    ) * flint.arb(-1)
+    return balls.is_positive_definite(inequality) and balls.is_positive_definite(P)
 
 
 def _prove_zero(loop: LoopBalls) -> NormProof | None:
@@ -196,126 +220,119 @@ def _prove_zero(loop: LoopBalls) -> NormProof | None:
     return None if proof is None else replace(proof, bound=0.0)
 
 
-def prove_h2(loop: LoopBalls, discrete: bool, slack: float = 1e-6) -> NormProof | None:
-    """Prove that a loop is stable and bound its H2 norm by a controllability Gramian.
+def prove_h2(loop: LoopBalls, discrete: bool, slack: float = 1e-4) -> NormProof | None:
+    """Prove that a loop is stable and bound its H2 norm by its controllability Gramian.
 
-    The bound is the best that the Gramian gives, at most about `slack` above the norm
-    (relative); None as well if a continuous loop has a feedthrough.
+    Parameters
+    ----------
+    loop : LoopBalls
+    discrete : bool
+        Whether it is a discrete-time loop; it is mapped here, its Gramian stays the same.
+    slack : float
+        By how much the bound may lie above the norm, relative.
     """
     n = loop.A.nrows()
-    zero = _prove_zero(loop)
-    if zero is not None and not discrete:
-        return zero
     with balls.precision(_BITS):
-        feedthrough = balls.magnitude(loop.D)
-        if not discrete and feedthrough.any():
+        own = loop.D * loop.D.transpose()
+        if not discrete and balls.magnitude(own).any():
             return None
-        B = balls.midpoint(loop.B)
-        for X in _gramian_candidates(loop, B, discrete, slack):
-            if discrete:
-                gap = X - loop.A * X * loop.A.transpose() - loop.B * loop.B.transpose()
-            else:
-                gap = -(balls.symmetric(loop.A * X) * flint.arb(2) + loop.B * loop.B.transpose())
-            if not (n == 0 or (balls.is_positive_definite(gap) and balls.is_positive_definite(X))):
-                continue
-            energy = (loop.C * X * loop.C.transpose()) if n else balls.zeros(*[loop.C.nrows()] * 2)
-            if discrete:
-                energy = energy + loop.D * loop.D.transpose()
-            bound = float(flint.arb(energy.trace()).sqrt().upper()) if energy.nrows() else 0.0
-            if np.isfinite(bound):
-                return NormProof("gramian", bound * (1 + 1e-15), balls.midpoint(X), loop.scale)
+        flow = cayley(loop) if discrete else loop
+        dual = LoopBalls(
+            flow.A.transpose(),
+            balls.zeros(n, 0),
+            flow.B.transpose(),
+            balls.zeros(flow.B.ncols(), 0),
+            1 / loop.scale,
+        )
+        if n == 0:
+            return _gramian_proof(own, balls.zeros(0, 0), np.zeros((0, 0)), dual)
+        for T, X, turned in _candidates(dual, slack):
+            if _is_bounded_real(X, turned):
+                output = loop.C * balls.ball(T).transpose()
+                return _gramian_proof(own + output * X * output.transpose(), X, T, dual)
     return None
 
 
-def _lyapunov_candidates(A: Ball, Q: Matrix) -> Iterator[Ball]:
-    """Yield approximate solutions of A'P + PA + Q = 0, each refined further."""
-    doubles = balls.midpoint(A)
-    P = solve_lyapunov(doubles, Q)
-    if P is None:
-        return
-    candidate = balls.ball(P)
-    right = balls.ball(Q)
-    for _ in range(4):
-        yield candidate
-        residual = balls.symmetric(candidate * A) * flint.arb(2) + right
-        step = solve_lyapunov(doubles, balls.midpoint(residual))
-        if step is None:
-            return
-        candidate = (candidate + balls.ball(step)).mid()
+def _gramian_proof(energy: Ball, X: Ball, T: Matrix, dual: LoopBalls) -> NormProof:
+    bound = flint.arb(energy.trace() if energy.nrows() else 0).sqrt().upper()
+    return _proof("gramian", float(bound) * (1 + 1e-15), X, T, dual)
 
 
-def _bounded_real_candidates(A: Ball, B: Ball, C: Ball, D: Ball) -> Iterator[Ball]:
-    """Yield matrices that should satisfy the bounded-real inequality at gamma = 1.
+def _proof(kind: Any, bound: float, P: Ball, T: Matrix, loop: LoopBalls) -> NormProof:
+    """Note a proof in the loop's own states."""
+    return NormProof(kind, bound, balls.midpoint(P), T / loop.scale)
 
-    The Riccati solution satisfies it with equality, and Newton's method in balls removes its
-    rounding errors; adding a small solution of the Lyapunov equation of the same loop makes
-    the inequality strict.
+
+def _candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, LoopBalls]]:
+    """Yield coordinates T, a P in them that should be bounded real at gamma = 1, and the loop in T.
+
+    P solves the Riccati equation of the loop with all poles shifted to the right by a part
+    of the stability margin; the coordinates are those in which the last P was the identity.
     """
-    n, nw = B.nrows(), B.ncols()
-    try:
-        inner = (balls.identity(nw) - D.transpose() * D).inv()
-    except ZeroDivisionError:
-        return
-    At = A + B * inner * D.transpose() * C
-    R = B * inner * B.transpose()
-    Q = C.transpose() * (balls.identity(C.nrows()) + D * inner * D.transpose()) * C
-    start = solve_riccati(*(balls.midpoint(M) for M in (At, R, Q)))
-    if start is None:
-        return
-    P = balls.ball(start.X)
-    for _ in range(4):
-        loop = balls.midpoint(At + R * P)
-        if np.linalg.eigvals(loop).real.max() >= 0:
-            return
-        margin = solve_lyapunov(loop, np.eye(n))
-        if margin is None:
-            return
-        largest = np.linalg.norm(margin @ balls.midpoint(R) @ margin, 2)
-        largest = max(largest, np.linalg.norm(margin, 2) / max(np.linalg.norm(start.X, 2), 1e-300))
-        for share in (0.5, 2.0**-10):
-            yield (P + balls.ball(margin) * flint.arb(float(share / largest))).mid()
-        residual = balls.symmetric(P * At) * flint.arb(2) + P * R * P + Q
-        step = solve_lyapunov(loop, balls.midpoint(residual))
-        if step is None:
-            return
-        P = balls.symmetric(P + balls.ball(step)).mid()
-
-
-def _gramian_candidates(loop: LoopBalls, B: Matrix, discrete: bool, slack: float) -> Iterator[Ball]:
-    """Yield upper bounds of the controllability Gramian, each refined further."""
-    A = balls.midpoint(loop.A)
+    A, _, C, _ = loop.doubles
     n = A.shape[0]
-    if n == 0:
-        yield balls.zeros(0, 0)
+    margin = -float(np.linalg.eigvals(A).real.max(initial=-np.inf))
+    if n == 0 or margin <= 0:
         return
+    for alpha in (0.3 * slack * margin, 0.01 * slack * margin):
+        start = solve_lyapunov(A + alpha * np.eye(n), C.T @ C + 1e-6 * alpha * np.eye(n))
+        T = np.eye(n) if start is None else _identity_coordinates(start)
+        for _ in range(_PASSES):
+            try:
+                turned = _turned(loop, T)
+            except ZeroDivisionError:
+                break
+            X = _shifted_riccati(turned, alpha)
+            if X is None:
+                break
+            values = np.linalg.eigvalsh(X)
+            if values[0] > 1e-12 * values[-1]:
+                yield T, _refined(X, turned, alpha), turned
+            T = _identity_coordinates(X) @ T
 
-    def solve(Q: Matrix) -> Matrix | None:
-        if not discrete:
-            return solve_lyapunov(A.T, Q)
-        try:
-            inverse = np.linalg.inv(A + np.eye(n))
-        except np.linalg.LinAlgError:
-            return None
-        half = np.sqrt(2) * inverse
-        return solve_lyapunov((inverse @ (A - np.eye(n))).T, half @ Q @ half.T)
 
-    X, margin = solve(B @ B.T), solve(np.eye(n))
-    if X is None or margin is None:
-        return
-    C = balls.midpoint(loop.C)
-    energy, extra = np.trace(C @ X @ C.T), np.trace(C @ margin @ C.T)
-    # A vanishing energy is known to rounding only; the bound then ends there too.
-    energy = max(energy, np.finfo(float).eps ** 2 * np.linalg.norm(C) ** 2 * np.linalg.norm(X))
-    epsilon = 2 * slack * energy / extra if extra > 0 and energy > 0 else slack**4
-    current = balls.ball(X)
-    for _ in range(4):
-        for share in (0.1, 1.0):
-            yield (current + balls.ball(margin) * flint.arb(float(share * epsilon))).mid()
-        if discrete:
-            residual = loop.A * current * loop.A.transpose() - current
-        else:
-            residual = balls.symmetric(loop.A * current) * flint.arb(2)
-        step = solve(balls.midpoint(residual + loop.B * loop.B.transpose()))
-        if step is None:
-            return
-        current = balls.symmetric(current + balls.ball(step)).mid()
+def _turned(loop: LoopBalls, T: Matrix) -> LoopBalls:
+    """Return the loop in the coordinates T x."""
+    into = balls.ball(T)
+    back = into.inv()
+    return replace(loop, A=into * loop.A * back, B=into * loop.B, C=loop.C * back)
+
+
+def _identity_coordinates(P: Matrix) -> Matrix:
+    """Return an upper triangular T with T'T = P, as far as P is positive definite in doubles."""
+    values, vectors = np.linalg.eigh(P)
+    values = np.maximum(values, max(values[-1], np.finfo(float).tiny) * 1e-14)
+    return np.linalg.qr(np.sqrt(values)[:, None] * vectors.T)[1]
+
+
+def _shifted_riccati(loop: LoopBalls, alpha: float) -> Matrix | None:
+    """Solve the bounded-real Riccati equation of A + alpha I, with a little extra output."""
+    A, R, Q = (balls.midpoint(M) for M in _riccati_terms(loop, alpha))
+    found = solve_riccati(A, R, Q)
+    return None if found is None else found.X
+
+
+def _riccati_terms(loop: LoopBalls, alpha: float) -> tuple[Ball, Ball, Ball]:
+    """Return the terms of A'P + PA + PRP + Q = 0."""
+    A, B, C, D = loop.A, loop.B, loop.C, loop.D
+    n = A.nrows()
+    shift = balls.identity(n) * flint.arb(float(alpha))
+    extra = shift * flint.arb(0.1)
+    if B.ncols() == 0:
+        return A + shift, balls.zeros(n, n), C.transpose() * C + extra
+    inner = (balls.identity(B.ncols()) - D.transpose() * D).inv()
+    outer = balls.identity(C.nrows()) + D * inner * D.transpose()
+    return (
+        A + B * inner * D.transpose() * C + shift,
+        B * inner * B.transpose(),
+        C.transpose() * outer * C + extra,
+    )
+
+
+def _refined(X: Matrix, loop: LoopBalls, alpha: float) -> Ball:
+    """Remove the rounding errors of a Riccati solution by a step of Newton's method."""
+    A, R, Q = _riccati_terms(loop, alpha)
+    P = balls.ball(X)
+    residual = balls.symmetric(P * A) * flint.arb(2) + P * R * P + Q
+    step = solve_lyapunov(balls.midpoint(A + R * P), balls.midpoint(residual))
+    return P if step is None else balls.symmetric(P + balls.ball(step)).mid()

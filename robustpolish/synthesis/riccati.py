@@ -17,6 +17,9 @@ from scipy import linalg
 Matrix = NDArray[Any]
 
 
+_MOST_ASYMMETRY = 1e-6
+
+
 class RiccatiSolution(NamedTuple):
     """X and how it was reached."""
 
@@ -62,6 +65,11 @@ def solve_riccati(A: Matrix, R: Matrix, Q: Matrix) -> RiccatiSolution | None:
     size = np.abs(eigenvalues).max()
     separation = float(np.abs(eigenvalues.real).min() / size) if size else 0.0
     upper, lower = U[:n, :n], U[n:, :n]
+    # A subspace that holds eigenvalues of the axis, pushed to the left by rounding, is
+    # not Lagrangian: its X would not be symmetric.
+    product = upper.T @ lower
+    if np.abs(product - product.T).max() > _MOST_ASYMMETRY:
+        return None
     try:
         lu = linalg.lu_factor(upper, check_finite=False)
     except (linalg.LinAlgError, linalg.LinAlgWarning):
