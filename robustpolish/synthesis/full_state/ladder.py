@@ -10,11 +10,18 @@ from typing import Any
 import numpy as np
 
 from robustpolish.synthesis.full_state.engines import Answer, Engine, minimise
+from robustpolish.synthesis.full_state.games import lqr_gain
 from robustpolish.synthesis.full_state.problem import StateFeedbackProblem
 from robustpolish.synthesis.pole_regions import PoleRegion
 
 # Prices in the scaled units, where entries of the plant are about one.
-_PRICES = tuple(10.0 ** (-k / 2) for k in range(17))
+_STEP = 10.0
+_PRICES = tuple(_STEP**-k for k in range(-3, 9))
+_LANDINGS = 4
+# Tolerance of the first descent; a fifth of it is given away on every rung.
+_COARSE = 0.5
+# Weight of the states against the controls when all that is asked for is stability.
+_STABILISING = 1e-3
 # A norm that moves by less than this share over two rungs has reached its limit.
 _CONVERGED = 3e-4
 # A gain that grows by less than this factor over two rungs has reached its limit too.
@@ -53,15 +60,16 @@ def is_regular(problem: StateFeedbackProblem) -> bool:
     return bool(singular[-1] > 1e-11 * size)
 
 
-def first_rung(
-    engine: Engine, problem: StateFeedbackProblem, regions: Sequence[PoleRegion] = ()
-) -> float:
-    """Return the norm at the highest price: what almost no control achieves."""
-    answer = minimise(engine, problem.with_price(_PRICES[0]), regions)
-    return math.inf if answer is None else problem.achieved(answer.F, engine.norm)
+def almost_no_control(problem: StateFeedbackProblem, norm: str) -> float:
+    """Return the norm without control or, if that is unstable, with the least that stabilises."""
+    p = problem
+    idle = p.achieved(np.zeros((p.nu, p.nx)), norm)
+    if math.isfinite(idle):
+        return idle
+    return p.achieved(lqr_gain(p.only_effort(_STABILISING)), norm)
 
 
-def descend(
+def solve_singular(
     engine: Engine,
     problem: StateFeedbackProblem,
     target: float,
@@ -69,6 +77,10 @@ def descend(
     regions: Sequence[PoleRegion] = (),
 ) -> LadderAnswer | None:
     """Lower the price until the norm settles or falls below `target`.
+
+    The first descent gives a tenth of the norm away on every rung, which keeps gains small;
+    it decides where the norm falls without limit. Where it does not, a second
+    descent looks for the infimum to the tolerance.
 
     Parameters
     ----------
@@ -78,7 +90,7 @@ def descend(
     target : float
         A norm small enough to stop at.
     size : callable
-        Gain in the plant's units, for the record.
+        Gain in the plant's units.
     regions : sequence of PoleRegion, optional
 
     Returns
@@ -87,38 +99,78 @@ def descend(
         The smallest gain within the tolerance of the best norm seen; None if nothing
         stabilises.
     """
+    coarse = replace(engine, tolerance=max(engine.tolerance, _COARSE))
+    found = _descend(coarse, problem, target, size, regions)
+    if found is None or found.vanishing or engine.norm == "h2":
+        return found
+    return _descend(engine, problem, target, size, regions) or found
+
+
+def _descend(
+    engine: Engine,
+    problem: StateFeedbackProblem,
+    target: float,
+    size: Callable[[np.ndarray], float],
+    regions: Sequence[PoleRegion],
+) -> LadderAnswer | None:
     rungs: list[Answer] = []
     history: list[dict[str, Any]] = []
-    settled = vanishing = False
+
+    def rung(price: float) -> Answer | None:
+        answer = minimise(engine, problem.with_price(price), regions)
+        if answer is None:
+            return None
+        achieved = problem.achieved(answer.F, engine.norm)
+        gain = size(answer.F)
+        history.append({"step": "price", "price": price, "achieved": achieved, "gain": gain})
+        return replace(answer, achieved=achieved, claimed=achieved)
+
+    settled = False
     for price in _PRICES:
         if engine.remaining() <= 0:
             break
-        answer = minimise(engine, problem.with_price(price), regions)
-        if answer is None:
+        answer = rung(price)
+        if answer is None or not math.isfinite(answer.achieved):
             continue
-        achieved = problem.achieved(answer.F, engine.norm)
-        history.append(
-            {"step": "price", "price": price, "achieved": achieved, "gain": size(answer.F)}
-        )
-        if not math.isfinite(achieved):
-            continue
-        # The price only adds to the norm, so its bound holds without it.
-        rungs.append(replace(answer, achieved=achieved, claimed=max(answer.claimed, achieved)))
-        if achieved <= target:
-            vanishing = True
-            break
-        if len(rungs) > 2 and rungs[-3].achieved < achieved * (1 + _CONVERGED):
+        rungs.append(answer)
+        if answer.achieved <= target:
+            landed = _land(rung, answer, price, target, engine)
+            return LadderAnswer(replace(landed, history=tuple(history)), False, True)
+        if len(rungs) > 1 and _at_rest(rungs[-2], rungs[-1], size):
             settled = True
             break
     if not rungs:
         return None
-    least = min(rung.achieved for rung in rungs)
+    least = min(answer.achieved for answer in rungs)
     share = max(engine.tolerance, _CONVERGED)
-    near = [rung for rung in rungs if rung.achieved <= least * (1 + share)]
-    chosen = min(near, key=lambda rung: size(rung.F))
-    grown = size(rungs[-1].F) / max(size(rungs[-3].F), 1e-300) if len(rungs) > 2 else math.inf
-    return LadderAnswer(
-        answer=replace(chosen, claimed=chosen.achieved, history=tuple(history)),
-        attained=settled and grown < _GAIN_GROWTH,
-        vanishing=vanishing,
-    )
+    near = [answer for answer in rungs if answer.achieved <= least * (1 + share)]
+    chosen = min(near, key=lambda answer: size(answer.F))
+    return LadderAnswer(replace(chosen, history=tuple(history)), settled, False)
+
+
+def _land(
+    rung: Callable[[float], Answer | None],
+    answer: Answer,
+    price: float,
+    target: float,
+    engine: Engine,
+) -> Answer:
+    """Raise the price again as far as the norm stays below the target: gains shrink."""
+    low, high = math.log(price), math.log(price * _STEP)
+    if price == _PRICES[0]:
+        high += 3 * math.log(_STEP)
+    for _ in range(_LANDINGS):
+        if engine.remaining() <= 0:
+            break
+        middle = (low + high) / 2
+        other = rung(math.exp(middle))
+        if other is not None and other.achieved <= target:
+            answer, low = other, middle
+        else:
+            high = middle
+    return answer
+
+
+def _at_rest(before: Answer, after: Answer, size: Callable[[np.ndarray], float]) -> bool:
+    same_norm = before.achieved < after.achieved * (1 + _CONVERGED)
+    return same_norm and size(after.F) < _GAIN_GROWTH * size(before.F)

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from robustpolish.synthesis.affine import Affine, symmetric_block
+from robustpolish.synthesis.full_state.frames import Frame
 from robustpolish.synthesis.full_state.inequalities import (
+    gain_inequality,
     h2_inequality,
     hinf_inequality,
     region_inequalities,
@@ -23,11 +25,16 @@ from robustpolish.synthesis.semidefinite import SemidefiniteProgram
 
 Matrix = NDArray[np.float64]
 
-_ROUNDS = 5
 _SOLVER_TOLERANCE = 1e-9
 _EASED_TOLERANCE = 1e-7
-# Eigenvalues of Y below this share of the largest are rounding errors of the solver.
-_SMALLEST_SHARE = 1e-13
+# Rounds of solving, and the noise on all states that each adds for the H2 norm, as a share of
+# the disturbance. Without it Y is singular where w excites little, and with no pole region
+# the optimal gain does not depend on it.
+_NOISE = (1e-1, 1e-2, 1e-3, 1e-4, 1e-4)
+# With more slack than this the gain of least effort is taken as it is.
+_COARSE = 1e-2
+# Steps along the line from the best gain to one of less effort.
+_HALVINGS = 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +61,15 @@ class LmiOptions:
     slack: float = 2e-5
     remaining: Callable[[], float] = field(default=lambda: math.inf)
 
+    def judged(self, p: StateFeedbackProblem, F: Matrix) -> float:
+        """Return the norm that a gain achieves; infinite outside the regions."""
+        achieved = p.achieved(F, self.norm)
+        if math.isfinite(achieved) and self.regions:
+            poles = np.linalg.eigvals(p.A + p.B2 @ F)
+            if not all(region.contains(poles) for region in self.regions):
+                return math.inf
+        return achieved
+
 
 @dataclass(frozen=True, eq=False)
 class LmiAnswer:
@@ -71,16 +87,6 @@ class LmiAnswer:
     claimed: float
     achieved: float
     Y: Matrix
-
-
-@dataclass(frozen=True, eq=False)
-class _Frame:
-    """Coordinates of one solve: x = T x_new, u = V u_new, rows times E, norms over `unit`."""
-
-    T: Matrix
-    V: Matrix
-    E: Matrix
-    unit: float
 
 
 def minimise_norm(
@@ -109,87 +115,130 @@ def minimise_norm(
     """
     p = problem.compressed()
     first = p.achieved(start, options.norm)
-    frame = _Frame(np.eye(p.nx), np.eye(p.nu), np.eye(p.nx), first if 0 < first < math.inf else 1.0)
-    older = frame
+    frame = older = Frame.plain(p, first if 0 < first < math.inf else 1.0)
     best: LmiAnswer | None = None
     history: list[dict[str, Any]] = []
-    for number in range(1, _ROUNDS + 1):
+    for number, noise in enumerate(_NOISE, start=1):
         if options.remaining() <= 0:
             break
-        answer, new_frame, entry = _solve_somehow(p, options, frame, older)
-        older = frame
-        history.append({"step": f"inequalities, round {number}", **entry})
-        if answer is None or new_frame is None:
+        solved = _solve_somehow(p, options, frame, older, noise, history)
+        history[-1]["step"] = f"inequalities, round {number}"
+        if solved is None:
             break
-        settled = best is not None and _settled(answer, best, options.slack)
+        answer, older, frame = solved[0], frame, solved[1]
+        settled = best is not None and _settled(answer, best, options)
         if best is None or answer.achieved < best.achieved:
             best = answer
-        frame = new_frame
         if settled:
             break
     if best is None or not math.isfinite(best.achieved):
         return None, history
-    tamed = _tamed(p, options, frame, best, history)
-    return tamed or best, history
+    if options.norm == "h2":
+        # The smallest bound of (10.28) for this gain, without noise, is the Gramian's.
+        return replace(best, claimed=best.achieved), history
+    return _tamed(p, options, frame, best, history), history
 
 
 def _solve_somehow(
-    p: StateFeedbackProblem, options: LmiOptions, frame: _Frame, older: _Frame
-) -> tuple[LmiAnswer | None, _Frame | None, dict[str, Any]]:
-    """Solve in the new frame; where the solver breaks down, more plainly, then half way back."""
-    plain = replace(frame, E=np.eye(p.nx))
-    halfway = replace(plain, T=linalg.polar(frame.T)[1] if frame is older else older.T)
-    result = _solve(p, options, frame)
-    for other, tolerance in ((plain, _EASED_TOLERANCE), (halfway, _SOLVER_TOLERANCE)):
-        if result[0] is not None or options.remaining() <= 0:
+    p: StateFeedbackProblem,
+    options: LmiOptions,
+    frame: Frame,
+    older: Frame,
+    noise: float,
+    history: list[dict[str, Any]],
+) -> tuple[LmiAnswer, Frame] | None:
+    """Solve in the new frame; where the solver breaks down, more plainly, then in the old."""
+    plain = frame.without_congruence()
+    attempts = (
+        (frame, _SOLVER_TOLERANCE),
+        (plain, _EASED_TOLERANCE),
+        (replace(plain, T=older.T), _SOLVER_TOLERANCE),
+    )
+    result = None
+    for attempt, tolerance in attempts:
+        result = _solve(p, options, attempt, history, noise=noise, tolerance=tolerance)
+        if result is not None or options.remaining() <= 0:
             break
-        result = _solve(p, options, other, tolerance=tolerance)
     return result
 
 
-def _settled(answer: LmiAnswer, best: LmiAnswer, slack: float) -> bool:
-    """Whether claim and achievement agree, and with the best so far."""
-    near = 0.1 * slack
-    return (
-        abs(answer.claimed / answer.achieved - 1) < near
-        and abs(answer.achieved / best.achieved - 1) < near
-    )
+def _settled(answer: LmiAnswer, best: LmiAnswer, options: LmiOptions) -> bool:
+    """Whether the answer agrees with the best so far, and its claim with its achievement."""
+    near = 0.1 * options.slack
+    if not abs(answer.achieved / best.achieved - 1) < near:
+        return False
+    # With noise the claim is for a larger norm.
+    return options.norm == "h2" or abs(answer.claimed / answer.achieved - 1) < near
 
 
 def _tamed(
     p: StateFeedbackProblem,
     options: LmiOptions,
-    frame: _Frame,
+    frame: Frame,
     best: LmiAnswer,
     history: list[dict[str, Any]],
-) -> LmiAnswer | None:
-    """Give `slack` of the norm away for the smallest effort; None if nothing is gained."""
-    if options.norm == "h2" or p.nu == 0 or options.remaining() <= 0:
-        return None
-    claim = max(best.claimed, best.achieved) * (1 + options.slack)
-    answer, _, entry = _solve(p, options, frame, limit=claim)
-    if answer is None:
-        frame = replace(frame, E=np.eye(p.nx))
-        answer, _, entry = _solve(p, options, frame, limit=claim, tolerance=_EASED_TOLERANCE)
-    history.append({"step": "smallest effort near the optimum", **entry})
-    # The solver keeps the limit only to its tolerance; a little more is given away then.
-    if answer is None or not answer.achieved <= claim * (1 + options.slack):
-        return None
-    return replace(answer, claimed=max(claim, answer.achieved))
+) -> LmiAnswer:
+    """Give `slack` of the norm away for a smaller effort.
+
+    The gain often grows without limit towards the optimum. A gain of small effort under
+    twice the slack is joined to the best one by a line in (Y, M), along which the
+    inequalities hold, and the last point of that line within the slack is taken.
+    """
+    if p.nu == 0 or options.remaining() <= 0:
+        return best
+    limit = best.achieved * (1 + 2 * options.slack)
+    # Far from the optimum the gain itself can be minimised, near it only the effort.
+    gain = (float(np.linalg.norm(best.F, 2)) or None) if options.slack > _COARSE else None
+    solved = _solve(p, options, frame, history, limit=limit, gain=gain)
+    if solved is None:
+        eased = frame.without_congruence()
+        solved = _solve(
+            p, options, eased, history, limit=limit, gain=gain, tolerance=_EASED_TOLERANCE
+        )
+    history[-1]["step"] = "smallest effort near the optimum"
+    if solved is None:
+        return best
+    claim = best.achieved * (1 + options.slack)
+    end = solved[0]
+    if options.slack > _COARSE and end.achieved <= limit * (1 + options.slack):
+        return replace(end, claimed=max(limit, end.achieved))
+    chosen, low, high = best, 0.0, 1.0
+    share = 1.0
+    for _ in range(_HALVINGS):
+        Y = (1 - share) * best.Y + share * end.Y
+        M = (1 - share) * best.F @ best.Y + share * end.F @ end.Y
+        try:
+            F = np.linalg.solve(Y, M.T).T
+        except linalg.LinAlgError:
+            break
+        achieved = options.judged(p, F)
+        if achieved <= claim:
+            chosen, low = LmiAnswer(F, claim, achieved, Y), share
+        else:
+            high = share
+        share = (low + high) / 2
+        if low == high:
+            break
+    return chosen
 
 
 def _solve(
     p: StateFeedbackProblem,
     options: LmiOptions,
-    frame: _Frame,
+    frame: Frame,
+    history: list[dict[str, Any]],
+    *,
     limit: float | None = None,
+    gain: float | None = None,
+    noise: float = 0.0,
     tolerance: float = _SOLVER_TOLERANCE,
-) -> tuple[LmiAnswer | None, _Frame | None, dict[str, Any]]:
+) -> tuple[LmiAnswer, Frame] | None:
     """Minimise the norm, or the effort under a limit of the norm, in one frame."""
-    q = _in_frame(p, frame)
+    hinf = options.norm == "hinf"
+    q = frame.apply(p if hinf else p.with_noise(noise))
     program = SemidefiniteProgram()
     Y, M = program.symmetric(p.nx), program.matrix(p.nu, p.nx)
-    if options.norm == "hinf":
+    if hinf:
         square = program.scalar() if limit is None else Affine.of((limit / frame.unit) ** 2)
         hinf_inequality(program, q, Y, M, square, frame.E)
     else:
@@ -199,9 +248,7 @@ def _solve(
     if limit is None:
         program.minimise(square)
     else:
-        W = program.symmetric(p.nu)
-        program.positive(symmetric_block([[W, M], [Y]]))
-        program.minimise(W.trace)
+        program.minimise(_smallness(program, Y, M, frame, gain))
     remaining = options.remaining()
     solution = program.solve(
         options.backend,
@@ -209,53 +256,32 @@ def _solve(
         tolerance=tolerance,
         time_limit=remaining if math.isfinite(remaining) else None,
     )
-    entry: dict[str, Any] = {"solver_status": solution.status, "seconds": solution.elapsed}
+    history.append({"solver_status": solution.status, "seconds": solution.elapsed})
     if solution.x is None:
-        return None, None, entry
+        return None
     y, m = solution.value(Y), solution.value(M)
     claimed = frame.unit * math.sqrt(max(solution.value(square).item(), 0.0))
     try:
-        F = frame.V @ np.linalg.solve(y, m.T).T @ np.linalg.inv(frame.T)
-        new = _next_frame(q, frame, y, m, options.norm)
+        F = frame.gain(y, m)
+        new = frame.next(q, y, m, even_out=hinf)
     except linalg.LinAlgError:
-        return None, None, entry
-    achieved = p.achieved(F, options.norm)
-    entry |= {"claimed": claimed, "achieved": achieved}
-    if math.isfinite(achieved) and achieved > 0:
+        return None
+    achieved = options.judged(p, F)
+    history[-1] |= {"claimed": claimed, "achieved": achieved}
+    if 0 < achieved < math.inf:
         new = replace(new, unit=achieved)
-    return LmiAnswer(F, claimed, achieved, frame.T @ y @ frame.T.T), new, entry
+    return LmiAnswer(F, claimed, achieved, frame.T @ y @ frame.T.T), new
 
 
-def _in_frame(p: StateFeedbackProblem, frame: _Frame) -> StateFeedbackProblem:
-    """Return the problem in a frame, where the norm of its loop is about one."""
-    q = p.in_states(frame.T)
-    root = math.sqrt(frame.unit)
-    return replace(
-        q,
-        B1=q.B1 / root,
-        B2=q.B2 @ frame.V,
-        C=q.C / root,
-        D11=q.D11 / frame.unit,
-        D12=q.D12 @ frame.V / root,
-    )
-
-
-def _next_frame(q: StateFeedbackProblem, frame: _Frame, Y: Matrix, M: Matrix, norm: str) -> _Frame:
-    """Return the frame in which Y is the identity and the inequality evened out."""
-    values, vectors = np.linalg.eigh((Y + Y.T) / 2)
-    values = np.maximum(values, values[-1] * _SMALLEST_SHARE)
-    if not values[-1] > 0:
-        raise linalg.LinAlgError("Y is not positive")
-    step = vectors * np.sqrt(values)
-    back = (vectors / np.sqrt(values)).T
-    gains = np.linalg.norm(M @ back.T, axis=1)
-    S = back @ (q.A @ Y + q.B2 @ M) @ back.T
-    if q.discrete or norm == "h2":
-        # For the H2 norm the inequality is tight at the optimum: nothing to even out.
-        E = np.eye(q.nx)
-    else:
-        rates, directions = np.linalg.eigh(-(S + S.T))
-        rates = np.maximum(rates, np.abs(rates).max() * _SMALLEST_SHARE)
-        E = directions / np.sqrt(rates)
-    size = np.where(gains > 0, gains, 1.0)
-    return _Frame(frame.T @ step, frame.V * size, E, frame.unit)
+def _smallness(
+    program: SemidefiniteProgram, Y: Affine, M: Affine, frame: Frame, gain: float | None
+) -> Affine:
+    """Return what is to be small: the squared gain over `gain`, or the effort F Y F'."""
+    if gain is None:
+        W = program.symmetric(M.shape[0])
+        program.positive(symmetric_block([[W, M], [Y]]))
+        return W.trace
+    size = program.scalar()
+    right = np.linalg.inv(frame.T)
+    gain_inequality(program, Y, M, size, frame.V / gain, right, np.eye(Y.shape[0]))
+    return size

@@ -14,7 +14,7 @@ from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.design import Status
 from robustpolish.synthesis.full_state.engines import Answer, Engine, minimise
-from robustpolish.synthesis.full_state.ladder import descend, first_rung, is_regular
+from robustpolish.synthesis.full_state.ladder import almost_no_control, is_regular, solve_singular
 from robustpolish.synthesis.full_state.problem import StateFeedbackProblem
 from robustpolish.synthesis.pole_regions import Disk, PoleRegion
 from robustpolish.synthesis.scaling import ScaledPlant, scale_plant
@@ -103,7 +103,7 @@ def reference_norm(part: Part, engine: Engine) -> float:
     """Return the norm of a part that has no optimum with almost no control; 0 for others."""
     if part.problem.nu == 0 or part.is_idle or part.is_direct:
         return 0.0
-    value = first_rung(engine, part.problem, part.regions)
+    value = almost_no_control(part.problem, engine.norm)
     return part.scaled.norm(value, engine.norm) if math.isfinite(value) else 0.0
 
 
@@ -138,7 +138,7 @@ def solve_part(part: Part, engine: Engine, reference: float) -> PartAnswer:
             status: Status = "suboptimal" if part.regions else "optimal"
             return part.in_units(answer, engine, status)
     target = part.scaled.scaled_norm(_VANISHED * reference, engine.norm)
-    found = descend(engine, p, target, part.gain_size, part.regions)
+    found = solve_singular(engine, p, target, part.gain_size, part.regions)
     if found is None:
         raise _nothing_found(part, engine)
     status = "infimum_not_attained" if not found.attained else "optimal"
@@ -153,14 +153,7 @@ def _stabilised(part: Part, engine: Engine) -> PartAnswer:
     none = np.zeros((p.nu, p.nx))
     if not part.regions and p.is_stable(none):
         return part.in_units(Answer(none, *[p.achieved(none, engine.norm)] * 2), engine, "optimal")
-    nx, nu = p.nx, p.nu
-    effort = replace(
-        p,
-        B1=np.eye(nx),
-        C=np.vstack([np.eye(nx), np.zeros((nu, nx))]),
-        D11=np.zeros((nx + nu, nx)),
-        D12=np.vstack([np.zeros((nx, nu)), np.eye(nu)]),
-    )
+    effort = p.only_effort(1.0)
     answer = minimise(replace(engine, norm="h2"), effort, part.regions)
     if answer is None:
         raise _nothing_found(part, engine)

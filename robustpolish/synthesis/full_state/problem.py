@@ -73,13 +73,34 @@ class StateFeedbackProblem:
         return bool((np.abs(poles) < 1).all() if self.discrete else (poles.real < 0).all())
 
     def with_price(self, price: float) -> StateFeedbackProblem:
-        """Append `price` times u to z, and `price` times x, so that no rank is missing."""
+        """Append `price` times u to z, and a thousandth of it times x: no rank is missing then."""
         nx, nu, nw = self.nx, self.nu, self.B1.shape[1]
         return replace(
             self,
-            C=np.vstack([self.C, np.zeros((nu, nx)), price * np.eye(nx)]),
+            C=np.vstack([self.C, np.zeros((nu, nx)), 1e-3 * price * np.eye(nx)]),
             D11=np.vstack([self.D11, np.zeros((nu + nx, nw))]),
             D12=np.vstack([self.D12, price * np.eye(nu), np.zeros((nx, nu))]),
+        )
+
+    def only_effort(self, state_weight: float) -> StateFeedbackProblem:
+        """Return the problem of stabilising with little effort, whatever w and z are."""
+        nx, nu = self.nx, self.nu
+        return replace(
+            self,
+            B1=np.eye(nx),
+            C=np.vstack([state_weight * np.eye(nx), np.zeros((nu, nx))]),
+            D11=np.zeros((nx + nu, nx)),
+            D12=np.vstack([np.zeros((nx, nu)), np.eye(nu)]),
+        )
+
+    def with_noise(self, share: float) -> StateFeedbackProblem:
+        """Append a disturbance on every state, `share` times as large as those that are there."""
+        nx = self.nx
+        size = share * (float(np.linalg.norm(self.B1, 2)) if self.B1.size else 1.0)
+        return replace(
+            self,
+            B1=np.hstack([self.B1, size * np.eye(nx)]),
+            D11=np.hstack([self.D11, np.zeros((self.C.shape[0], nx))]),
         )
 
     def compressed(self) -> StateFeedbackProblem:
