@@ -157,7 +157,7 @@ class GeneralizedPlant:
             *_names("performance", performance, nz, "z"),
             *_names("measurements", measurements, ny, "y"),
         ]
-        system = control.ss(
+        system = control.StateSpace(
             A,
             np.hstack([B1, B2]),
             np.vstack([C1, C2]),
@@ -197,47 +197,47 @@ class GeneralizedPlant:
     @property
     def A(self) -> Matrix:
         """State matrix, shape (nx, nx)."""
-        return np.array(self.system.A)
+        return self._matrix("A")
 
     @property
     def B1(self) -> Matrix:
         """Disturbance to state, shape (nx, nw)."""
-        return np.array(self.system.B[:, : self.nw])
+        return self._matrix("B")[:, : self.nw]
 
     @property
     def B2(self) -> Matrix:
         """Control to state, shape (nx, nu); the thesis's B."""
-        return np.array(self.system.B[:, self.nw :])
+        return self._matrix("B")[:, self.nw :]
 
     @property
     def C1(self) -> Matrix:
         """State to performance, shape (nz, nx)."""
-        return np.array(self.system.C[: self.nz])
+        return self._matrix("C")[: self.nz]
 
     @property
     def C2(self) -> Matrix:
         """State to measurement, shape (ny, nx); the thesis's C."""
-        return np.array(self.system.C[self.nz :])
+        return self._matrix("C")[self.nz :]
 
     @property
     def D11(self) -> Matrix:
         """Disturbance to performance, shape (nz, nw); the thesis's D1."""
-        return np.array(self.system.D[: self.nz, : self.nw])
+        return self._matrix("D")[: self.nz, : self.nw]
 
     @property
     def D12(self) -> Matrix:
         """Control to performance, shape (nz, nu)."""
-        return np.array(self.system.D[: self.nz, self.nw :])
+        return self._matrix("D")[: self.nz, self.nw :]
 
     @property
     def D21(self) -> Matrix:
         """Disturbance to measurement, shape (ny, nw)."""
-        return np.array(self.system.D[self.nz :, : self.nw])
+        return self._matrix("D")[self.nz :, : self.nw]
 
     @property
     def D22(self) -> Matrix:
         """Control to measurement, shape (ny, nu)."""
-        return np.array(self.system.D[self.nz :, self.nw :])
+        return self._matrix("D")[self.nz :, self.nw :]
 
     @property
     def dt(self) -> float | bool:
@@ -277,7 +277,7 @@ class GeneralizedPlant:
     @property
     def open_loop(self) -> control.StateSpace:
         """The system from w to z with u = 0."""
-        return control.ss(
+        return control.StateSpace(
             self.A,
             self.B1,
             self.C1,
@@ -333,7 +333,7 @@ class GeneralizedPlant:
         D = self.D11 + self.D12 @ on_w
         taken = set(self.states)
         extra = [f"{'controller_' if name in taken else ''}{name}" for name in K.state_labels]
-        return control.ss(
+        return control.StateSpace(
             A,
             B,
             C,
@@ -360,11 +360,11 @@ class GeneralizedPlant:
 
     def with_full_state(self) -> GeneralizedPlant:
         """Return the same plant with y = x, for state feedback."""
-        system = control.ss(
+        system = control.StateSpace(
             self.A,
             self.system.B,
             np.vstack([self.C1, np.eye(self.nx)]),
-            np.vstack([self.system.D[: self.nz], np.zeros((self.nx, self.nw + self.nu))]),
+            np.vstack([self._matrix("D")[: self.nz], np.zeros((self.nx, self.nw + self.nu))]),
             self.dt,
             inputs=self.system.input_labels,
             outputs=[*self.performance_names, *(f"measured_{name}" for name in self.states)],
@@ -378,11 +378,11 @@ class GeneralizedPlant:
         """Return the same plant with u appended to z, so that the loop shows the effort."""
         nz = self.nz
         effort = np.hstack([np.zeros((self.nu, self.nw)), np.eye(self.nu)])
-        system = control.ss(
+        system = control.StateSpace(
             self.A,
             self.system.B,
             np.vstack([self.C1, np.zeros((self.nu, self.nx)), self.C2]),
-            np.vstack([self.system.D[:nz], effort, self.system.D[nz:]]),
+            np.vstack([self._matrix("D")[:nz], effort, self._matrix("D")[nz:]]),
             self.dt,
             inputs=self.system.input_labels,
             outputs=[*self.performance_names, *self.control_names, *self.measurement_names],
@@ -402,7 +402,7 @@ class GeneralizedPlant:
         -------
         control.StateSpace
         """
-        return control.ss(
+        return control.StateSpace(
             [],
             [],
             [],
@@ -411,6 +411,10 @@ class GeneralizedPlant:
             inputs=list(self.measurement_names),
             outputs=list(self.control_names),
         )
+
+    def _matrix(self, name: str) -> Matrix:
+        """Copy A, B, C or D of the system."""
+        return np.array(getattr(self.system, name))
 
     def _controller(self, controller: control.StateSpace | ArrayLike) -> control.StateSpace:
         if not isinstance(controller, control.StateSpace):

@@ -149,7 +149,7 @@ def linearize(
         )
     output_jacobian = _derivative(g, point, size)
     names = {"states": states, "inputs": inputs, "outputs": outputs}
-    system = control.ss(
+    system = control.StateSpace(
         jacobian[:, :n],
         jacobian[:, n:],
         output_jacobian[:, :n],

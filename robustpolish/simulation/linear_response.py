@@ -118,7 +118,7 @@ def first_order_hold(A: Array, B: Array, step: float) -> tuple[Array, Array, Arr
     if n == 0:
         return np.zeros((0, 0)), np.zeros((0, m)), np.zeros((0, m))
     _, scaling = matrix_balance(A, permute=False)
-    weights = np.diag(scaling)
+    weights = np.asarray(np.diag(scaling), dtype=float)
     augmented = np.zeros((n + 2 * m, n + 2 * m))
     augmented[:n, :n] = A * step * (weights / weights[:, None])
     scaled_B = B * step / weights[:, None]
@@ -127,7 +127,7 @@ def first_order_hold(A: Array, B: Array, step: float) -> tuple[Array, Array, Arr
     size[size == 0] = 1.0
     augmented[:n, n : n + m] = scaled_B / size
     augmented[n : n + m, n + m :] = np.eye(m)
-    exponential = expm(augmented)
+    exponential: Array = np.asarray(expm(augmented), dtype=float)
     transition = exponential[:n, :n] * (weights[:, None] / weights)
     constant = exponential[:n, n : n + m] * weights[:, None] * size
     ramp = exponential[:n, n + m :] * weights[:, None] * size
