@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import control
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from robustpolish.analysis import decoupled_blocks
 from robustpolish.models import GeneralizedPlant
 
-Matrix = NDArray[np.float64]
+Matrix = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,15 +61,28 @@ def decoupled_parts(
     return tuple(_part(plant, b.states, b.inputs, b.outputs) for b in blocks)
 
 
+def undivided(plant: GeneralizedPlant) -> PlantPart:
+    """Return the whole plant as its only part."""
+    return PlantPart(
+        plant,
+        tuple(range(plant.nx)),
+        tuple(range(plant.nw)),
+        tuple(range(plant.nu)),
+        tuple(range(plant.nz)),
+        tuple(range(plant.ny)),
+    )
+
+
 def _part(
     plant: GeneralizedPlant, states: Sequence[int], inputs: Sequence[int], outputs: Sequence[int]
 ) -> PlantPart:
     system = plant.system
+    A, B, C, D = (np.array(M) for M in (system.A, system.B, system.C, system.D))
     rows = control.StateSpace(
-        system.A[np.ix_(states, states)],
-        system.B[np.ix_(states, inputs)],
-        system.C[np.ix_(outputs, states)],
-        system.D[np.ix_(outputs, inputs)],
+        A[np.ix_(states, states)],
+        B[np.ix_(states, inputs)],
+        C[np.ix_(outputs, states)],
+        D[np.ix_(outputs, inputs)],
         plant.dt,
         inputs=[system.input_labels[i] for i in inputs],
         outputs=[system.output_labels[i] for i in outputs],

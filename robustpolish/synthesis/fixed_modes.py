@@ -55,9 +55,10 @@ def unstable_fixed_modes(
     tuple of FixedMode
         One of each complex pair.
     """
-    values, vectors = np.linalg.eig(loop.A)
+    found = np.linalg.eig(loop.A)
+    values, vectors = np.asarray(found[0], complex), np.asarray(found[1])
     size = float(np.linalg.norm(loop.A, 2)) if loop.A.size else 0.0
-    margin = np.abs(values) - 1 if loop.discrete else values.real
+    margin = np.abs(values) - 1 if loop.discrete else np.real(values)
     suspects = [
         i for i in range(len(values)) if margin[i] >= -_MOVED * size and values[i].imag >= 0
     ]
@@ -68,9 +69,7 @@ def unstable_fixed_modes(
         closed = loop.close(np.where(mask, scale * rng.normal(size=mask.shape), 0.0))
         if closed is None:
             continue
-        suspects = [
-            i for i in suspects if np.abs(closed.poles - values[i]).min() <= _MOVED * size
-        ]
+        suspects = [i for i in suspects if np.abs(closed.poles - values[i]).min() <= _MOVED * size]
     return tuple(
         FixedMode(complex(values[i]), states[int(np.argmax(np.abs(vectors[:, i])))])
         for i in suspects

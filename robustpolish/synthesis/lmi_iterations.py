@@ -9,6 +9,7 @@ sequence of semidefinite programs, and K follows from P by one more.
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from robustpolish.synthesis.affine import symmetric_block
 from robustpolish.synthesis.nonsmooth import Loop
 from robustpolish.synthesis.semidefinite import SemidefiniteProgram
 
-Matrix = NDArray[np.float64]
+Matrix = NDArray[Any]
 
 
 def stabilising_gain(

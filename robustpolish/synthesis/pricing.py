@@ -1,4 +1,4 @@
-"""A price on the controls: they join the performance outputs."""
+"""What makes a singular problem regular: a price on the controls, noise on the measurements."""
 
 from __future__ import annotations
 
@@ -10,32 +10,27 @@ from robustpolish.models import GeneralizedPlant
 from robustpolish.validation import described, invalid
 
 
-def control_weights(plant: GeneralizedPlant, weight: ArrayLike) -> NDArray[np.float64]:
-    """Check a price: one number for all controls, or one for each.
-
-    Raises
-    ------
-    InvalidInputError
-        If the shape does not fit or a weight is negative or not finite.
-    """
-    expected = f"a number of at least 0, or {plant.nu} of them, in units of z per unit of u"
+def _weights(argument: str, weight: ArrayLike | None, count: int, unit: str) -> NDArray[np.float64]:
+    if weight is None:
+        return np.zeros(count)
+    expected = f"a number of at least 0, or {count} of them, in {unit}"
     try:
-        weights = np.array(np.broadcast_to(np.asarray(weight, dtype=float), (plant.nu,)))
+        weights = np.array(np.broadcast_to(np.asarray(weight, dtype=float), (count,)))
     except (TypeError, ValueError):
         shown = described(f"shape {np.shape(weight)}")
-        raise invalid("control_weight", shown, expected, "Pass one weight per control.") from None
+        raise invalid(argument, shown, expected, "Pass one number per signal.") from None
     if not np.isfinite(weights).all() or (weights < 0).any():
-        raise invalid("control_weight", weight, expected, "Check its sign.")
+        raise invalid(argument, weight, expected, "Check its sign.")
     return weights
 
 
-def priced(plant: GeneralizedPlant, weight: ArrayLike) -> GeneralizedPlant:
+def priced(plant: GeneralizedPlant, weight: ArrayLike | None) -> GeneralizedPlant:
     """Append weighted controls to the performance outputs.
 
     Parameters
     ----------
     plant : GeneralizedPlant
-    weight : float or array_like, shape (nu,)
+    weight : float or array_like, shape (nu,), or None
         Units of z per unit of u; controls with weight 0 add no output.
 
     Returns
@@ -43,16 +38,22 @@ def priced(plant: GeneralizedPlant, weight: ArrayLike) -> GeneralizedPlant:
     GeneralizedPlant
         The plant itself if all weights are zero; otherwise z = (z, weight u), with
         outputs named ``price_`` and the name of the control.
+
+    Raises
+    ------
+    InvalidInputError
+        If the shape does not fit or a weight is negative or not finite.
     """
-    weights = control_weights(plant, weight)
+    weights = _weights("control_weight", weight, plant.nu, "units of z per unit of u")
     paid = np.flatnonzero(weights)
     if not paid.size:
         return plant
     system, nz = plant.system, plant.nz
+    seen, direct = np.array(system.C), np.array(system.D)
     rows = np.zeros((paid.size, plant.nw + plant.nu))
     rows[np.arange(paid.size), plant.nw + paid] = weights[paid]
-    C = np.vstack([system.C[:nz], np.zeros((paid.size, plant.nx)), system.C[nz:]])
-    D = np.vstack([system.D[:nz], rows, system.D[nz:]])
+    C = np.vstack([seen[:nz], np.zeros((paid.size, plant.nx)), seen[nz:]])
+    D = np.vstack([direct[:nz], rows, direct[nz:]])
     names = [f"price_{plant.control_names[i]}" for i in paid]
     outputs = [*plant.performance_names, *names, *plant.measurement_names]
     whole = control.StateSpace(
@@ -63,6 +64,54 @@ def priced(plant: GeneralizedPlant, weight: ArrayLike) -> GeneralizedPlant:
         plant.dt,
         inputs=system.input_labels,
         outputs=outputs,
+        states=system.state_labels,
+        remove_useless_states=False,
+    )
+    return GeneralizedPlant(whole, plant.ny, plant.nu, plant.units)
+
+
+def noisy(plant: GeneralizedPlant, noise: ArrayLike | None) -> GeneralizedPlant:
+    """Append noise on the measurements to the disturbances.
+
+    Without it a controller may amplify a small y without limit, so a price on u alone does
+    not keep the gain finite.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+    noise : float or array_like, shape (ny,), or None
+        Units of y per unit of w; measurements with noise 0 get no disturbance.
+
+    Returns
+    -------
+    GeneralizedPlant
+        The plant itself if all are zero; otherwise w = (w, noise), with disturbances named
+        ``noise_`` and the name of the measurement.
+
+    Raises
+    ------
+    InvalidInputError
+        If the shape does not fit or a size is negative or not finite.
+    """
+    sizes = _weights("measurement_noise", noise, plant.ny, "units of y per unit of w")
+    heard = np.flatnonzero(sizes)
+    if not heard.size:
+        return plant
+    system, nw = plant.system, plant.nw
+    on_x, direct = np.array(system.B), np.array(system.D)
+    columns = np.zeros((plant.nz + plant.ny, heard.size))
+    columns[plant.nz + heard, np.arange(heard.size)] = sizes[heard]
+    B = np.hstack([on_x[:, :nw], np.zeros((plant.nx, heard.size)), on_x[:, nw:]])
+    D = np.hstack([direct[:, :nw], columns, direct[:, nw:]])
+    names = [f"noise_{plant.measurement_names[i]}" for i in heard]
+    whole = control.StateSpace(
+        system.A,
+        B,
+        system.C,
+        D,
+        plant.dt,
+        inputs=[*plant.disturbance_names, *names, *plant.control_names],
+        outputs=system.output_labels,
         states=system.state_labels,
         remove_useless_states=False,
     )

@@ -3,33 +3,28 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import replace
-from types import MappingProxyType
-from typing import Any
 
 import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.analysis import h2_norm, hinf_norm
-from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.certificate import certify
 from robustpolish.synthesis.decoupling import (
     PlantPart,
     decoupled_parts,
     joined_controller,
-    named_controller,
+    undivided,
 )
-from robustpolish.synthesis.design import Design, Status
-from robustpolish.synthesis.pricing import priced
-from robustpolish.synthesis.structured_search import (
-    Norm,
-    PartDesign,
-    StructuredTask,
-    design_part,
+from robustpolish.synthesis.design import Design
+from robustpolish.synthesis.pricing import noisy, priced
+from robustpolish.synthesis.static_search import StaticTask, static_setting
+from robustpolish.synthesis.structured_design import (
+    PartTask,
+    certified_design,
+    design_parts,
+    refuse_unstable,
 )
+from robustpolish.synthesis.structured_search import Norm
 from robustpolish.validation import described, invalid, one_of, positive
 
 
@@ -43,7 +38,8 @@ def static_output_feedback(
     initial: control.StateSpace | ArrayLike | None = None,
     seed: int = 0,
     gain_bound: float | None = None,
-    control_weight: ArrayLike = 0.0,
+    control_weight: ArrayLike | None = None,
+    measurement_noise: ArrayLike | None = None,
     target: float = 0.0,
 ) -> Design:
     r"""Design u = F y, or a dynamic controller of a given order, for the true norm.
@@ -74,8 +70,11 @@ def static_output_feedback(
     gain_bound : float, optional
         Largest singular value allowed for F, in the plant's units. A dynamic controller is
         held stable and bounded at all frequencies.
-    control_weight : float or array_like, shape (nu,)
+    control_weight : float or array_like, shape (nu,), optional
         Price on u: ``control_weight`` times u joins z. In units of z per unit of u.
+    measurement_noise : float or array_like, shape (ny,), optional
+        Noise on y as additional disturbances, in units of y per unit of w. A price on u
+        bounds u, not the gain; noise bounds the gain.
     target : float
         Stop as soon as the norm is below, in the plant's units.
 
@@ -84,8 +83,8 @@ def static_output_feedback(
     Design
         With status "suboptimal" (a local minimum, as the message says),
         "infimum_not_attained" (the norm keeps falling as the gain grows) or "time_limit".
-        Its plant includes the price; ``details["norm_without_price"]`` is the norm of the
-        loop with the plant as it was given.
+        Its plant includes price and noise; ``details["plain_norm"]`` is the norm of the loop
+        with the plant as it was given.
 
     Raises
     ------
@@ -123,133 +122,15 @@ def static_output_feedback(
     target = positive("target", target, zero=True)
     mask = _mask(structure, order, plant)
     start = _initial(initial, order, plant)
-    whole = priced(plant, control_weight)
+    whole = noisy(priced(plant, control_weight), measurement_noise)
 
-    if order > 0 and mask is not None:
-        parts = (_undivided(whole),)
-    else:
-        parts = decoupled_parts(whole, mask)
-    tasks = [
-        _task(part, norm, mask, order, gain_bound, start if len(parts) == 1 else None, seed, target)
-        for part in parts
-    ]
-    if len(parts) > 1 and start is not None and order == 0:
-        tasks = [
-            _started(task, part, start) for task, part in zip(tasks, parts, strict=True)
-        ]
-    designs = _design_parts(tasks, began + 0.97 * time_limit)
+    joined = order > 0 and (mask is not None or start is not None)
+    parts = (undivided(whole),) if joined else decoupled_parts(whole, mask)
+    tasks = [_task(part, norm, mask, order, gain_bound, start) for part in parts]
+    designs = design_parts(tasks, began + 0.97 * time_limit, seed, target)
     controller = joined_controller(whole, parts, [d and d.controller for d in designs])
-    return assembled(
-        plant,
-        whole,
-        controller,
-        norm,
-        [d for d in designs if d is not None],
-        "descent",
-        began,
-    )
-
-
-def assembled(
-    plant: GeneralizedPlant,
-    whole: GeneralizedPlant,
-    controller: control.StateSpace,
-    norm: Norm,
-    designs: Sequence[PartDesign],
-    method: str,
-    began: float,
-    details: dict[str, Any] | None = None,
-) -> Design:
-    """Certify a controller that descents have found, and say what is known about it.
-
-    Raises
-    ------
-    SolverError
-        If its certificate fails.
-    """
-    certificate = certify(whole, controller, norm)
-    if not certificate.valid:
-        raise SolverError(
-            "The controller that was found could not be certified: "
-            + "; ".join(certificate.reasons)
-            + ". Bound the gain (gain_bound) or put a price on u (control_weight)."
-        )
-    status, message = _verdict(designs)
-    loop = plant.closed_loop(controller)
-    measured = hinf_norm(loop) if norm == "hinf" else h2_norm(loop)
-    return Design(
-        plant=whole,
-        controller=controller,
-        closed_loop=whole.closed_loop(controller),
-        norm=norm,
-        status=status,
-        message=message,
-        certificate=certificate,
-        method=method,
-        backend="scipy",
-        elapsed=time.monotonic() - began,
-        history=tuple(
-            {"part": i, **entry} for i, d in enumerate(designs) for entry in d.history
-        ),
-        details=MappingProxyType(
-            {
-                "norm_without_price": float(measured),
-                "descents": sum(d.descents for d in designs),
-                "part_norms": tuple(d.norm for d in designs),
-                **(details or {}),
-            }
-        ),
-    )
-
-
-def _verdict(designs: Sequence[PartDesign]) -> tuple[Status, str]:
-    if any(d.at_ceiling for d in designs):
-        return "infimum_not_attained", (
-            "The norm keeps falling as the gain grows; the search was stopped at a large gain. "
-            "Bound the gain (gain_bound) or put a price on u (control_weight)."
-        )
-    if any(d.reason == "time" for d in designs):
-        return "time_limit", (
-            "The best certified controller when time ran out. Raise time_limit, or pass this "
-            "controller as initial."
-        )
-    worst = min(designs, key=lambda d: d.agreeing / max(1, d.descents), default=None)
-    if worst is None:
-        return "suboptimal", "Nothing to control: the loop is the open loop."
-    return "suboptimal", (
-        f"A local minimum; {worst.agreeing} of {worst.descents} descents ended there. "
-        "Another seed or a longer time_limit may find a lower one."
-    )
-
-
-def _design_parts(
-    tasks: Sequence[StructuredTask | None], deadline: float
-) -> list[PartDesign | None]:
-    """Design part by part; identical parts once, and each with its share of the time left."""
-    done: dict[tuple[bytes, ...], PartDesign] = {}
-    designs: list[PartDesign | None] = []
-    left = sum(task is not None for task in tasks)
-    for task in tasks:
-        if task is None:
-            designs.append(None)
-            continue
-        key = _fingerprint(task)
-        if key not in done:
-            share = (deadline - time.monotonic()) / left
-            done[key] = design_part(task, time.monotonic() + share)
-        found = done[key]
-        K = found.controller
-        own = named_controller(task.plant, *(np.array(M) for M in (K.A, K.B, K.C, K.D)))
-        designs.append(replace(found, controller=own))
-        left -= 1
-    return designs
-
-
-def _fingerprint(task: StructuredTask) -> tuple[bytes, ...]:
-    P = task.plant
-    matrices = (P.A, P.B1, P.B2, P.C1, P.C2, P.D11, P.D12, P.D21, P.D22, task.mask)
-    start = () if task.initial is None else (np.asarray(task.initial.D),)
-    return tuple(M.tobytes() + str(M.shape).encode() for M in (*matrices, *start))
+    found = [d for d in designs if d is not None]
+    return certified_design(plant, whole, controller, norm, found, "descent", began)
 
 
 def _task(
@@ -259,11 +140,10 @@ def _task(
     order: int,
     gain_bound: float | None,
     initial: control.StateSpace | None,
-    seed: int,
-    target: float,
-) -> StructuredTask | None:
+) -> PartTask | None:
     """State the task of one part; None where there is nothing to control."""
     plant = part.plant
+    start = initial
     if mask is None:
         free = np.ones((order + plant.nu, order + plant.ny), bool)
     elif order:
@@ -271,45 +151,14 @@ def _task(
     else:
         free = mask[np.ix_(part.controls, part.measurements)]
     if plant.nx == 0 or not free.size or not free.any():
-        _refuse_unstable(plant)
+        refuse_unstable(plant)
         return None
-    return StructuredTask(plant, norm, free, order, gain_bound, initial, seed, target)
-
-
-def _started(
-    task: StructuredTask | None, part: PlantPart, start: control.StateSpace
-) -> StructuredTask | None:
-    if task is None:
-        return None
-    gain = np.asarray(start.D)[np.ix_(part.controls, part.measurements)]
-    return replace(task, initial=control.StateSpace([], [], [], gain, task.plant.dt))
-
-
-def _refuse_unstable(plant: GeneralizedPlant) -> None:
-    """A part without control has to be stable by itself."""
-    if not plant.nx:
-        return
-    poles, vectors = np.linalg.eig(plant.A)
-    margin = np.abs(poles) - 1 if plant.is_discrete else poles.real
-    worst = int(np.argmax(margin))
-    if margin[worst] >= 0:
-        state = plant.states[int(np.argmax(np.abs(vectors[:, worst])))]
-        raise InfeasibleError(
-            f"No controller stabilises the plant: nothing joins the mode {poles[worst]:.6g} "
-            f"(state {state}) to a control and a measurement. Add an actuator and a sensor there.",
-            [complex(poles[worst])],
-        )
-
-
-def _undivided(plant: GeneralizedPlant) -> PlantPart:
-    return PlantPart(
-        plant,
-        tuple(range(plant.nx)),
-        tuple(range(plant.nw)),
-        tuple(range(plant.nu)),
-        tuple(range(plant.nz)),
-        tuple(range(plant.ny)),
-    )
+    if start is not None and order == 0:
+        gain = np.asarray(start.D)[np.ix_(part.controls, part.measurements)]
+        start = control.StateSpace([], [], [], gain, plant.dt)
+    task = StaticTask(plant, norm, free, order, gain_bound, start)
+    extra = free.tobytes() + (b"" if start is None else np.asarray(start.D).tobytes())
+    return PartTask(plant, lambda: static_setting(task), extra)
 
 
 def _order(order: int) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from robustpolish.synthesis.nonsmooth.loops import Closed, Loop, Matrix
 from robustpolish.synthesis.nonsmooth.problem import Piece
 
-Vector = NDArray[np.float64]
+Vector = NDArray[Any]
 
 # The level-set search stops when no frequency exceeds the norm by more than this share; the
 # design is certified afresh afterwards, so it need not be sharper than the line search.
@@ -78,7 +79,7 @@ class _Response:
         self.feedthrough = float(np.linalg.norm(self.D, 2)) if self.D.any() else 0.0
 
     def point(self, frequency: float | Vector) -> complex | NDArray[np.complex128]:
-        """The point of the s plane (or z plane) at a frequency."""
+        """Return the point of the s plane (or z plane) at a frequency."""
         return np.exp(1j * frequency) if self.discrete else 1j * frequency
 
     def sigma(self, frequencies: Vector) -> Vector:
@@ -170,7 +171,7 @@ def _norm(response: _Response, guesses: Sequence[float]) -> tuple[float, float]:
 
 
 def _hills(values: Vector) -> NDArray[np.intp]:
-    """Indices of local maxima within a twentieth of the largest value, three at most."""
+    """Return the local maxima within a twentieth of the largest value, three at most."""
     padded = np.concatenate([[-np.inf], values, [-np.inf]])
     local = (values >= padded[:-2]) & (values >= padded[2:])
     near = np.flatnonzero(local & (values >= 0.95 * values.max(initial=0.0)))

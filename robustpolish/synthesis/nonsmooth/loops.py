@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.models import GeneralizedPlant
 
-Matrix = NDArray[np.float64]
+Matrix = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +91,7 @@ class Closed:
     @cached_property
     def poles(self) -> NDArray[np.complex128]:
         """Eigenvalues of the closed loop."""
-        return np.linalg.eigvals(self.A)
+        return np.asarray(np.linalg.eigvals(self.A), complex)
 
     @property
     def stable(self) -> bool:

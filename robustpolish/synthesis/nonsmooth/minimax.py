@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
 
-import clarabel
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
@@ -19,8 +20,11 @@ from scipy import sparse
 from robustpolish.synthesis.nonsmooth.bfgs import Descent
 from robustpolish.synthesis.nonsmooth.problem import Model, Problem
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+Vector = NDArray[Any]
+Matrix = NDArray[Any]
+# Its type stubs know nothing of what it exports.
+clarabel: Any = import_module("clarabel")
+
 Bounds = tuple[Vector, Vector]
 
 
@@ -69,8 +73,9 @@ def minimax(
     H = np.eye(len(x)) * 1e-3 * max(1e-6, float(np.abs(model.slopes).max()))
     radius = 0.3 * max(1.0, float(np.abs(x).max(initial=0.0)))
     extra: list[float] = []
-    reason, count = "iterations", 0
-    for count in range(1, iterations + 1):
+    reason, steps = "iterations", 0
+    while steps < iterations:
+        steps += 1
         if time.monotonic() > deadline:
             reason = "time"
             break
@@ -110,7 +115,7 @@ def minimax(
             reason = "stalled"
             break
     value = model.objective if model.violation <= 1e-9 else np.inf
-    return Descent(x, value, count, reason)
+    return Descent(x, value, steps, reason)
 
 
 @dataclass(frozen=True, eq=False)

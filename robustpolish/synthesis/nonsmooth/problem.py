@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.synthesis.nonsmooth.parametrisations import Parametrisation
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
+Vector = NDArray[Any]
+Matrix = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,10 @@ class Measure(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Requirement:
-    """measure(K) <= bound, as the function log(measure / bound), or plainly measure <= 0.
+    """measure(K) <= bound as a function that has to be at most 0.
+
+    With r = measure / bound that function is r - 1 up to the bound and log(r) beyond, which is
+    smooth, finite at 0 and grows slowly where a start is far off.
 
     Attributes
     ----------
@@ -59,12 +62,19 @@ class Requirement:
         found = self.measure.pieces(K, width, frequencies)
         if self.bound is None:
             return found
-        return [_logarithm(piece, self.bound) for piece in found]
+        return [_bounded(piece, self.bound) for piece in found]
 
 
-def _logarithm(piece: Piece, scale: float) -> Piece:
-    value = max(piece.value, np.finfo(float).tiny)
-    return Piece(float(np.log(value / scale)), piece.gradient / value, piece.frequency)
+def _bounded(piece: Piece, bound: float) -> Piece:
+    ratio = piece.value / bound
+    value, slope = (ratio - 1, 1.0) if ratio <= 1 else (float(np.log(ratio)), 1 / ratio)
+    return Piece(value, piece.gradient * (slope / bound), piece.frequency)
+
+
+def _logarithm(piece: Piece) -> Piece:
+    if piece.value <= np.finfo(float).tiny * max(1.0, np.abs(piece.gradient).max(initial=0.0)):
+        return Piece(float(np.log(np.finfo(float).tiny)), 0 * piece.gradient, piece.frequency)
+    return Piece(float(np.log(piece.value)), piece.gradient / piece.value, piece.frequency)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +135,7 @@ class Problem:
         K = self.parametrisation.gain(theta)
         if not np.abs(K).max(initial=0.0) <= self.ceiling:
             return None
-        found = [_logarithm(p, 1.0) for p in self.objective.pieces(K, width, frequencies)]
+        found = [_logarithm(p) for p in self.objective.pieces(K, width, frequencies)]
         if not found:
             return None
         excess: list[Piece] = []
@@ -138,10 +148,10 @@ class Problem:
         n = len(theta)
         return Model(
             np.array([p.value for p in found]),
-            np.array([back(theta, p.gradient) for p in found]).reshape(-1, n),
+            np.array([back(theta, p.gradient) for p in found]).reshape(len(found), n),
             tuple(p.frequency for p in found),
             np.array([p.value for p in excess]),
-            np.array([back(theta, p.gradient) for p in excess]).reshape(-1, n),
+            np.array([back(theta, p.gradient) for p in excess]).reshape(len(excess), n),
         )
 
     def penalised(self, theta: Vector, weight: float) -> tuple[float, Vector]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from robustpolish.synthesis.nonsmooth.bfgs import bfgs
 from robustpolish.synthesis.nonsmooth.minimax import Bounds, minimax
 from robustpolish.synthesis.nonsmooth.problem import Measure, Problem
 
-Vector = NDArray[np.float64]
+Vector = NDArray[Any]
 
 # Two descents agree if their norms differ by less than this share.
 _AGREEMENT = 1e-4
@@ -127,6 +127,8 @@ def search(
     SearchResult
     """
     progress, reason = _Progress(), "starts"
+    if problem.parametrisation.size == 0:
+        starts, limits = [np.zeros(0)], replace(limits, starts=1)
     for count, start in enumerate(starts):
         if count >= limits.starts:
             break
@@ -172,6 +174,12 @@ def _descend(
 ) -> None:
     began = time.monotonic()
     point = start if bounds is None else np.clip(start, *bounds)
+    if point.size == 0:
+        model = problem.model(point)
+        if model is not None and model.violation <= 0:
+            progress.take(point, model.objective)
+        progress.history.append({"outcome": "nothing is free"})
+        return
     if problem.model(point) is None:
         point, abscissa = stabilise(problem, stability, point, limits.deadline)
         progress.instability = min(progress.instability, abscissa)
@@ -188,9 +196,7 @@ def _descend(
         )
         point = first.point
     if first is None or first.value < progress.value + 0.1:
-        last = minimax(
-            problem, point, limits.deadline, target=limits.target, bounds=bounds
-        )
+        last = minimax(problem, point, limits.deadline, target=limits.target, bounds=bounds)
         point, value, how = last.point, last.value, last.reason
     else:
         model = problem.model(point)
@@ -219,13 +225,13 @@ def stabilise(
         return pieces[0].value, parametrisation.back(theta, pieces[0].gradient)
 
     margin = 1e-7
-    point = start
+    point, abscissa = start, np.inf
     for _ in range(4):
         ended = bfgs(function, point, deadline, iterations=200, target=-margin, tolerance=1e-6)
         if not np.isfinite(ended.value):
             return start, np.inf
-        point = ended.point
+        point, abscissa = ended.point, ended.value
         if ended.value >= 0 or problem.model(point) is not None:
             break
         margin *= 30
-    return point, ended.value
+    return point, abscissa

@@ -37,7 +37,8 @@ class RegionMeasure:
         closed = self.loop.close(K)
         if closed is None or not np.isfinite(closed.A).all():
             return []
-        values, right = np.linalg.eig(closed.A)
+        found = np.linalg.eig(closed.A)
+        values, right = np.asarray(found[0], complex), np.asarray(found[1], complex)
         try:
             left = np.linalg.inv(right)
         except np.linalg.LinAlgError:
@@ -45,16 +46,16 @@ class RegionMeasure:
         marks = [self.distance(complex(v)) for v in values]
         sizes = np.array([mark[0] for mark in marks]) / self.scale
         worst = sizes.max()
-        found = []
+        pieces = []
         for i in np.argsort(-sizes):
-            if values[i].imag < 0 or sizes[i] < worst - width:
+            if np.imag(values[i]) < 0 or sizes[i] < worst - width:
                 continue
             into, outof = left[i] @ self.loop.B2, self.loop.C2 @ right[:, i]
             slope = (np.conj(marks[i][1]) * np.outer(into, outof)).real / self.scale
-            found.append(Piece(float(sizes[i]), closed.back(slope)))
+            pieces.append(Piece(float(sizes[i]), closed.back(slope)))
             if width == 0:
                 break
-        return found
+        return pieces
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +92,8 @@ class GainMeasure:
 
     def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
         """Return one piece for each singular value near the largest."""
-        U, sigma, Vh = np.linalg.svd(self.left @ K @ self.right, full_matrices=False)
+        factors = np.linalg.svd(self.left @ K @ self.right, full_matrices=False)
+        U, sigma, Vh = (np.asarray(M, float) for M in factors)
         found = []
         for i in range(len(sigma)):
             if i > 0 and (width == 0 or sigma[i] < sigma[0] * (1 - width)):
