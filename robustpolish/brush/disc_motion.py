@@ -38,6 +38,7 @@ HEIGHT, CLIMB, AXIS, TURNING, SPIN, TWIST, IMPULSE, FRICTION_HEAT, DAMPING_HEAT 
     0, 1, 2, 5, 8, 9, 10, 13, 14,
 )  # fmt: skip
 STATES = 15
+AXES, TURNINGS, IMPULSES = slice(2, 5), slice(5, 8), slice(10, 13)
 
 # Places in the vector of constants of the motion.
 MASS, FORCE_P, TILT_INERTIA, SPIN_INERTIA, SPIN_NOMINAL, SPIN_DRIVE = range(6)

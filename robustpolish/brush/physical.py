@@ -201,17 +201,17 @@ def _rim_points(parameters: BrushParameters) -> int:
 
 
 def _error_scale(parameters: BrushParameters, interval: float) -> NDArray[np.float64]:
-    """Return the unit of error per state: the static contact's depth, and the speeds that go with it."""
+    """Return the unit of error per state, from the static contact's depth and its frequency."""
     depth, _ = _static_depth(parameters)
     rim_mass = parameters.tilt_inertia / parameters.rim_distance**2
     speed = depth * sqrt(1.5 * parameters.polishing_force / depth / rim_mass)
     scale = np.full(disc.STATES, np.inf)
     scale[disc.HEIGHT] = depth
     scale[disc.CLIMB] = speed
-    scale[disc.AXIS : disc.AXIS + 3] = depth / parameters.radius
-    scale[disc.TURNING : disc.TURNING + 3] = speed / parameters.radius
+    scale[disc.AXES] = depth / parameters.radius
+    scale[disc.TURNINGS] = speed / parameters.radius
     scale[disc.SPIN] = speed / parameters.radius
-    scale[disc.IMPULSE : disc.IMPULSE + 3] = 10.0 * parameters.polishing_force * interval
+    scale[disc.IMPULSES] = 10.0 * parameters.polishing_force * interval
     return scale
 
 
@@ -241,7 +241,7 @@ def _start(
     state = np.zeros(disc.STATES)
     state[disc.HEIGHT] = high
     state[disc.CLIMB] = slope_x * velocity[0] + slope_y * velocity[1]
-    state[disc.AXIS : disc.AXIS + 3] = axis
+    state[disc.AXES] = axis
     state[disc.SPIN] = parameters.spin
     return state
 
@@ -253,7 +253,7 @@ def _average_forces(
 
     Joined by straight lines they have exactly the impulse of the contact.
     """
-    impulse = track[:, disc.IMPULSE : disc.IMPULSE + 3]
+    impulse = track[:, disc.IMPULSES]
     bounds = np.vstack([impulse[:1], midway, impulse[-1:]])
     length = np.full((len(track), 1), interval)
     length[0] = length[-1] = 0.5 * interval

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from robustpolish.brush.dataset import physical_dataset
+from robustpolish.brush.listing import Workaround, run_listing
+from robustpolish.brush.listing_defects import ListingDefects
 from robustpolish.brush.parameters import BrushParameters
 from robustpolish.brush.physical import run_refined
+from robustpolish.brush.physical_dataset import physical_dataset
 from robustpolish.validation import described, invalid, one_of, positive
+
+_PHYSICAL = {"disc": "two-angle", "start": "pressed", "max_passes": 4}
+_LISTING = {"defects": ListingDefects(), "workaround": "none"}
+_SAMPLE_RATE = {"physical": 20e3, "listing": 1e5}
+_TOLERANCE = {"physical": 2e-3, "listing": 1e-3}
 
 
 def simulate_brush(
@@ -20,11 +27,13 @@ def simulate_brush(
     duration: float = 5.0,
     *,
     parameters: BrushParameters | None = None,
-    sample_rate: float = 20e3,
-    disc: Literal["two-angle", "three-angle"] = "two-angle",
-    start: Literal["pressed", "landing"] = "pressed",
-    tolerance: float = 2e-3,
-    max_passes: int = 4,
+    sample_rate: float | None = None,
+    tolerance: float | None = None,
+    disc: Literal["two-angle", "three-angle"] | None = None,
+    start: Literal["pressed", "landing"] | None = None,
+    max_passes: int | None = None,
+    defects: ListingDefects | None = None,
+    workaround: Workaround | None = None,
 ) -> xr.Dataset:
     r"""Simulate the polishing brush and the forces with which it disturbs the tool.
 
@@ -33,7 +42,7 @@ def simulate_brush(
     simulator : {"physical", "listing"}
         "physical": unilateral contact along the whole rim with damping, and friction against
         the slip of the spinning rim; well posed. "listing": the code of the thesis's
-        appendix D, see `simulate_listing` for its own choices.
+        appendix D with its mistakes, for reproducing the thesis.
     run : {1, 2, 3, 4}, optional
         Sets the contact stiffness to 1e4, 1e6, 1e8 or 1e10 N/m (table 9.2), also in given
         `parameters`. Without both, run 1.
@@ -42,31 +51,45 @@ def simulate_brush(
     parameters : BrushParameters, optional
         Default: ``BrushParameters()`` for "physical", ``BrushParameters.as_published()`` for
         "listing".
-    sample_rate : float
-        Samples per second of the result [Hz]; forces are averaged over each sample, so that
-        straight lines through them have the impulse of the contact. Also bounds the step.
-    disc : {"two-angle", "three-angle"}
-        Two angles and an ideal drive, (6.59) to (6.62), or three, (6.54) to (6.58), with a
-        spin that friction slows down against the drive's damping.
-    start : {"pressed", "landing"}
-        The disc begins parallel to the surface, pressed down by the polishing force, or
-        just touching it.
-    tolerance : float
-        Largest difference of the contact impulse over 10 ms between the last two of the
-        passes with ever smaller steps and more rim points, relative to the impulse of the
-        polishing force.
-    max_passes : int
-        At most this many passes, at least 2; a warning tells when they did not agree.
+    sample_rate : float, optional
+        Samples of the result per second [Hz]. 20 kHz for "physical": no step is longer than a
+        sample, and forces are averaged over each, so that straight lines through them have
+        the impulse of the contact. 100 kHz for "listing": forces are those at the sample.
+    tolerance : float, optional
+        "physical": largest difference of the contact impulse over 10 ms between the last two of
+        the passes with ever smaller steps and more rim points, relative to the impulse of the
+        polishing force; 2e-3. "listing": relative tolerance of ode45; 1e-3.
+    disc : {"two-angle", "three-angle"}, optional
+        Only "physical". Two angles and an ideal drive, (6.59) to (6.62), the default; or three,
+        (6.54) to (6.58), with a spin that friction slows down against the drive's damping.
+    start : {"pressed", "landing"}, optional
+        Only "physical". The disc begins parallel to the surface, pressed down by the polishing
+        force, the default, or just touching it.
+    max_passes : int, optional
+        Only "physical". At most this many passes, 4, and at least 2; a warning tells when they
+        did not agree.
+    defects : ListingDefects, optional
+        Only "listing". The mistakes to make; all of them by default.
+    workaround : {"none", "divide", "impulse"}, optional
+        Only "listing". What section 9.4.5 does to the impact forces: nothing, division by
+        10000, or multiplication by the duration of impact.
 
     Returns
     -------
     xarray.Dataset
-        Along `time` [s]: `theta`, `psi` [rad] and `theta_rate`, `psi_rate` [rad/s] (tilts about
-        x and y, zero when level; for the three-angle disc nutation and precession, with `phi`,
-        `phi_rate` and `omega_z`); `F_x`, `F_y`, `F_z`, `F_p` [N]; `contact_share`; `contact_force`
-        [N] by `point`, the normal force on the quarter of the rim around +x (C1), -x (C2), +y (C3), -y (C4);
-        `friction_power`, `damping_power` [W], `contact_energy` [J]; `tool_x`, `tool_y`, `tool_z`,
-        `surface_height` [m], `elevation` [rad]. The attributes say how exact the run is.
+        Along `time` [s]: `theta`, `psi` [rad] and `theta_rate`, `psi_rate` [rad/s]; `F_x`, `F_y`,
+        `F_z`, `F_p` [N]; `contact` by `point`; `tool_x`, `tool_y`, `surface_height` [m] and
+        `elevation` [rad]. The attributes hold the parameters and say how exact the run is.
+
+        "physical": theta and psi are tilts about x and y, zero when level, or for the
+        three-angle disc nutation and precession, with `phi`, `phi_rate` and `omega_z`. A point is
+        the quarter of the rim around +x (C1), -x (C2), +y (C3), -y (C4). Besides,
+        `contact_force` [N] by `point`, `contact_share`, `contact_energy` [J], `friction_power`,
+        `damping_power` [W], `tool_z` [m], `tool_z_rate` [m/s].
+
+        "listing": theta is the tilt towards the feed and psi the roll about it, pi/2 when level;
+        C1 is ahead, C2 behind, C3 and C4 at the sides. The gates by which D.2 and D.3 make
+        forces depend on the bearing are open here; `listing_response` obeys them.
 
         Signs follow (8.45): the tool's equations are m x'' = ... - F_x, m y'' = ... - F_y,
         m z'' = ... + F_z, and m_z z_m'' = ... - F_p, so that F_x > 0 pushes the tool along -x
@@ -75,7 +98,7 @@ def simulate_brush(
     Raises
     ------
     InvalidInputError
-        If an argument is out of its range.
+        If an argument is out of its range, or belongs to the other simulator.
     SolverError
         If the disc tips over or moves too fast to be followed.
 
@@ -93,24 +116,60 @@ def simulate_brush(
     >>> bool((signals.contact_force >= 0).all())
     True
     """
-    one_of("simulator", simulator, ("physical",))
-    one_of("disc", disc, ("two-angle", "three-angle"))
-    one_of("start", start, ("pressed", "landing"))
-    positive("tolerance", tolerance)
-    if not isinstance(max_passes, int) or max_passes < 2:
-        raise invalid("max_passes", max_passes, "an integer of at least 2", "Allow more passes.")
-    time = _sample_times(duration, sample_rate)
+    one_of("simulator", simulator, ("physical", "listing"))
+    given = {
+        "disc": disc,
+        "start": start,
+        "max_passes": max_passes,
+        "defects": defects,
+        "workaround": workaround,
+    }
+    options = _options(simulator, given)
     chosen = _parameters(simulator, run, parameters)
-    three_angles = disc == "three-angle"
+    rate = _SAMPLE_RATE[simulator] if sample_rate is None else sample_rate
+    time = _sample_times(duration, rate)
+    limit = positive("tolerance", _TOLERANCE[simulator] if tolerance is None else tolerance)
+    if simulator == "listing":
+        return run_listing(chosen, time, relative=limit, **options)
+    three_angles = options["disc"] == "three-angle"
     result, check = run_refined(
         chosen,
         time,
         three_angles=three_angles,
-        landing=start == "landing",
-        tolerance=tolerance,
-        max_passes=max_passes,
+        landing=options["start"] == "landing",
+        tolerance=limit,
+        max_passes=options["max_passes"],
     )
     return physical_dataset(result, check, chosen, three_angles)
+
+
+def _options(simulator: str, given: dict[str, Any]) -> dict[str, Any]:
+    """Check the options of one simulator, fill in its defaults, and refuse the other's."""
+    defaults, foreign = (_PHYSICAL, _LISTING) if simulator == "physical" else (_LISTING, _PHYSICAL)
+    for name in foreign:
+        if given[name] is not None:
+            raise invalid(
+                name,
+                given[name],
+                f"nothing, because the {simulator} simulator has no such option",
+                "Leave it out, or choose the other simulator.",
+            )
+    options = {
+        name: default if given[name] is None else given[name] for name, default in defaults.items()
+    }
+    if simulator == "listing":
+        one_of("workaround", options["workaround"], ("none", "divide", "impulse"))
+        if not isinstance(options["defects"], ListingDefects):
+            raise invalid(
+                "defects", options["defects"], "ListingDefects", "Pass ListingDefects(...)."
+            )
+        return options
+    one_of("disc", options["disc"], ("two-angle", "three-angle"))
+    one_of("start", options["start"], ("pressed", "landing"))
+    passes = options["max_passes"]
+    if not isinstance(passes, int) or passes < 2:
+        raise invalid("max_passes", passes, "an integer of at least 2", "Allow more passes.")
+    return options
 
 
 def _sample_times(duration: float, sample_rate: float) -> NDArray[np.float64]:
