@@ -15,7 +15,7 @@ from robustpolish.validation import described, invalid
 
 
 def checked_data(model: MechanicalModel, data: Any, outputs: bool = True) -> xr.Dataset:
-    """Return the model's columns of `data`, checked.
+    """Return `data`, the model's columns checked.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def checked_data(model: MechanicalModel, data: Any, outputs: bool = True) -> xr.
     Returns
     -------
     xarray.Dataset
-        Inputs and outputs over uniform ``time``.
+        Inputs, outputs and whatever else it holds, over uniform ``time``.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def checked_data(model: MechanicalModel, data: Any, outputs: bool = True) -> xr.
         _check_column(model, item, data)
     frequencies = modes(model.state_space()).frequencies_hz if model.free else ()
     check_sampling(data, list(frequencies))
-    return data[[item.name for item in items]]
+    return data
 
 
 def _check_time(data: xr.Dataset) -> None:

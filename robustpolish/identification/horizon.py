@@ -7,17 +7,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from robustpolish.identification.free_run import FreeRun
-from robustpolish.identification.observer import Level
-from robustpolish.identification.prediction import Predictor, zero_start
+from robustpolish.identification.observed_motion import likeliest_observer
 from robustpolish.identification.record import record_of
-from robustpolish.identification.scales import amplitude_of, scales_of
+from robustpolish.identification.scales import scales_of
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid
 
 Array = NDArray[np.float64]
-
-# How strongly the observer follows the data, as shares of the forces; the likeliest is taken.
-_LEVELS = (0.01, 0.03, 0.1, 0.3, 1.0)
 
 
 def predict(
@@ -65,17 +61,7 @@ def predict(
 def _observed(model: MechanicalModel, data: xr.Dataset, run: FreeRun) -> Array:
     """Estimate the state at every sample from the outputs up to there."""
     record = record_of(model, data)
-    scales = scales_of(model, record)
-    amplitude = amplitude_of(model, record, scales.bandwidth)
-    best, chosen = np.inf, None
-    for share in _LEVELS:
-        predictor = Predictor(model, record.dt, Level(share), scales, amplitude)
-        found = predictor.predict(model, record, zero_start(model), keep=True)
-        error = record.Y - found.outputs
-        S = predictor.gain.innovation
-        cost = len(error) * np.linalg.slogdet(S)[1] + np.sum(error * np.linalg.solve(S, error.T).T)
-        if np.isfinite(cost) and cost < best:
-            best, chosen = float(cost), found
+    chosen = likeliest_observer(model, record, scales_of(model, record))
     if chosen is None:
         raise invalid(
             "model",
@@ -84,4 +70,4 @@ def _observed(model: MechanicalModel, data: xr.Dataset, run: FreeRun) -> Array:
             "Compare in short windows, or check its stiffness and damping.",
         )
     n = run.system.states
-    return np.hstack([chosen.states[:, :n], chosen.internal])
+    return np.hstack([chosen[1].states[:, :n], chosen[1].internal])

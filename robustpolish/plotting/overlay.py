@@ -42,7 +42,7 @@ def plot_overlay(
         plot_time_series({"measured": measured[name], "simulated": simulated[name]}, overlay)
         if band is not None:
             _shade(overlay, simulated[name], band[name])
-        residual = (measured[name] - simulated[name]).assign_attrs(measured[name].attrs)
+        residual = (measured[name] - simulated[name]).assign_attrs(simulated[name].attrs)
         plot_time_series({"residual": residual}, rest)
         plot_spectra({"measured": measured[name], "residual": residual}, spectra)
         overlay.set_title(name)

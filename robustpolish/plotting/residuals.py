@@ -1,0 +1,155 @@
+"""Pictures of where a residual is and how it tests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from robustpolish.plotting.style import LINE_STYLES, new_axes, si_axis
+
+_LAGS = 200
+Banded = tuple[xr.DataArray, xr.DataArray]
+
+
+def plot_residual_analysis(
+    name: str,
+    windows: xr.DataArray,
+    bands: xr.DataArray,
+    marks: Mapping[str, ArrayLike],
+    autocorrelation: Banded,
+    cross_correlations: Mapping[str, Banded],
+    coherences: Mapping[str, tuple[xr.DataArray, float]],
+    surfaces: Mapping[str, xr.Dataset],
+) -> Figure:
+    """Draw shares, tests and restoring-force surfaces of one output's residual.
+
+    Parameters
+    ----------
+    name : str
+        Of the output.
+    windows, bands : xarray.DataArray
+        Shares over ``window`` (``begin``, ``end`` in s) and ``band`` (``low``, ``high`` in Hz).
+    marks : mapping of str to array_like
+        Frequencies in Hz to mark, by what they are.
+    autocorrelation : (xarray.DataArray, xarray.DataArray)
+        Coefficients and half width of their band, over ``lag``.
+    cross_correlations : mapping of str to (xarray.DataArray, xarray.DataArray)
+        Likewise, by input.
+    coherences : mapping of str to (xarray.DataArray, float)
+        Over ``frequency``, and the threshold, by input.
+    surfaces : mapping of str to xarray.Dataset
+        ``force`` over ``displacement`` and ``velocity``, by place.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    panels = 3 + len(cross_correlations) + len(coherences) + len(surfaces)
+    rows = -(-panels // 3)
+    figure, grid = plt.subplots(rows, 3, figsize=(15, 3.3 * rows), layout="constrained")
+    figure.suptitle(f"Where the error of {name} is")
+    axes = iter(np.ravel(grid))
+    plot_window_shares(windows, next(axes))
+    plot_band_shares(bands, marks, next(axes))
+    plot_correlation(*autocorrelation, next(axes)).set_title("autocorrelation")
+    for source, (value, band) in cross_correlations.items():
+        plot_correlation(value, band, next(axes)).set_title(f"correlation with {source}")
+    for source, (value, threshold) in coherences.items():
+        plot_coherence(value, threshold, next(axes)).set_title(f"coherence with {source}")
+    for place, shown in surfaces.items():
+        plot_surface(shown, next(axes)).set_title(f"missing force at {place}")
+    for ax in axes:
+        ax.set_axis_off()
+    return figure
+
+
+def plot_window_shares(shares: xr.DataArray, ax: Axes | None = None) -> Axes:
+    """Draw the share of the error over time, from ``begin`` and ``end`` in s."""
+    ax = new_axes(ax)
+    begin, end = shares["begin"].values, shares["end"].values
+    ax.bar(begin, 100 * shares.values, width=end - begin, align="edge", color="#0072b2")
+    si_axis(ax.xaxis, "time", "s")
+    ax.set_ylabel("share of the error [%]")
+    return ax
+
+
+def plot_band_shares(
+    shares: xr.DataArray, marks: Mapping[str, ArrayLike], ax: Axes | None = None
+) -> Axes:
+    """Draw the share of the error over frequency, with some frequencies marked.
+
+    Parameters
+    ----------
+    shares : xarray.DataArray
+        Over bands from ``low`` to ``high`` in Hz.
+    marks : mapping of str to array_like
+        Frequencies in Hz by what they are.
+    ax : matplotlib.axes.Axes, optional
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    ax = new_axes(ax)
+    low, high = shares["low"].values.copy(), shares["high"].values
+    low[0] = max(low[0], high[0] / 2)  # the axis is logarithmic
+    ax.bar(low, 100 * shares.values, width=high - low, align="edge", color="#0072b2", alpha=0.7)
+    for style, (what, frequencies) in zip(LINE_STYLES[2:], marks.items(), strict=False):
+        for i, frequency in enumerate(np.ravel(np.asarray(frequencies, dtype=float))):
+            ax.axvline(frequency, label=what if i == 0 else None, **style)
+    ax.set_xscale("log")
+    ax.set_xlim(low[0], high[-1])
+    ax.set_xlabel("frequency [Hz]")
+    ax.set_ylabel("share of the error [%]")
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(loc="best")
+    return ax
+
+
+def plot_correlation(value: xr.DataArray, band: xr.DataArray, ax: Axes | None = None) -> Axes:
+    """Draw correlation coefficients over ``lag`` in s, the smallest lags only, with their band."""
+    ax = new_axes(ax)
+    near = np.sort(np.argsort(np.abs(value["lag"].values), kind="stable")[: 2 * _LAGS])
+    lag = value["lag"].values[near]
+    ax.fill_between(lag, -band.values[near], band.values[near], color="#999999", alpha=0.5)
+    ax.plot(lag, value.values[near], color="#0072b2", linewidth=0.8)
+    si_axis(ax.xaxis, "lag", "s")
+    ax.set_ylabel("coefficient (band: 99 %)")
+    return ax
+
+
+def plot_coherence(value: xr.DataArray, threshold: float, ax: Axes | None = None) -> Axes:
+    """Draw the coherence over ``frequency`` in Hz with the threshold of chance."""
+    ax = new_axes(ax)
+    ax.semilogx(value["frequency"].values, value.values, color="#0072b2", linewidth=0.8)
+    ax.axhline(threshold, color="#999999")
+    ax.set_ylim(0, 1)
+    ax.set_xlabel("frequency [Hz]")
+    ax.set_ylabel("coherence")
+    return ax
+
+
+def plot_surface(shown: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw a restoring-force surface: ``force`` over ``displacement`` and ``velocity``."""
+    ax = new_axes(ax)
+    force = shown["force"]
+    largest = float(np.nanmax(np.abs(force.values))) if force.notnull().any() else 1.0
+    image = ax.pcolormesh(
+        shown["displacement"].values,
+        shown["velocity"].values,
+        force.values.T,
+        cmap="RdBu_r",
+        vmin=-largest,
+        vmax=largest,
+    )
+    colorbar = ax.figure.colorbar(image, ax=ax)
+    si_axis(colorbar.ax.yaxis, "force", str(force.attrs.get("units", "")))
+    for axis, dim in ((ax.xaxis, "displacement"), (ax.yaxis, "velocity")):
+        si_axis(axis, dim, str(shown[dim].attrs.get("units", "")))
+    return ax
