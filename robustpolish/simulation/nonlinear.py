@@ -151,6 +151,15 @@ def measured(model: MechanicalModel, outputs: Array) -> Array:
     return result
 
 
+def raw_outputs(model: MechanicalModel, Y: Array) -> Array:
+    """Take the gains and offsets of the effects on outputs out of measured outputs."""
+    if not any(e.kind.startswith("sensor_") for e in model.effects):
+        return Y
+    zero = measured(model, np.zeros((1, Y.shape[1])))
+    gain = measured(model, np.ones((1, Y.shape[1]))) - zero
+    return np.ascontiguousarray((Y - zero) / np.where(gain == 0, 1.0, gain))
+
+
 def _output_amplitudes(model: MechanicalModel, data: xr.Dataset) -> float:
     """Return the largest displacement amplitude in the data, 0 if none is measured."""
     shown = [

@@ -77,6 +77,13 @@ def port_rows(model: MechanicalModel, effect: Effect) -> Array:
     return port_row(model, effect.at)[None]
 
 
+def port_pairs(effect: Effect) -> list[tuple[str, ...]]:
+    """Return the two ends of each port of an effect."""
+    if effect.definition.domain == "pair":
+        return [effect.at]
+    return [(name, "ground") for name in effect.at]
+
+
 def port_matrices(
     model: MechanicalModel, rows: Array, pairs: list[tuple[str, ...]]
 ) -> tuple[Array, Array, tuple[Array, Array, Array, Array]]:
@@ -122,7 +129,7 @@ def build_system(model: MechanicalModel, step: float) -> NonlinearSystem:
         here = port_rows(model, effect)
         p = [*effect.values.values(), *context_values(model, effect, step)]
         rows.append(here)
-        pairs += [effect.at] if kind.domain == "pair" else [(n, "ground") for n in effect.at]
+        pairs += port_pairs(effect)
         layout.append((port, kind.ports, state, kind.states, parameter, len(p)))
         values += p
         port, state, parameter = port + kind.ports, state + kind.states, parameter + len(p)

@@ -1,0 +1,336 @@
+"""Estimate the missing force: a Kalman smoother on the measured outputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.effects import Effect, Motion, force_along
+from robustpolish.identification.observer import (
+    Level,
+    Scales,
+    observer_gain,
+    with_missing_force,
+)
+from robustpolish.identification.prediction import Prediction, Predictor, zero_start
+from robustpolish.identification.record import Record
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.simulation.nonlinear import raw_outputs, signals
+from robustpolish.simulation.nonlinear_step import step_matrices
+from robustpolish.simulation.nonlinear_system import (
+    NonlinearSystem,
+    build_system,
+    context_of,
+    port_matrices,
+    port_pairs,
+    port_rows,
+)
+
+Array = NDArray[np.float64]
+
+
+@numba.njit(cache=True, nogil=True)
+def _forward(F, Kp, C, drive, direct, Y, s0):  # type: ignore[no-untyped-def]  # compiled
+    samples, n = drive.shape
+    ny = C.shape[0]
+    states = np.empty((samples, n))
+    errors = np.empty((samples, ny))
+    x = s0.copy()
+    new = np.empty(n)
+    for k in range(samples):
+        for i in range(ny):
+            total = Y[k, i] - direct[k, i]
+            for j in range(n):
+                total -= C[i, j] * x[j]
+            errors[k, i] = total
+        for i in range(n):
+            states[k, i] = x[i]
+            total = drive[k, i]
+            for j in range(n):
+                total += F[i, j] * x[j]
+            for j in range(ny):
+                total += Kp[i, j] * errors[k, j]
+            new[i] = total
+        x, new = new, x
+    return states, errors
+
+
+@numba.njit(cache=True, nogil=True)
+def _backward(L, CS, P, states, errors):  # type: ignore[no-untyped-def]  # compiled
+    samples, n = states.shape
+    ny = errors.shape[1]
+    smoothed = np.empty((samples, n))
+    r = np.zeros(n)
+    new = np.empty(n)
+    for m in range(samples):
+        k = samples - 1 - m
+        for i in range(n):
+            total = 0.0
+            for j in range(ny):
+                total += CS[i, j] * errors[k, j]
+            for j in range(n):
+                total += L[j, i] * r[j]
+            new[i] = total
+        r, new = new, r
+        for i in range(n):
+            total = states[k, i]
+            for j in range(n):
+                total += P[i, j] * r[j]
+            smoothed[k, i] = total
+    return smoothed
+
+
+@numba.njit(cache=True, nogil=True)
+def _respond(L, C, G0, G1, GK, H, columns, out):  # type: ignore[no-untyped-def]  # compiled
+    """Innovations that unit columns of port forces leave, shape (columns, samples, ny)."""
+    count, ports, samples = columns.shape
+    n, ny = L.shape[0], C.shape[0]
+    x, new = np.empty(n), np.empty(n)
+    for c in range(count):
+        x[:] = 0.0
+        for k in range(samples):
+            for i in range(ny):
+                total = 0.0
+                for j in range(n):
+                    total += C[i, j] * x[j]
+                for j in range(ports):
+                    total += H[i, j] * columns[c, j, k]
+                out[c, k, i] = total
+            if k + 1 == samples:
+                break
+            for i in range(n):
+                total = 0.0
+                for j in range(n):
+                    total += L[i, j] * x[j]
+                for j in range(ports):
+                    total += (G0[i, j] - GK[i, j]) * columns[c, j, k]
+                    total += G1[i, j] * columns[c, j, k + 1]
+                new[i] = total
+            x, new = new, x
+
+
+class PortForces(NamedTuple):
+    """Forces along rows of the coordinates: (ports, coordinates), ends, (ports, samples)."""
+
+    rows: Array
+    pairs: list[tuple[str, ...]]
+    values: Array
+
+    def head(self, samples: int) -> PortForces:
+        """Return the first samples."""
+        return PortForces(self.rows, self.pairs, self.values[:, :samples])
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """Motion and missing force along a record.
+
+    Attributes
+    ----------
+    q, v, a : ndarray, shape (coordinates, samples)
+        Displacements and velocities of all coordinates, and the accelerations that the model
+        gives them without the missing force.
+    force : ndarray, shape (sites, samples)
+        Missing force at each site.
+    inputs : ndarray, shape (samples, signals)
+    outputs : ndarray, shape (samples, ny)
+        Noise-free outputs.
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    force: Array
+    inputs: Array
+    outputs: Array
+
+
+class LinearObserver:
+    """The observer of a model's linear part, other forces being known."""
+
+    def __init__(self, model: MechanicalModel, dt: float, level: Level, scales: Scales) -> None:
+        self.model, self.dt = model, dt
+        self._steps: dict[object, tuple[Array, Array, Array]] = {}
+        plain = build_system(model.without_effects(), dt)
+        self.system: NonlinearSystem = with_missing_force(model, plain, scales.bandwidth)
+        gain = observer_gain(self.system, dt, level, scales)
+        self.gain = gain
+        self.m = step_matrices(self.system.A, self.system.B, np.zeros((self.states, 0)), dt)
+        self.L = np.ascontiguousarray(self.m.full - gain.predictor @ self.system.C)
+
+    @property
+    def states(self) -> int:
+        """Number of states, missing forces included."""
+        return self.system.A.shape[0]
+
+    def innovations(
+        self, Y: Array, W: Array, forces: PortForces | None, s0: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Return the predicted states and the innovations, some forces being known."""
+        drive = np.zeros((len(Y), self.states))
+        drive[:-1] = W[:-1] @ self.m.full_now.T + W[1:] @ self.m.full_later.T
+        direct = W @ self.system.D.T
+        if forces is not None:
+            G0, G1, H = self.port_steps(forces.rows, forces.pairs)
+            drive[:-1] += (G0 @ forces.values[:, :-1] + G1 @ forces.values[:, 1:]).T
+            direct = direct + (H @ forces.values).T
+        start = np.zeros(self.states) if s0 is None else s0
+        return _forward(
+            self.m.full, self.gain.predictor, self.system.C, drive, direct,
+            np.ascontiguousarray(Y), start,
+        )  # fmt: skip
+
+    def port_steps(self, rows: Array, pairs: list[tuple[str, ...]]) -> tuple[Array, Array, Array]:
+        """Return the step matrices of forces along rows of the coordinates."""
+        key = (rows.tobytes(), tuple(pairs))
+        if key not in self._steps:
+            self._steps[key] = self._port_steps(rows, pairs)
+        return self._steps[key]
+
+    def _port_steps(self, rows: Array, pairs: list[tuple[str, ...]]) -> tuple[Array, Array, Array]:
+        G, H, _ = port_matrices(self.model, rows, pairs)
+        G = np.vstack([G, np.zeros((self.states - len(G), len(rows)))])
+        m = step_matrices(self.system.A, G, np.zeros((self.states, 0)), self.dt)
+        return m.full_now, m.full_later, np.ascontiguousarray(H)
+
+    def smooth(self, states: Array, errors: Array) -> Array:
+        """Return the smoothed states (de Jong's recursion)."""
+        CS = np.ascontiguousarray(np.linalg.solve(self.gain.innovation, self.system.C).T)
+        return _backward(self.L, CS, np.ascontiguousarray(self.gain.covariance), states, errors)
+
+    def respond(self, rows: Array, pairs: list[tuple[str, ...]], columns: Array) -> Array:
+        """Return the innovations that port forces leave, shape (columns, samples, ny)."""
+        G0, G1, H = self.port_steps(rows, pairs)
+        out = np.empty((columns.shape[0], columns.shape[2], self.system.C.shape[0]))
+        _respond(
+            self.L, self.system.C, G0, G1, np.ascontiguousarray(self.gain.predictor @ H), H,
+            np.ascontiguousarray(columns), out,
+        )  # fmt: skip
+        return out
+
+    def respond_outputs(self, columns: Array) -> Array:
+        """Return the innovations that additions to the outputs leave.
+
+        `columns` has shape (columns, ny, samples).
+        """
+        ny = columns.shape[1]
+        zero = np.zeros((self.states, ny))
+        out = np.empty((columns.shape[0], columns.shape[2], ny))
+        _respond(
+            self.L, self.system.C, zero, zero, np.ascontiguousarray(self.gain.predictor),
+            np.eye(ny), np.ascontiguousarray(columns), out,
+        )  # fmt: skip
+        return out
+
+    def respond_start(self, samples: int) -> Array:
+        """Return the innovations that a unit of each state at the start leaves."""
+        n = self.states
+        out = np.empty((n, samples, self.system.C.shape[0]))
+        power = np.eye(n)
+        for k in range(samples):
+            out[:, k, :] = (self.system.C @ power).T
+            power = self.L @ power
+            if np.max(np.abs(power)) < 1e-12:
+                out[:, k + 1 :, :] = 0.0
+                break
+        return out
+
+
+def known_forces(
+    model: MechanicalModel, q: Array, v: Array, time: Array, dt: float
+) -> PortForces | None:
+    """Return the forces of a model's effects along a motion."""
+    rows, pairs, values = [], [], []
+    for added in model.effects:
+        effect = Effect(added.kind, added.at, added.parameters)
+        if effect.definition.law is None:
+            continue
+        here = port_rows(model, effect)
+        context = context_of(model, effect.at, dt / 4)
+        motion = Motion(time, here @ q, here @ v, context)
+        p = [*effect.values.values(), *(context[c] for c in effect.definition.context)]
+        rows.append(here)
+        pairs += port_pairs(effect)
+        values.append(force_along(effect.definition, motion, np.array(p)))
+    if not rows:
+        return None
+    return PortForces(np.vstack(rows), pairs, np.vstack(values))
+
+
+def smooth(
+    model: MechanicalModel, record: Record, level: Level, scales: Scales, amplitude: float
+) -> Smoothed:
+    """Return motion and missing force along a record.
+
+    Effects of the model enter as known forces along the motion that a forward pass of the
+    nonlinear observer finds.
+    """
+    W = signals(model, record.data)
+    Y = raw_outputs(model, record.Y)
+    time = np.asarray(record.data["time"].values, dtype=float)
+    observer = LinearObserver(model, record.dt, level, scales)
+    forces = None
+    if any(Effect(e.kind, e.at, e.parameters).definition.law is not None for e in model.effects):
+        predictor = Predictor(model, record.dt, level, scales, amplitude)
+        kept: Prediction = predictor.predict(model, record, zero_start(model), keep=True)
+        q, v = motion_of(model, kept.states, W)
+        forces = known_forces(model, np.nan_to_num(q), np.nan_to_num(v), time, record.dt)
+    s = _smoothed_states(observer, Y, W, forces)
+    if forces is not None:  # once more, along the smoothed motion
+        forces = known_forces(model, *motion_of(model, s, W), time, record.dt)
+        s = _smoothed_states(observer, Y, W, forces)
+    q, v = motion_of(model, s, W)
+    n = 2 * len(model.free)
+    force = s[:, n:].T
+    return Smoothed(
+        q, v, _accelerations(model, q, v, W, forces), force, W,
+        s @ observer.system.C.T + W @ observer.system.D.T
+        + (0.0 if forces is None else _through(model, forces)),
+    )  # fmt: skip
+
+
+def _through(model: MechanicalModel, forces: PortForces) -> Array:
+    _, H, _ = port_matrices(model, forces.rows, forces.pairs)
+    return (H @ forces.values).T
+
+
+def _smoothed_states(
+    observer: LinearObserver, Y: Array, W: Array, forces: PortForces | None
+) -> Array:
+    """Smooth; the start is found by smoothing the first part of the record repeatedly."""
+    first = min(len(Y), 4000)
+    s0 = np.zeros(observer.states)
+    head = None if forces is None else forces.head(first)
+    for _ in range(3):
+        states, errors = observer.innovations(Y[:first], W[:first], head, s0)
+        s0 = observer.smooth(states, errors)[0]
+    states, errors = observer.innovations(Y, W, forces, s0)
+    return observer.smooth(states, errors)
+
+
+def motion_of(model: MechanicalModel, states: Array, W: Array) -> tuple[Array, Array]:
+    """Return displacements and velocities of all coordinates, shape (coordinates, samples)."""
+    Lq, Lv, Rq, Rv = model.matrices.motion_map()
+    s = states[:, : Lq.shape[1]].T
+    return Lq @ s + Rq @ W.T, Lv @ s + Rv @ W.T
+
+
+def _accelerations(
+    model: MechanicalModel,
+    q: Array,
+    v: Array,
+    W: Array,
+    forces: PortForces | None,
+) -> Array:
+    # The missing force is left out: with it, errors of the masses could explain it away.
+    m = model.matrices
+    total = m.B @ W[:, : m.B.shape[1]].T - m.K @ q - m.C @ v
+    if forces is not None:
+        total = total + forces.rows.T @ forces.values
+    mass = np.diag(m.M)
+    a = np.divide(total, mass[:, None], out=np.zeros_like(total), where=mass[:, None] > 0)
+    return a

@@ -1,0 +1,123 @@
+"""Which numbers of a model are fitted, in which units, between which bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.effects import Effect
+from robustpolish.models.mechanical import MechanicalModel
+
+Array = NDArray[np.float64]
+
+MASS_PRIOR = 0.05
+GAIN_PRIOR = 0.05
+ELASTIC_PRIOR = 0.5
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """A number of a model that a fit may change.
+
+    Attributes
+    ----------
+    key : str
+        As in `MechanicalModel.parameters`.
+    start, scale : float
+        First value, and the unit in which the fit counts.
+    lower, upper : float
+        Bounds.
+    prior : float
+        Standard deviation of what is known about it beforehand, about `centre`;
+        infinite if nothing is known.
+    centre : float
+    """
+
+    key: str
+    start: float
+    scale: float
+    lower: float
+    upper: float
+    prior: float = np.inf
+    centre: float = 0.0
+
+    @property
+    def is_effect(self) -> bool:
+        """Whether it belongs to an effect."""
+        return self.key.startswith("effect[")
+
+
+def free_parameters(
+    model: MechanicalModel, bandwidth: float, reference: MechanicalModel | None = None
+) -> list[FreeParameter]:
+    """Return the parameters of a model that are fitted.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    bandwidth : float
+        Excited bandwidth in rad/s; gives zero stiffness and damping a scale.
+    reference : MechanicalModel, optional
+        The model before any fit, about which the priors are centred.
+    """
+    known = (reference or model).parameters
+    free = set(model.free)
+    driven = {o.of[0] for o in model.outputs if o.drive}
+    result = []
+    mass = float(np.mean([d.mass for d in model.dofs if d.mass > 0] or [1.0]))
+    for dof in model.dofs:
+        if dof.name in free or dof.name in driven:
+            key = f"dof.{dof.name}.{'inertia' if dof.rotational else 'mass'}"
+            result.append(_near(key, dof.mass, known.get(key, dof.mass), MASS_PRIOR))
+    for i, spring in enumerate(model.springs):
+        key = f"spring[{i}].stiffness"
+        natural = mass * bandwidth**2
+        result.append(_elastic(key, spring.stiffness, known.get(key, 0.0), natural))
+    for i, damper in enumerate(model.dampers):
+        key = f"damper[{i}].damping"
+        natural = 0.02 * mass * bandwidth
+        result.append(_elastic(key, damper.damping, known.get(key, 0.0), natural))
+    for item in model.inputs:
+        if item.imposes is None and model.free:
+            key = f"input.{item.name}.gain"
+            result.append(_near(key, item.gain, known.get(key, item.gain), GAIN_PRIOR))
+    for i, added in enumerate(model.effects):
+        effect = Effect(added.kind, added.at, added.parameters)
+        for parameter in effect.definition.parameters:
+            asked = parameter.name in added.parameters
+            if parameter.fitted and asked:
+                result.append(_effect(i, effect, parameter.name))
+    return result
+
+
+def _near(key: str, value: float, centre: float, share: float) -> FreeParameter:
+    """A number that is known rather well."""
+    low, high = sorted((0.4 * centre, 2.5 * centre))
+    prior = share * abs(centre)
+    return FreeParameter(key, value, abs(centre) or 1.0, low, high, prior, centre)
+
+
+def _elastic(key: str, value: float, centre: float, natural: float) -> FreeParameter:
+    """A stiffness or damping: may be far off, keeps its sign."""
+    scale = abs(value) or natural
+    if centre == 0:
+        return FreeParameter(key, value, natural, 0.0, np.inf)
+    low, high = (0.0, np.inf) if centre > 0 else (-np.inf, 0.0)
+    prior = ELASTIC_PRIOR * abs(centre) if key.startswith("spring") else np.inf
+    return FreeParameter(key, value, scale, low, high, prior, centre)
+
+
+def _effect(i: int, effect: Effect, name: str) -> FreeParameter:
+    parameter = effect.definition.parameter(name)
+    value = effect.values[name]
+    lower, upper = parameter.lower, parameter.upper
+    if name == "gap" and lower < 0:
+        lower, upper = (0.0, upper) if value >= 0 else (lower, 0.0)
+    scale = abs(value) or 1.0
+    if parameter.dimension == "rad":
+        scale = 1.0
+    if name == "frequency":
+        scale = 1e-3 * abs(value)
+    return FreeParameter(f"effect[{i}].{name}", value, scale, lower, upper)
