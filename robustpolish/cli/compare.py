@@ -1,0 +1,63 @@
+"""`robustpolish compare`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from robustpolish.cli.measurement import load_data, measurement_options, replaceable
+from robustpolish.cli.options import force_option, json_option, reports_errors, to_json, write_json
+from robustpolish.identification import compare as compare_model
+from robustpolish.identification import residual_analysis
+from robustpolish.models import MechanicalModel
+from robustpolish.report.saving import new_file
+
+
+@click.command()
+@click.argument("data", type=click.Path())
+@click.option("--model", required=True, type=click.Path(), help="Mechanical model, a TOML file.")
+@click.option("--window", type=float, help="Start anew after so many SECONDS: short free runs.")
+@click.option("--horizon", type=float, help="Predict so many SECONDS ahead from the outputs.")
+@measurement_options
+@click.option("--residuals", is_flag=True, help="Show where the error is.")
+@click.option("--plot", type=click.Path(dir_okay=False), help="Save the pictures (.png, .svg).")
+@json_option
+@force_option
+@reports_errors
+def compare(
+    data: str,
+    model: str,
+    window: float | None,
+    horizon: float | None,
+    table: str | None,
+    sampling_rate: float | None,
+    units: tuple[str, ...],
+    residuals: bool,
+    plot: str | None,
+    json_out: str | None,
+    force: bool,
+) -> None:
+    """Simulate a model on measured inputs and compare it with the measured outputs.
+
+    DATA is a measurement (CSV, MAT, HDF5, NPZ, WAV; TDMS and UFF with the extra [io]) with the
+    model's inputs and outputs as columns. The exit code is 0 however well the model fits, and 2
+    for bad input.
+    """
+    loaded = MechanicalModel.from_toml(Path(model))
+    record = load_data(data, loaded, table, sampling_rate, units)
+    result = compare_model(loaded, record, window=window, horizon=horizon)
+    content = result.to_dict()
+    lines = [repr(result), *(f"  {note}" for note in record.attrs["notes"])]
+    if residuals:
+        analysis = residual_analysis(result)
+        content["residuals"] = analysis.to_dict()
+        lines.append(analysis.explain())
+    to_json(content)  # nothing is written if anything fails
+    if plot is not None:
+        with new_file(plot, force, (".png", ".svg", ".pdf")) as draft:
+            result.plot().savefig(draft, dpi=150)
+    if json_out is not None:
+        write_json(content, json_out, force or replaceable(json_out, data, model))
+    if json_out != "-":
+        click.echo("\n".join(lines))
