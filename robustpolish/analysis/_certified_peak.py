@@ -58,8 +58,11 @@ def certified_peak(
     frequency, gain = peak(search, poles, tolerance)
     if not exact or model.states > EXACT_ALWAYS:
         found = _estimated(search, frequency, gain, tolerance)
-        if not exact or model.states > EXACT_AT_MOST or found.upper <= 1.001 * found.lower:
-            return found.in_units(search)
+        found = found.in_units(search)
+        if not exact or found.upper <= (1 + max(tolerance, 1e-6)) * found.lower:
+            return found
+        if model.states > EXACT_AT_MOST:
+            return _sharper_below(model, found)
     return _proven(exact_model or ExactModel.of(model), frequency * search.time, tolerance)
 
 
@@ -85,6 +88,14 @@ def _proven(model: ExactModel, start: float, tolerance: float) -> Peak:
     rounding = 4 * EPS * (model.B.ncols() + model.C.nrows())
     frequency = math.inf if at is None else float(arb(at))
     return Peak(frequency, gain, gain * (1 - rounding), upper, "no crossing, in exact arithmetic")
+
+
+def _sharper_below(model: Realisation, found: Peak) -> Peak:
+    """Evaluate the gain in ball arithmetic where doubles leave it uncertain."""
+    at = fraction(found.frequency) if math.isfinite(found.frequency) else None
+    gain = _gain(ExactModel.of(model), at)
+    upper = found.upper if found.upper > gain else math.inf
+    return replace(found, gain=gain, lower=gain * (1 - 1e-14), upper=upper)
 
 
 def _gain(model: ExactModel, x: fmpq | None) -> float:

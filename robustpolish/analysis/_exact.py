@@ -13,10 +13,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from flint import acb, acb_mat, arb, arb_mat, ctx, fmpq, fmpq_mat, fmpz_mat, fmpz_poly
+from flint import acb, acb_mat, arb, arb_mat, ctx, fmpq, fmpq_mat, fmpz_mat, fmpz_poly, nmod_mat
 from numpy.typing import NDArray
 
 from robustpolish.analysis._realisation import Realisation
+
+_PRIME = 4611686018427387847  # the largest below 2^62
 
 
 @contextmanager
@@ -102,8 +104,26 @@ class ExactModel:
         return zero == self.D and self.minimal().states == 0
 
 
+def _fully_reachable(A: fmpq_mat, B: fmpq_mat) -> bool:
+    """Say whether B, A B, A^2 B, ... span everything modulo a prime, hence exactly.
+
+    False proves nothing, but is rare for a reachable pair.
+    """
+    n, m = A.nrows(), B.ncols()
+    if n == 0 or m == 0:
+        return n == 0
+    step, block = (nmod_mat(M.numer_denom()[0], _PRIME) for M in (A, B))
+    columns = []
+    for _ in range(n):
+        columns += block.transpose().entries()
+        block = step * block
+    return nmod_mat(n * m, n, columns, _PRIME).rank() == n
+
+
 def _reachable(A: fmpq_mat, B: fmpq_mat, C: fmpq_mat) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat]:
     """Restrict a system to the span of B, A B, A^2 B, ..."""
+    if _fully_reachable(A, B):
+        return A, B, C
     n, m = A.nrows(), B.ncols()
     basis, rank = fmpq_mat(0, n), 0
     block = B.transpose()

@@ -123,7 +123,7 @@ def _part_norm(model: Realisation, tolerance: float) -> H2Norm:
         gain = float(np.linalg.norm(model.D))
         text = "a static gain" if model.D.size else "no input acts on any output"
         return H2Norm(gain, gain, gain, True, text)
-    bounds = energy(model)
+    bounds = energy(model, tolerance)
     text = "trace of the controllability Gramian, its residual checked"
     good = math.isfinite(bounds[1]) and bounds[1] - bounds[0] <= 2 * tolerance * bounds[1]
     if not good and model.states <= EXACT_STATES:

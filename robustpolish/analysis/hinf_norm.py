@@ -73,9 +73,9 @@ def hinf_norm(
     exact : bool, optional
         False proves nothing in exact arithmetic: the bracket then rests on
         estimates of rounding errors, is wider for light damping and may have no
-        upper end. It halves the time; meant for searches whose result
-        is checked afterwards. Blocks of more than 40 coupled states use it where it
-        gives a bracket of at most 0.1 %.
+        upper end. Three to ten times as quick; meant for searches whose result is checked
+        afterwards. With True, a block of more than 40 coupled states still takes the
+        estimate if its bracket is at most 1e-6 wide, and one of more than 80 in any case.
 
     Returns
     -------
@@ -93,8 +93,10 @@ def hinf_norm(
 
     Notes
     -----
-    Measured on one core: 2 states 2 ms, 12 coupled states 6 ms (2 ms with ``exact=False``).
-    Decoupled parts are treated one by one.
+    Measured on one core: 2 states 2 ms; 12 coupled states 7 ms, 15 ms with D or in discrete
+    time (2 ms with ``exact=False``); 50 states 20 to 700 ms; 120 states 0.2 to 0.4 s, where the
+    bracket of a mode with damping ratio 1e-4 is 1e-4 to 1e-2 wide. Decoupled parts are treated
+    one by one.
 
     References
     ----------

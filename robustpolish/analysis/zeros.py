@@ -37,9 +37,10 @@ def zeros_on_axis(system: control.StateSpace, *, tolerance: float = 1e-9) -> tup
 
     The matrix (A - lambda I, B; C, D) has its normal rank except at the invariant zeros. Those
     of (A, B2, C1, D12) and of (A, B1, C2, D21) on the imaginary axis (unit circle) break
-    the assumptions of Riccati-based synthesis. Candidates are the generalised eigenvalues of the matrix,
-    squared by two random compressions; each is then moved along the boundary to
-    the least smallest singular value, which decides. Zeros at infinity (a rank-deficient D)
+    the assumptions of Riccati-based synthesis. Candidates are the generalised eigenvalues of the
+    matrix, squared by two random compressions; each is then moved along the boundary to the least
+    smallest singular value. It counts if that is within the tolerance and far below its
+    surroundings. Zeros at infinity (a rank-deficient D)
     are not listed.
 
     Parameters
@@ -79,8 +80,12 @@ def zeros_on_axis(system: control.StateSpace, *, tolerance: float = 1e-9) -> tup
     for start in pencil.candidates():
         angle, distance = pencil.descend(start)
         frequency = angle * scaled.time / scaled.step
-        if distance <= tolerance and all(not _same(frequency, zero.frequency) for zero in found):
-            found.append(AxisZero(frequency, distance))
+        if (
+            distance <= tolerance
+            and pencil.dips(angle, distance)
+            and all(not _same(frequency, zero.frequency) for zero in found)
+        ):
+            found.append(AxisZero(float(frequency), distance))
     return tuple(sorted(found, key=lambda zero: zero.frequency))
 
 
@@ -122,8 +127,8 @@ class _Pencil:
             left = rng.standard_normal((self.rank, rows))
             right = rng.standard_normal((columns, self.rank))
             with np.errstate(divide="ignore", invalid="ignore"):
-                values = sla.eigvals(left @ self.M @ right, left @ self.N @ right)
-            values = values[np.isfinite(values) & (np.abs(values) < 1e8 * max(self.size, 1))]
+                values = np.asarray(sla.eigvals(left @ self.M @ right, left @ self.N @ right))
+            values = values[np.isfinite(values) & (np.abs(values) < 1e3 * max(self.size, 1))]
             found += list(np.abs(np.angle(values) if self.discrete else np.imag(values)))
         return found
 
@@ -132,6 +137,12 @@ class _Pencil:
         P = self.M - self.point(angle) * self.N
         singular = np.linalg.svd(P, compute_uv=False)
         return float(singular[self.rank - 1]) / max(self.size, 1e-300)
+
+    def dips(self, angle: float, value: float) -> bool:
+        """Tell a zero from the decay towards a zero at infinity: beside a zero the rank is full."""
+        width = 0.03 * angle if angle else 0.03
+        beside = min(self.smallest(abs(angle - width)), self.smallest(angle + width))
+        return value <= 1e-3 * beside
 
     def descend(self, start: float) -> tuple[float, float]:
         """Minimise along the boundary by shrinking steps around the start."""
