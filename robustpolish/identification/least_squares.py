@@ -181,7 +181,7 @@ def fit(
             break
         fall = (cost - better) / cost
         x, starts, errors, cost = trial, new_starts, new_errors, better
-        damping = damping / 6
+        damping = damping / 10
         if fall < tolerance:
             break
     model = residuals.model_at(x)

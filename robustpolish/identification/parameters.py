@@ -79,8 +79,10 @@ def free_parameters(
         key = f"damper[{i}].damping"
         natural = 0.02 * mass * bandwidth
         result.append(_elastic(key, damper.damping, known.get(key, 0.0), natural))
-    for item in model.inputs:
-        if item.imposes is None and model.free:
+    forces = [item for item in model.inputs if item.imposes is None]
+    for item in forces:
+        # one gain alone only scales all masses and springs: the masses are the gauge
+        if len(forces) > 1 and model.free:
             key = f"input.{item.name}.gain"
             result.append(_near(key, item.gain, known.get(key, item.gain), GAIN_PRIOR))
     for i, added in enumerate(model.effects):
@@ -93,14 +95,14 @@ def free_parameters(
 
 
 def _near(key: str, value: float, centre: float, share: float) -> FreeParameter:
-    """A number that is known rather well."""
+    """Describe a number that is known rather well."""
     low, high = sorted((0.4 * centre, 2.5 * centre))
     prior = share * abs(centre)
     return FreeParameter(key, value, abs(centre) or 1.0, low, high, prior, centre)
 
 
 def _elastic(key: str, value: float, centre: float, natural: float) -> FreeParameter:
-    """A stiffness or damping: may be far off, keeps its sign."""
+    """Describe a stiffness or damping: it may be far off, and keeps its sign."""
     scale = abs(value) or natural
     if centre == 0:
         return FreeParameter(key, value, natural, 0.0, np.inf)
@@ -121,3 +123,33 @@ def _effect(i: int, effect: Effect, name: str) -> FreeParameter:
     if name == "frequency":
         scale = 1e-3 * abs(value)
     return FreeParameter(f"effect[{i}].{name}", value, scale, lower, upper)
+
+
+def unit_of(model: MechanicalModel, key: str) -> str:
+    """Return the SI unit of a parameter of a model."""
+    if key.startswith("dof."):
+        return model.dof(key.removeprefix("dof.").rsplit(".", 1)[0]).unit
+    if key.startswith("input."):
+        return "1"
+    index = int(key[key.index("[") + 1 : key.index("]")])
+    name = key.rsplit(".", 1)[1]
+    if key.startswith("effect"):
+        return effect_unit(model, model.effects[index].kind, model.effects[index].at, name)
+    parts = model.springs if key.startswith("spring") else model.dampers
+    rotational = is_rotational(model, parts[index].between)
+    plain = "N m/rad" if rotational else "N/m"
+    return plain if key.startswith("spring") else ("N m s/rad" if rotational else "N s/m")
+
+
+def is_rotational(model: MechanicalModel, at: tuple[str, ...]) -> bool:
+    """Return whether a place is an angle."""
+    return any(model.dof(name).rotational for name in at if name in model.dof_names)
+
+
+def effect_unit(model: MechanicalModel, kind: str, at: tuple[str, ...], name: str) -> str:
+    """Return the SI unit of an effect's parameter at a place of a model."""
+    parameter = Effect(kind, at).definition.parameter(name)
+    if parameter.dimension == "signal":
+        output = next(o for o in model.outputs if o.name == at[0])
+        return model.unit_of(output)
+    return parameter.unit(is_rotational(model, at))

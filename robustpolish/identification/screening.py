@@ -280,28 +280,33 @@ def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
 
 
 def _columns(
-    model: MechanicalModel, kind: EffectKind, motion: Smoothed, time: Array, dt: float
+    model: MechanicalModel,
+    kind: EffectKind,
+    at: tuple[str, ...],
+    motion: Smoothed,
+    time: Array,
+    dt: float,
 ) -> list[_Columns]:
-    found = []
-    for at in places(model, kind):
-        if any(e.kind == kind.kind and e.at == at for e in model.effects):
-            continue
-        if kind.domain in ("input", "output"):
-            found += _signal_columns(model, kind, at, motion, time)
-            continue
-        effect = Effect(kind.kind, at)
-        rows = port_rows(model, effect)
-        q, v = rows @ motion.q, rows @ motion.v
-        if not q.any():
-            continue
-        _, sites = force_sites(model)
-        force = None
-        if kind.domain == "dof" and (at[0], "ground") in sites:
-            force = motion.force[sites.index((at[0], "ground"))][None]
-        context = context_of(model, at, dt / 4)
-        for shape in kind.shapes(Motion(time, q, v, context, force)):
-            found.append(_Columns(kind, at, shape, rows, port_pairs(effect), shape.columns))
-    return found
+    """Return the candidate columns of a kind at a place, none if it is there already."""
+    if any(e.kind == kind.kind and set(e.at) == set(at) for e in model.effects):
+        return []
+    if kind.domain in ("input", "output"):
+        return _signal_columns(model, kind, at, motion, time)
+    effect = Effect(kind.kind, at)
+    rows = port_rows(model, effect)
+    q, v = rows @ motion.q, rows @ motion.v
+    if not q.any():
+        return []
+    _, sites = force_sites(model)
+    force = None
+    if kind.domain == "dof" and (at[0], "ground") in sites:
+        force = motion.force[sites.index((at[0], "ground"))][None]
+    context = context_of(model, at, dt / 4)
+    pairs = port_pairs(effect)
+    return [
+        _Columns(kind, at, shape, rows, pairs, shape.columns)
+        for shape in kind.shapes(Motion(time, q, v, context, force))
+    ]
 
 
 def _signal_columns(
@@ -333,7 +338,7 @@ def screen(
     record: Record,
     scales: Scales,
     amplitude: float,
-    allowed: Sequence[str] | None = None,
+    allowed: Sequence[Effect] | None = None,
     finalists: int = 24,
 ) -> Screening:
     """Score every effect of the catalogue at every place it can act.
@@ -346,16 +351,14 @@ def screen(
     scales : Scales
     amplitude : float
         Displacement amplitude, for the steps of effects in the model.
-    allowed : sequence of str, optional
-        Kinds to try; all by default.
+    allowed : sequence of Effect, optional
+        Effects to try, their parameters aside; all kinds at all places by default.
     finalists : int
         How many are looked at with every level and noise colour.
     """
     time = np.asarray(record.data["time"].values, dtype=float)
-    motion = smooth(model, record, _following(model, record, scales), scales, amplitude)
-    filtered = {
-        level: _Filtered(model, record, level, scales, motion, time) for level in LEVELS
-    }
+    motion = smooth(model, record, following(model, record, scales), scales, amplitude)
+    filtered = {level: _Filtered(model, record, level, scales, motion, time) for level in LEVELS}
     nulls = {
         (level, order): score
         for level, f in filtered.items()
@@ -363,9 +366,11 @@ def screen(
     }
     best_level, best_order = min(nulls, key=lambda key: nulls[key])
     null = nulls[best_level, best_order]
-    catalogue = kinds() if allowed is None else {k: kinds()[k] for k in allowed}
+    tried_at = [(e.definition, e.at) for e in allowed or ()]
+    if allowed is None:
+        tried_at = [(kind, at) for kind in kinds().values() for at in places(model, kind)]
     entries = [
-        c for kind in catalogue.values() for c in _columns(model, kind, motion, time, record.dt)
+        c for kind, at in tried_at for c in _columns(model, kind, at, motion, time, record.dt)
     ]
     coarse = dict.fromkeys([best_level, Level(0.3), Level(0.01)])
     rough: list[tuple[float, _Columns]] = []
@@ -386,7 +391,7 @@ def screen(
     return Screening(tuple(_best_of_each(found)), best_level, best_order, motion, levels)
 
 
-def _following(model: MechanicalModel, record: Record, scales: Scales) -> Level:
+def following(model: MechanicalModel, record: Record, scales: Scales) -> Level:
     """Return the level whose innovations are smallest: it shows the motion best."""
     W = signals(model, record.data)
     Y = raw_outputs(model, record.Y)
@@ -401,9 +406,7 @@ def _following(model: MechanicalModel, record: Record, scales: Scales) -> Level:
     return best
 
 
-def _try(
-    f: _Filtered, entry: _Columns, orders: Sequence[int]
-) -> tuple[dict[int, float], Array]:
+def _try(f: _Filtered, entry: _Columns, orders: Sequence[int]) -> tuple[dict[int, float], Array]:
     """Return the information criterion with an entry's columns, and their coefficients."""
     raw = f.respond(entry)
     bad = dict.fromkeys(orders, np.inf)
