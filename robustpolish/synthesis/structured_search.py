@@ -163,8 +163,6 @@ def solve_setting(
                 break
             raise SolverError(_failure(setting, result))
         found, first = _outcome(setting, problem, result, deadline), result.point
-        if not found.at_ceiling:
-            break
         if certify(setting.plant, found.controller, setting.norm).valid:
             break
     assert found is not None
