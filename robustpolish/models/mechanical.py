@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import control
 
 from robustpolish.effects import Effect
 from robustpolish.models import mechanical_parameters as _parameters
+from robustpolish.models.air_bearing_parameters import AirBearingParameters
 from robustpolish.models.generalized_plant import GeneralizedPlant
 from robustpolish.models.mechanical_checks import check_model
 from robustpolish.models.mechanical_matrices import MechanicalMatrices, assemble
@@ -143,20 +144,30 @@ class MechanicalModel:
     def linearize(
         self,
         controls: Sequence[str] | None = None,
+        *,
+        actuation: Literal["force", "displacement"] = "force",
+        measured: Literal["outputs", "state", "displacement"] = "outputs",
         operating_point: Mapping[str, float] | None = None,
     ) -> GeneralizedPlant:
-        """Return the plant for synthesis, effects linearised at a state of rest.
+        """Return the plant for synthesis, effects linearised about a state of rest.
 
-        The disturbances w are the model's inputs, the controls u forces, the
-        performance outputs z all free displacements, the measurements y the outputs.
+        The disturbances w are the model's inputs, the controls u act on coordinates, the
+        performance outputs z are all free displacements. States are interleaved as in
+        :func:`robustpolish.models.air_bearing`: ``x``, ``dx``, ...; those of the effects follow.
 
         Parameters
         ----------
         controls : sequence of str, optional
-            Coordinates on which a control force acts; an input's name takes that input
-            out of w and makes it a control. All free coordinates by default.
+            Coordinates that a control acts on (named ``u_x``), or inputs, which are then controls
+            instead of disturbances. All free coordinates by default.
+        actuation : {"force", "displacement"}, optional
+            Whether a control is a force, or is added to the velocity that moves the displacement,
+            as in (10.40) of the thesis.
+        measured : {"outputs", "state", "displacement"}, optional
+            y: the model's outputs, all states, or all free displacements.
         operating_point : mapping of str to float, optional
-            Displacement in m or rad of coordinates that do not rest at 0.
+            Displacement in m or rad of coordinates at rest; those that are not named are 0. By
+            default the equilibrium without inputs.
 
         Returns
         -------
@@ -165,11 +176,27 @@ class MechanicalModel:
         Raises
         ------
         InvalidInputError
-            If a name is unknown.
+            If a name is unknown, or there is no free coordinate.
+
+        Warns
+        -----
+        RobustPolishWarning
+            If an effect jumps at the operating point, as dry friction does at rest: it has no
+            linear part there and is left out.
+
+        Examples
+        --------
+        >>> from robustpolish.models import Dof, MechanicalModel, Output, Spring
+        >>> model = MechanicalModel(
+        ...     [Dof("x", 2.0)], [Spring(("x", "ground"), 8.0)], outputs=[Output("x", "x")]
+        ... ).with_effect("quadratic_stiffness", ("x", "ground"), {"stiffness": 3.0})
+        >>> model.linearize(operating_point={"x": 0.5}).A.round(6)
+        array([[ 0. ,  1. ],
+               [-5.5,  0. ]])
         """
         from robustpolish.models.mechanical_linearization import linearize
 
-        return linearize(self, controls, operating_point)
+        return linearize(self, controls, actuation, measured, operating_point)
 
     # Changes -------------------------------------------------------------------------
 
@@ -221,7 +248,31 @@ class MechanicalModel:
         """Return the model with some numbers changed, by the keys of `parameters`."""
         return _parameters.replaced(self, values)
 
-    # Files ---------------------------------------------------------------------------
+    # Files and machines --------------------------------------------------------------
+
+    @classmethod
+    def from_air_bearing(
+        cls, parameters: AirBearingParameters | None = None, dissipation: float = 0.001
+    ) -> MechanicalModel:
+        """Return the air bearing of :func:`robustpolish.models.air_bearing` as masses and springs.
+
+        Inputs are the brush forces F_x, F_y, F_z and F_p, outputs the six displacements. With
+        dissipation 0 the dampers are there, with damping 0, so that a refit can find them.
+
+        Parameters
+        ----------
+        parameters : AirBearingParameters, optional
+            :meth:`AirBearingParameters.as_published` by default.
+        dissipation : float, optional
+            Share of the energy lost per cycle, (8.23).
+
+        Returns
+        -------
+        MechanicalModel
+        """
+        from robustpolish.models.mechanical_air_bearing import from_air_bearing
+
+        return from_air_bearing(parameters, dissipation)
 
     @classmethod
     def from_toml(cls, source: str | Path) -> MechanicalModel:

@@ -46,6 +46,15 @@ def check_model(model: MechanicalModel) -> None:
                 raise invalid(
                     f"{what} {name!r}", described(f"{count} of this name"), "one", "Rename it."
                 )
+    for dof in model.dofs:
+        for taken in (f"{dof.name}_dot", f"d{dof.name}"):
+            if any(other.name == taken for other in model.dofs):
+                raise invalid(
+                    f"dof.{taken}",
+                    taken,
+                    f"another name: this is what the velocity of {dof.name!r} is called",
+                    "Rename it.",
+                )
     if model.spin_frequency is not None:
         spin = positive("spin_frequency", number("spin_frequency", model.spin_frequency), "Hz")
         object.__setattr__(model, "spin_frequency", spin)

@@ -213,5 +213,7 @@ def _imposed_signals(
         for quantity, label in wanted:
             item = given.get(quantity, given[DISPLACEMENT])
             label = item.name if quantity in given else label
+            while quantity not in given and label in model.input_names:
+                label += "_"  # another input has this name already
             signals.append((label, index[name], quantity, item.gain))
     return signals

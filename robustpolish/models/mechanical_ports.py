@@ -71,8 +71,7 @@ def port_matrices(
 
 def dynamic_effects(model: MechanicalModel) -> list[tuple[int, Effect]]:
     """Return the effects that make forces, with their positions in the model."""
-    placed = [(i, Effect(e.kind, e.at, e.parameters)) for i, e in enumerate(model.effects)]
-    return [(i, e) for i, e in placed if e.definition.law is not None]
+    return [(i, e) for i, e in enumerate(model.effects) if e.definition.law is not None]
 
 
 def context_values(model: MechanicalModel, effect: Effect, step: float) -> list[float]:

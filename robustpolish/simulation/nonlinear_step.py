@@ -42,7 +42,7 @@ def step_matrices(A: Array, B: Array, G: Array, step: float) -> StepMatrices:
     step : float
         Length of the substep in s.
     """
-    n, m = A.shape[0], B.shape[1]
+    m = B.shape[1]
     columns = np.hstack([B, G])
     E, p1, p2, p3 = _phi(A, columns, step)
     E2, h1, h2, _ = _phi(A, columns, step / 2)
