@@ -13,6 +13,7 @@ _COMMANDS = {
     "modes": "Show the air bearing's modes and damping ratios.",
     "norms": "Show the air bearing's H-infinity and H2 norms without control.",
     "brush": "Simulate the brush on its mould and show the forces.",
+    "compare": "Compare a mechanical model with a measurement.",
 }
 
 

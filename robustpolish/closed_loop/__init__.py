@@ -3,6 +3,7 @@
 from robustpolish.closed_loop.brush_design import BrushDesign, design_against_brush
 from robustpolish.closed_loop.comparison import ControllerComparison, compare_controllers
 from robustpolish.closed_loop.simulation import simulate
+from robustpolish.closed_loop.thesis_comparison import thesis_comparison
 
 __all__ = [
     "BrushDesign",
@@ -10,4 +11,5 @@ __all__ = [
     "compare_controllers",
     "design_against_brush",
     "simulate",
+    "thesis_comparison",
 ]

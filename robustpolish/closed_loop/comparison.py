@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from robustpolish.closed_loop.simulation import simulate
 from robustpolish.models import GeneralizedPlant
@@ -174,12 +175,19 @@ def tabulate(
     signals: Sequence[str],
     controls: Sequence[str],
     load: str,
+    largest: Mapping[str, NDArray[np.float64]] | None = None,
 ) -> ControllerComparison:
-    """Reduce simulated responses to their largest deviations; the first row is the reference."""
+    """Reduce simulated responses to their largest deviations; the first row is the reference.
+
+    `largest` may hold the deviations per row, where the samples would miss the peaks.
+    """
     rows = list(responses)
-    deviation = np.array(
-        [[float(np.abs(responses[row][name]).max()) for name in signals] for row in rows]
-    )
+    if largest is None:
+        largest = {
+            row: np.array([float(np.abs(responses[row][name]).max()) for name in signals])
+            for row in rows
+        }
+    deviation = np.array([largest[row] for row in rows])
     with np.errstate(invalid="ignore", divide="ignore"):
         improvement = np.where(deviation[0] > 0, 100 * (1 - deviation / deviation[0]), np.nan)
     effort, effort_unit = _efforts(responses, controls)
