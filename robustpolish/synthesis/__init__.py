@@ -2,9 +2,11 @@
 
 from robustpolish.synthesis.certificate import Certificate, certify
 from robustpolish.synthesis.design import Design
+from robustpolish.synthesis.observer_feedback import observer_controller, observer_feedback
 from robustpolish.synthesis.pole_regions import Disk, HalfPlane, Sector
 from robustpolish.synthesis.published_controllers import PUBLISHED_CONTROLLERS, published_gain
 from robustpolish.synthesis.state_feedback import state_feedback
+from robustpolish.synthesis.static_output_feedback import static_output_feedback
 
 __all__ = [
     "PUBLISHED_CONTROLLERS",
@@ -14,6 +16,9 @@ __all__ = [
     "HalfPlane",
     "Sector",
     "certify",
+    "observer_controller",
+    "observer_feedback",
     "published_gain",
     "state_feedback",
+    "static_output_feedback",
 ]
