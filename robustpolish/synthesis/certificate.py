@@ -246,11 +246,12 @@ def _hinf(
     grid = confirmation_grid(system, peak)
     gains = largest_singular_values(system, grid)
     largest = float(gains.max(initial=0.0))
-    if largest > value * (1 + 1e-6) + level:
+    if largest > value * (1 + 1e-3) + level:
         reasons.append(f"the frequency response reaches {largest:.6g}, the norm was {value:.6g}")
-        return largest, float(grid[int(np.argmax(gains))])
-    if largest < value * (1 - 1e-4) - level:
+    if largest < value * (1 - 1e-3) - level:
         reasons.append(f"the frequency response reaches {largest:.6g}, not the norm {value:.6g}")
+    if largest > value:
+        return largest, float(grid[int(np.argmax(gains))])
     return value, peak
 
 

@@ -78,14 +78,16 @@ def _part(
 ) -> PlantPart:
     system = plant.system
     A, B, C, D = (np.array(M) for M in (system.A, system.B, system.C, system.D))
+    # python-control holds no outputs without inputs; without inputs they do not matter either.
+    seen = list(outputs) if inputs else []
     rows = control.StateSpace(
         A[np.ix_(states, states)],
         B[np.ix_(states, inputs)],
-        C[np.ix_(outputs, states)],
-        D[np.ix_(outputs, inputs)],
+        C[np.ix_(seen, states)],
+        D[np.ix_(seen, inputs)],
         plant.dt,
         inputs=[system.input_labels[i] for i in inputs],
-        outputs=[system.output_labels[i] for i in outputs],
+        outputs=[system.output_labels[i] for i in seen],
         states=[system.state_labels[i] for i in states],
         # A part without inputs still has states of its own.
         remove_useless_states=False,
@@ -93,7 +95,7 @@ def _part(
     measurements = tuple(i - plant.nz for i in outputs if i >= plant.nz)
     controls = tuple(i - plant.nw for i in inputs if i >= plant.nw)
     return PlantPart(
-        plant=GeneralizedPlant(rows, len(measurements), len(controls)),
+        plant=GeneralizedPlant(rows, len(measurements) if inputs else 0, len(controls)),
         states=tuple(states),
         disturbances=tuple(i for i in inputs if i < plant.nw),
         controls=controls,

@@ -1,0 +1,117 @@
+"""From the findings of the engines to one certified controller for a part of a plant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import control
+import numpy as np
+
+from robustpolish.synthesis.certificate import Certificate, Norm, certify
+from robustpolish.synthesis.deadline import Deadline
+from robustpolish.synthesis.design import Status
+from robustpolish.synthesis.dynamic.candidates import Candidate, Findings, preferred
+from robustpolish.synthesis.dynamic.simplification import simplify
+from robustpolish.synthesis.dynamic.solver_plant import SolverPlant
+
+_TRIALS = 8
+# An infimum that is approached without end counts as zero below this share of the norm at the
+# start of the descent; smaller norms would cost gain for nothing.
+_AS_GOOD_AS_ZERO = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """A certified controller of one part, in the plant's units."""
+
+    controller: control.StateSpace
+    certificate: Certificate
+    findings: Findings
+    candidate: Candidate
+    status: Status
+
+
+def choose(
+    problem: SolverPlant,
+    searches: Sequence[Findings],
+    norm: Norm,
+    tolerance: float,
+    enough: float,
+    deadline: Deadline,
+) -> tuple[Chosen | None, list[str]]:
+    """Pick the smallest gain among the controllers near the best norm, and certify it.
+
+    Parameters
+    ----------
+    problem : SolverPlant
+    searches : sequence of Findings
+    norm : {"hinf", "h2"}
+    tolerance : float
+        How far above the best norm, relative, a smaller gain is preferred to a smaller norm.
+    enough : float
+        A norm, in the plant's units, below which a falling search need not go.
+    deadline : Deadline
+        For shortening controllers; certificates are computed in any case.
+
+    Returns
+    -------
+    chosen : Chosen or None
+    reasons : list of str
+        Why controllers were refused.
+    """
+    owners = {id(c): found for found in searches for c in found.candidates}
+    everything = [c for found in searches for c in found.candidates]
+    best = min((c.achieved for c in everything), default=np.inf)
+    level = _zero_level(searches, enough / problem.norm(1.0, norm))
+    limit = max(best * (1 + tolerance), level)
+    reasons: list[str] = []
+    for trial, candidate in enumerate(preferred(everything, tolerance, level)):
+        if trial >= _TRIALS or (trial and deadline.expired):
+            break
+        bound = max(limit, candidate.achieved)
+        short = simplify(problem.matrices, candidate, bound, deadline, norm)
+        for each in (short, candidate) if short is not candidate else (candidate,):
+            found = _certified(problem, each, norm, reasons)
+            if found is not None:
+                owner = owners[id(candidate)]
+                status = _status(owner, searches, each, best)
+                return Chosen(*found, owner, each, status), reasons
+    return None, reasons
+
+
+def _certified(
+    problem: SolverPlant, candidate: Candidate, norm: Norm, reasons: list[str]
+) -> tuple[control.StateSpace, Certificate] | None:
+    K = problem.controller(candidate.controller)
+    if K is None:
+        reasons.append("the loop with D22 is not well posed")
+        return None
+    claimed = problem.norm(max(candidate.claimed, candidate.achieved), norm)
+    certificate = certify(problem.original, K, norm, claimed)
+    if certificate.valid:
+        return K, certificate
+    reasons += certificate.reasons
+    return None
+
+
+def _zero_level(searches: Sequence[Findings], enough: float) -> float:
+    """Return the norm below which a falling search need not go; zero if none is falling."""
+    falling = [found for found in searches if found.falling and found.candidates]
+    if not falling:
+        return 0.0
+    best = min(found.best for found in falling)
+    start = max(found.candidates[0].achieved for found in falling)
+    # A single part, or the one that decides the norm of the whole, has to do its best.
+    return max(_AS_GOOD_AS_ZERO * start, enough if enough > 2 * best else 0.0)
+
+
+def _status(
+    owner: Findings, searches: Sequence[Findings], chosen: Candidate, best: float
+) -> Status:
+    if any(found.falling and not found.expired for found in searches):
+        return "infimum_not_attained"
+    if owner.expired:
+        return "time_limit"
+    settled = any(found.converged for found in searches)
+    return "optimal" if settled and chosen.achieved <= 1.01 * best else "suboptimal"
