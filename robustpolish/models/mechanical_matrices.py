@@ -91,25 +91,15 @@ class MechanicalMatrices:
             Rv[row, column] = gain
         return Lq, Lv, Rq, Rv
 
-    def first_order(
-        self, extra_stiffness: Matrix | None = None, extra_damping: Matrix | None = None
-    ) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-        """Return A, B, C, D of the first-order form, from `signals` to `outputs`.
-
-        Parameters
-        ----------
-        extra_stiffness, extra_damping : ndarray, shape (n, n), optional
-            Added to K and C in the equations of motion; not in the rows of force outputs.
-        """
-        K = self.K if extra_stiffness is None else self.K + extra_stiffness
-        C = self.C if extra_damping is None else self.C + extra_damping
+    def first_order(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+        """Return A, B, C, D of the first-order form, from `signals` to `outputs`."""
         Lq, Lv, Rq, Rv = self.motion_map()
         n, nf, nw = len(self.coordinates), len(self.free), len(self.signals)
         force = np.hstack([self.B, np.zeros((n, nw - self.B.shape[1]))])
         inverse_mass = 1 / np.diag(self.M)[self.free, None]
         acceleration_s, acceleration_w = np.zeros((n, 2 * nf)), np.zeros((n, nw))
-        acceleration_s[self.free] = -inverse_mass * (K @ Lq + C @ Lv)[self.free]
-        acceleration_w[self.free] = inverse_mass * (force - K @ Rq - C @ Rv)[self.free]
+        acceleration_s[self.free] = -inverse_mass * (self.K @ Lq + self.C @ Lv)[self.free]
+        acceleration_w[self.free] = inverse_mass * (force - self.K @ Rq - self.C @ Rv)[self.free]
         for column, row, gain in self._imposed_columns(ACCELERATION):
             acceleration_w[row, column] = gain
         return (

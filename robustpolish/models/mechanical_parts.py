@@ -33,6 +33,8 @@ QUANTITIES = {
 }
 ROTATIONAL_ONLY = frozenset({"angle", "angular_velocity", "angular_acceleration", "torque"})
 
+_HUGE = 1e100
+
 UNITS = {
     False: {DISPLACEMENT: "m", VELOCITY: "m/s", ACCELERATION: "m/s^2", FORCE: "N"},
     True: {DISPLACEMENT: "rad", VELOCITY: "rad/s", ACCELERATION: "rad/s^2", FORCE: "N m"},
@@ -194,16 +196,17 @@ def unit_text(argument: str, value: Any) -> None:
 
 
 def number(argument: str, value: Any) -> float:
-    """Return `value` as a finite float; text and true/false are no numbers."""
+    """Return `value` as a float; text and true/false are no numbers.
+
+    Sizes beyond any machine are refused, because products of them overflow.
+    """
     real = isinstance(value, int | float | np.integer | np.floating)
-    if real and not isinstance(value, bool):
-        try:
-            result = float(value)
-        except OverflowError:
-            result = np.inf
-        if np.isfinite(result):
-            return result
-    raise invalid(argument, value, "a finite number", "Write a number without quotation marks.")
+    if not real or isinstance(value, bool):
+        raise invalid(argument, value, "a finite number", "Write a number without quotation marks.")
+    if not (value == 0 or 1 / _HUGE < abs(value) < _HUGE):
+        want = f"a finite number of a size between {1 / _HUGE:g} and {_HUGE:g}"
+        raise invalid(argument, value, want, "Check the value and its unit.")
+    return float(value)
 
 
 def places(argument: str, value: Any) -> tuple[str, ...]:

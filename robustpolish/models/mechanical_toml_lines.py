@@ -37,7 +37,7 @@ def line_of(text: str, message: str) -> int | None:
     """
     found = _PATH.match(message)
     if not found:
-        return None
+        return _first_mention(text, message)
     table, index = found["table"], found["index"]
     names = [part.strip("'\" ") for part in re.split(r"[.\s]", found["rest"]) if part]
     lines = text.splitlines()
@@ -52,6 +52,13 @@ def line_of(text: str, message: str) -> int | None:
             if pattern.match(lines[i]):
                 return i + 1
     return first
+
+
+def _first_mention(text: str, message: str) -> int | None:
+    """Return the line of a table or key that the format does not know."""
+    name = re.escape(message.split(":")[0])
+    pattern = re.compile(rf"^\s*(\[\[?\s*)?[\"']?{name}[\"']?\s*[\]=.]")
+    return next((i for i, line in enumerate(text.splitlines(), 1) if pattern.match(line)), None)
 
 
 def _block(
