@@ -37,6 +37,10 @@ class PoleRegion(Protocol):
         """Return the region for time counted in units of `seconds`."""
         ...
 
+    def contains(self, poles: ArrayLike, tolerance: float = 0.0) -> bool:
+        """Return whether all `poles` lie inside."""
+        ...
+
 
 class _Region:
     """What the regions share."""

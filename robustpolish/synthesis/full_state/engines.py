@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.synthesis.full_state.games import game_gain, lqr_gain, minimise_hinf
-from robustpolish.synthesis.full_state.lmi import LmiOptions, minimise_norm
+from robustpolish.synthesis.full_state.lmi import minimise_norm
 from robustpolish.synthesis.full_state.problem import StateFeedbackProblem
+from robustpolish.synthesis.full_state.programs import LmiOptions
 from robustpolish.synthesis.pole_regions import PoleRegion
 
 Matrix = NDArray[np.float64]
@@ -43,6 +44,10 @@ class Engine:
     solver: str | None = None
     tolerance: float = 1e-4
     remaining: Callable[[], float] = field(default=lambda: math.inf)
+
+    def relaxed(self, factor: float) -> Engine:
+        """Return the engine with a tolerance larger by `factor`."""
+        return replace(self, tolerance=self.tolerance * factor)
 
 
 @dataclass(frozen=True, eq=False)

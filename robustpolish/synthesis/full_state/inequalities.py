@@ -1,14 +1,15 @@
 """The linear matrix inequalities of state feedback in Y and M = F Y.
 
 Equations (10.18), (10.19) for the H-infinity norm and (10.27), (10.28) for the H2 norm of the
-thesis, their discrete-time counterparts (de Oliveira, Geromel, Bernussou, IJC 75, 2002), pole regions
-and a bound on the gain. Everything is normalised so that the norm sought is about one.
+thesis, their discrete-time counterparts (de Oliveira, Geromel, Bernussou, IJC 75, 2002), pole
+regions and a bound on the gain. Everything is normalised so that the norm sought is about one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,15 +93,15 @@ def _split_by_price(
 
     The condition stays (10.28); the solver has fewer and better scaled variables.
     """
-    Q, R, _ = linalg.qr(p.D12, pivoting=True)
-    size = np.abs(np.diag(R))
+    factors: Any = linalg.qr(p.D12, pivoting=True)
+    Q, size = factors[0], np.abs(np.diag(factors[1]))
     rank = int(np.sum(size > np.finfo(float).eps * max(p.D12.shape) * size.max(initial=0.0)))
     turned = replace(p, C=Q.T @ p.C, D11=Q.T @ p.D11, D12=Q.T @ p.D12)
-    first, rest = slice(0, rank), slice(rank, None)
-    return tuple(
-        replace(turned, C=turned.C[rows], D11=turned.D11[rows], D12=turned.D12[rows])
-        for rows in (first, rest)
-    )  # type: ignore[return-value]
+
+    def rows(part: slice) -> StateFeedbackProblem:
+        return replace(turned, C=turned.C[part], D11=turned.D11[part], D12=turned.D12[part])
+
+    return rows(slice(0, rank)), rows(slice(rank, None))
 
 
 def region_inequalities(
@@ -128,14 +129,15 @@ def gain_inequality(
     square: Affine,
     left: Matrix,
     right: Matrix,
-    around: Matrix,
 ) -> None:
     """Require the largest singular value of left M inv(Y) right to be below sqrt(square).
 
     The exact condition contains Y H Y with H = inv(right right'), which is convex in Y on
-    the wrong side; its tangent at Y = `around` lies below it, hence the condition is sufficient,
-    and exact at Y = `around`.
+    the wrong side; its tangent at Y = I lies below it, hence the condition is sufficient, and
+    exact at Y = I. The rows are multiplied by right', which leaves the gain off the diagonal.
     """
-    H = np.linalg.inv(right @ right.T)
-    tangent = Y @ (H @ around) + (around @ H) @ Y - around @ H @ around
-    program.positive(symmetric_block([[square.times(np.eye(left.shape[0])), left @ M], [tangent]]))
+    similar = np.linalg.inv(right) @ Y @ right
+    tangent = similar + similar.T - np.eye(right.shape[1])
+    program.positive(
+        symmetric_block([[square.times(np.eye(left.shape[0])), left @ M @ right], [tangent]])
+    )

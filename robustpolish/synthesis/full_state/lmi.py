@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from robustpolish.synthesis.affine import Affine, symmetric_block
 from robustpolish.synthesis.full_state.frames import Frame
-from robustpolish.synthesis.full_state.inequalities import (
-    gain_inequality,
-    h2_inequality,
-    hinf_inequality,
-    region_inequalities,
-)
 from robustpolish.synthesis.full_state.problem import StateFeedbackProblem
-from robustpolish.synthesis.pole_regions import PoleRegion
-from robustpolish.synthesis.semidefinite import SemidefiniteProgram
+from robustpolish.synthesis.full_state.programs import (
+    EASED_TOLERANCE,
+    SOLVER_TOLERANCE,
+    Demand,
+    LmiAnswer,
+    LmiOptions,
+    solve_once,
+)
 
 Matrix = NDArray[np.float64]
 
-_SOLVER_TOLERANCE = 1e-9
-_EASED_TOLERANCE = 1e-7
 # Rounds of solving, and the noise on all states that each adds for the H2 norm, as a share of
 # the disturbance. Without it Y is singular where w excites little, and with no pole region
 # the optimal gain does not depend on it.
@@ -35,58 +31,6 @@ _NOISE = (1e-1, 1e-2, 1e-3, 1e-4, 1e-4)
 _COARSE = 1e-2
 # Steps along the line from the best gain to one of less effort.
 _HALVINGS = 14
-
-
-@dataclass(frozen=True, eq=False)
-class LmiOptions:
-    """How inequalities are solved.
-
-    Attributes
-    ----------
-    norm : {"hinf", "h2"}
-    backend : str
-    solver : str or None
-    regions : sequence of PoleRegion
-        In the problem's unit of time.
-    slack : float
-        Relative distance from the optimum that is given away for a smaller effort.
-    remaining : callable
-        Seconds that are left.
-    """
-
-    norm: str
-    backend: str = "cvxpy"
-    solver: str | None = None
-    regions: Sequence[PoleRegion] = ()
-    slack: float = 2e-5
-    remaining: Callable[[], float] = field(default=lambda: math.inf)
-
-    def judged(self, p: StateFeedbackProblem, F: Matrix) -> float:
-        """Return the norm that a gain achieves; infinite outside the regions."""
-        achieved = p.achieved(F, self.norm)
-        if math.isfinite(achieved) and self.regions:
-            poles = np.linalg.eigvals(p.A + p.B2 @ F)
-            if not all(region.contains(poles) for region in self.regions):
-                return math.inf
-        return achieved
-
-
-@dataclass(frozen=True, eq=False)
-class LmiAnswer:
-    """A gain, what was claimed for it and what it achieves.
-
-    Attributes
-    ----------
-    F : ndarray
-    claimed, achieved : float
-    Y : ndarray
-        The inverse of the Lyapunov matrix, in the problem's states.
-    """
-
-    F: Matrix
-    claimed: float
-    achieved: float
-    Y: Matrix
 
 
 def minimise_norm(
@@ -150,13 +94,13 @@ def _solve_somehow(
     """Solve in the new frame; where the solver breaks down, more plainly, then in the old."""
     plain = frame.without_congruence()
     attempts = (
-        (frame, _SOLVER_TOLERANCE),
-        (plain, _EASED_TOLERANCE),
-        (replace(plain, T=older.T), _SOLVER_TOLERANCE),
+        (frame, SOLVER_TOLERANCE),
+        (plain, EASED_TOLERANCE),
+        (replace(plain, T=older.T), SOLVER_TOLERANCE),
     )
     result = None
     for attempt, tolerance in attempts:
-        result = _solve(p, options, attempt, history, noise=noise, tolerance=tolerance)
+        result = solve_once(p, options, attempt, Demand(noise=noise), history, tolerance)
         if result is not None or options.remaining() <= 0:
             break
     return result
@@ -186,16 +130,22 @@ def _tamed(
     """
     if p.nu == 0 or options.remaining() <= 0:
         return best
-    limit = best.achieved * (1 + 2 * options.slack)
     # Far from the optimum the gain itself can be minimised, near it only the effort.
     gain = (float(np.linalg.norm(best.F, 2)) or None) if options.slack > _COARSE else None
-    solved = _solve(p, options, frame, history, limit=limit, gain=gain)
-    if solved is None:
-        eased = frame.without_congruence()
-        solved = _solve(
-            p, options, eased, history, limit=limit, gain=gain, tolerance=_EASED_TOLERANCE
-        )
-    history[-1]["step"] = "smallest effort near the optimum"
+    plain = frame.without_congruence()
+    attempts = (
+        (frame, 2, SOLVER_TOLERANCE),
+        (plain, 2, EASED_TOLERANCE),
+        (plain, 10, SOLVER_TOLERANCE),
+    )
+    solved, limit = None, best.achieved
+    for attempt, share, tolerance in attempts:
+        limit = best.achieved * (1 + share * options.slack)
+        demand = Demand(limit=limit, gain=gain)
+        solved = solve_once(p, options, attempt, demand, history, tolerance)
+        history[-1]["step"] = "smallest effort near the optimum"
+        if solved is not None and math.isfinite(solved[0].achieved):
+            break
     if solved is None:
         return best
     claim = best.achieved * (1 + options.slack)
@@ -208,7 +158,7 @@ def _tamed(
         Y = (1 - share) * best.Y + share * end.Y
         M = (1 - share) * best.F @ best.Y + share * end.F @ end.Y
         try:
-            F = np.linalg.solve(Y, M.T).T
+            F: Matrix = np.linalg.solve(Y, M.T).T.astype(float)
         except linalg.LinAlgError:
             break
         achieved = options.judged(p, F)
@@ -220,68 +170,3 @@ def _tamed(
         if low == high:
             break
     return chosen
-
-
-def _solve(
-    p: StateFeedbackProblem,
-    options: LmiOptions,
-    frame: Frame,
-    history: list[dict[str, Any]],
-    *,
-    limit: float | None = None,
-    gain: float | None = None,
-    noise: float = 0.0,
-    tolerance: float = _SOLVER_TOLERANCE,
-) -> tuple[LmiAnswer, Frame] | None:
-    """Minimise the norm, or the effort under a limit of the norm, in one frame."""
-    hinf = options.norm == "hinf"
-    q = frame.apply(p if hinf else p.with_noise(noise))
-    program = SemidefiniteProgram()
-    Y, M = program.symmetric(p.nx), program.matrix(p.nu, p.nx)
-    if hinf:
-        square = program.scalar() if limit is None else Affine.of((limit / frame.unit) ** 2)
-        hinf_inequality(program, q, Y, M, square, frame.E)
-    else:
-        square = h2_inequality(program, q, Y, M, frame.E)
-    region_inequalities(program, q, Y, M, options.regions)
-    program.positive(Y)
-    if limit is None:
-        program.minimise(square)
-    else:
-        program.minimise(_smallness(program, Y, M, frame, gain))
-    remaining = options.remaining()
-    solution = program.solve(
-        options.backend,
-        solver=options.solver,
-        tolerance=tolerance,
-        time_limit=remaining if math.isfinite(remaining) else None,
-    )
-    history.append({"solver_status": solution.status, "seconds": solution.elapsed})
-    if solution.x is None:
-        return None
-    y, m = solution.value(Y), solution.value(M)
-    claimed = frame.unit * math.sqrt(max(solution.value(square).item(), 0.0))
-    try:
-        F = frame.gain(y, m)
-        new = frame.next(q, y, m, even_out=hinf)
-    except linalg.LinAlgError:
-        return None
-    achieved = options.judged(p, F)
-    history[-1] |= {"claimed": claimed, "achieved": achieved}
-    if 0 < achieved < math.inf:
-        new = replace(new, unit=achieved)
-    return LmiAnswer(F, claimed, achieved, frame.T @ y @ frame.T.T), new
-
-
-def _smallness(
-    program: SemidefiniteProgram, Y: Affine, M: Affine, frame: Frame, gain: float | None
-) -> Affine:
-    """Return what is to be small: the squared gain over `gain`, or the effort F Y F'."""
-    if gain is None:
-        W = program.symmetric(M.shape[0])
-        program.positive(symmetric_block([[W, M], [Y]]))
-        return W.trace
-    size = program.scalar()
-    right = np.linalg.inv(frame.T)
-    gain_inequality(program, Y, M, size, frame.V / gain, right, np.eye(Y.shape[0]))
-    return size

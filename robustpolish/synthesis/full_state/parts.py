@@ -14,6 +14,7 @@ from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.design import Status
 from robustpolish.synthesis.full_state.engines import Answer, Engine, minimise
+from robustpolish.synthesis.full_state.gain_bound import GainBound, minimise_bounded
 from robustpolish.synthesis.full_state.ladder import almost_no_control, is_regular, solve_singular
 from robustpolish.synthesis.full_state.problem import StateFeedbackProblem
 from robustpolish.synthesis.pole_regions import Disk, PoleRegion
@@ -75,6 +76,13 @@ class Part:
         return float(np.linalg.norm(self.scaled.state_gain(F), 2)) if F.size else 0.0
 
     @property
+    def fingerprint(self) -> bytes:
+        """Bytes that are the same for parts with the same matrices."""
+        plant = self.scaled.original
+        matrices = (plant.A, plant.B1, plant.B2, plant.C1, plant.D11, plant.D12)
+        return b"|".join(str(m.shape).encode() + m.tobytes() for m in matrices)
+
+    @property
     def is_idle(self) -> bool:
         """Whether nothing is to be minimised: no disturbance, or no performance output."""
         p = self.problem
@@ -107,7 +115,9 @@ def reference_norm(part: Part, engine: Engine) -> float:
     return part.scaled.norm(value, engine.norm) if math.isfinite(value) else 0.0
 
 
-def solve_part(part: Part, engine: Engine, reference: float) -> PartAnswer:
+def solve_part(
+    part: Part, engine: Engine, reference: float, gain_bound: float | None = None
+) -> PartAnswer:
     """Minimise the norm of one part.
 
     Parameters
@@ -116,6 +126,8 @@ def solve_part(part: Part, engine: Engine, reference: float) -> PartAnswer:
     engine : Engine
     reference : float
         Norm of the whole plant with almost no control: what a vanishing norm is small against.
+    gain_bound : float, optional
+        Bound on the largest singular value of the gain in the plant's units.
 
     Returns
     -------
@@ -129,9 +141,11 @@ def solve_part(part: Part, engine: Engine, reference: float) -> PartAnswer:
     p = part.problem
     if p.nu == 0:
         F = np.zeros((0, p.nx))
-        return part.in_units(Answer(F, *[p.achieved(F, engine.norm)] * 2), engine, "optimal")
+        return _as_it_is(part, engine, F)
     if part.is_idle:
         return _stabilised(part, engine)
+    if gain_bound is not None:
+        return _bounded(part, engine, gain_bound)
     if part.is_direct:
         answer = minimise(engine, p, part.regions)
         if answer is not None:
@@ -147,18 +161,35 @@ def solve_part(part: Part, engine: Engine, reference: float) -> PartAnswer:
     return part.in_units(found.answer, engine, status)
 
 
+def _bounded(part: Part, engine: Engine, bound: float) -> PartAnswer:
+    scaled = part.scaled
+    gain = GainBound(np.diag(scaled.control), np.diag(1 / scaled.state), bound)
+    answer, free = minimise_bounded(engine, part.problem, gain, is_regular(part.problem))
+    if answer is None:
+        raise SolverError(
+            f"No stabilising gain with a largest singular value of at most {bound:.6g} was found. "
+            "That none exists is not proven. Raise gain_bound, or set control_weight instead."
+        )
+    return part.in_units(answer, engine, "optimal" if free else "suboptimal")
+
+
 def _stabilised(part: Part, engine: Engine) -> PartAnswer:
     """Stabilise a part that has nothing to minimise, with little effort."""
     p = part.problem
     none = np.zeros((p.nu, p.nx))
     if not part.regions and p.is_stable(none):
-        return part.in_units(Answer(none, *[p.achieved(none, engine.norm)] * 2), engine, "optimal")
+        return _as_it_is(part, engine, none)
     effort = p.only_effort(1.0)
     answer = minimise(replace(engine, norm="h2"), effort, part.regions)
     if answer is None:
         raise _nothing_found(part, engine)
     achieved = p.achieved(answer.F, engine.norm)
     return part.in_units(replace(answer, claimed=achieved, achieved=achieved), engine, "optimal")
+
+
+def _as_it_is(part: Part, engine: Engine, F: Matrix) -> PartAnswer:
+    achieved = part.problem.achieved(F, engine.norm)
+    return part.in_units(Answer(F, achieved, achieved), engine, "optimal")
 
 
 def _nothing_found(part: Part, engine: Engine) -> SolverError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import control
 import numpy as np
@@ -108,7 +109,7 @@ class StateFeedbackProblem:
         columns = np.hstack([self.C, self.D11, self.D12])
         if columns.shape[0] <= columns.shape[1]:
             return self
-        R = np.linalg.qr(columns, mode="r")
+        R: Any = np.linalg.qr(columns, mode="r")
         nx, nw = self.nx, self.B1.shape[1]
         return replace(self, C=R[:, :nx], D11=R[:, nx : nx + nw], D12=R[:, nx + nw :])
 
