@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
@@ -16,8 +17,8 @@ from robustpolish.analysis._realisation import Realisation
 
 Bounds = tuple[float, float]
 Matrix = NDArray[np.float64]
-Wide = NDArray[np.longdouble]
-_WIDE = np.finfo(np.longdouble).eps
+Wide = NDArray[Any]
+_WIDE: Any = np.finfo(np.longdouble).eps
 
 
 def energy(model: Realisation, tolerance: float) -> Bounds:
@@ -29,13 +30,13 @@ def energy(model: Realisation, tolerance: float) -> Bounds:
     matrix of the row sums of \|R\|, gives -W <= error <= W, with W the Gramian of E.
     """
     X = np.zeros(model.A.shape, dtype=np.longdouble)
-    best: Bounds = (0.0, math.inf)
+    best: Bounds = (-math.inf, math.inf)
     for _ in range(6):
         residual, _ = _residual(model, X)
         X = X + _gramian(model.A, residual.astype(float), model.discrete)
         bounds = _bounds(model, X)
         if not bounds[1] - bounds[0] < 0.5 * (best[1] - best[0]):
-            break
+            return best if math.isfinite(best[1]) else bounds
         best = bounds
         if best[1] - best[0] <= 2 * tolerance * best[1]:
             break
@@ -53,7 +54,7 @@ def _bounds(model: Realisation, X: Wide) -> Bounds:
     if model.discrete:
         square += float(np.sum(model.D**2))
     if not (math.isfinite(square) and error >= 0 and np.all(np.diag(W) >= 0)):
-        return 0.0, math.inf
+        return -math.inf, math.inf
     error += 4 * EPS * abs(square)
     return square - error, square + error
 
@@ -69,7 +70,7 @@ def _residual(model: Realisation, X: Wide) -> tuple[Wide, Wide]:
     else:
         residual = A @ X + X @ A.T + source
         grain = grain + a @ x + x @ a.T
-    return residual, 2 * (2 * A.shape[0] + B.shape[1]) * _WIDE * grain
+    return residual, grain * (2 * (2 * A.shape[0] + B.shape[1]) * _WIDE)
 
 
 def _gramian(A: Matrix, Q: Matrix, discrete: bool) -> Matrix:

@@ -16,7 +16,7 @@ from robustpolish.analysis.stability import Stability, stability_of
 from robustpolish.validation import invalid, positive
 
 EXACT_STATES = 60
-"""Up to so many coupled states are treated in ball arithmetic where doubles do not suffice."""
+"""Up to so many coupled states ball arithmetic replaces bounds that are merely wide."""
 
 
 @dataclass(frozen=True)
@@ -125,8 +125,9 @@ def _part_norm(model: Realisation, tolerance: float) -> H2Norm:
         return H2Norm(gain, gain, gain, True, text)
     bounds = energy(model, tolerance)
     text = "trace of the controllability Gramian, its residual checked"
-    good = math.isfinite(bounds[1]) and bounds[1] - bounds[0] <= 2 * tolerance * bounds[1]
-    if not good and model.states <= EXACT_STATES:
+    bounded = math.isfinite(bounds[1])
+    good = bounded and bounds[1] - bounds[0] <= 2 * tolerance * bounds[1]
+    if not bounded or (not good and model.states <= EXACT_STATES):
         bounds = exact_energy(ExactModel.of(model))
         text = "trace of the controllability Gramian, in ball arithmetic"
     return _in_units(model, bounds, text)
