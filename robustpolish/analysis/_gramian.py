@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,29 @@ from robustpolish.analysis._eigen import EPS
 from robustpolish.analysis._exact import ExactModel, identity, precision
 from robustpolish.analysis._realisation import Realisation
 
-Bounds = tuple[float, float]
+
+@dataclass(frozen=True)
+class Energy:
+    """Square of an H2 norm with bounds; the upper one is infinite where there is none."""
+
+    square: float
+    lower: float
+    upper: float
+
+    @property
+    def width(self) -> float:
+        """Half the width of the bounds, relative to the upper one."""
+        if math.isinf(self.upper):
+            return math.inf
+        return (self.upper - self.lower) / (2 * self.upper) if self.upper > 0 else 0.0
+
+
 Matrix = NDArray[np.float64]
 Wide = NDArray[Any]
 _WIDE: Any = np.finfo(np.longdouble).eps
 
 
-def energy(model: Realisation, tolerance: float) -> Bounds:
+def energy(model: Realisation, tolerance: float) -> Energy:
     r"""Bound trace(C X C') + trace(D D') for a stable system, X its controllability Gramian.
 
     The residual R, formed in extended precision where the machine has it, refines X until
@@ -30,20 +47,20 @@ def energy(model: Realisation, tolerance: float) -> Bounds:
     matrix of the row sums of \|R\|, gives -W <= error <= W, with W the Gramian of E.
     """
     X = np.zeros(model.A.shape, dtype=np.longdouble)
-    best: Bounds = (-math.inf, math.inf)
-    for _ in range(6):
+    best = Energy(0.0, 0.0, math.inf)
+    for step in range(6):
         residual, _ = _residual(model, X)
         X = X + _gramian(model.A, residual.astype(float), model.discrete)
-        bounds = _bounds(model, X)
-        if not bounds[1] - bounds[0] < 0.5 * (best[1] - best[0]):
-            return best if math.isfinite(best[1]) else bounds
-        best = bounds
-        if best[1] - best[0] <= 2 * tolerance * best[1]:
+        found = _bounds(model, X)
+        if step and not found.width < 0.5 * best.width:
+            break
+        best = found
+        if best.width <= tolerance:
             break
     return best
 
 
-def _bounds(model: Realisation, X: Wide) -> Bounds:
+def _bounds(model: Realisation, X: Wide) -> Energy:
     C = model.C.astype(np.longdouble)
     residual, rounding = _residual(model, X)
     rows = np.sum(np.abs(residual) + rounding, axis=1).astype(float)
@@ -54,9 +71,9 @@ def _bounds(model: Realisation, X: Wide) -> Bounds:
     if model.discrete:
         square += float(np.sum(model.D**2))
     if not (math.isfinite(square) and error >= 0 and np.all(np.diag(W) >= 0)):
-        return -math.inf, math.inf
+        return Energy(square if square > 0 else 0.0, 0.0, math.inf)
     error += 4 * EPS * abs(square)
-    return square - error, square + error
+    return Energy(square, max(square - error, 0.0), square + error)
 
 
 def _residual(model: Realisation, X: Wide) -> tuple[Wide, Wide]:
@@ -81,7 +98,7 @@ def _gramian(A: Matrix, Q: Matrix, discrete: bool) -> Matrix:
     return (X + X.T) / 2
 
 
-def exact_energy(model: ExactModel) -> Bounds:
+def exact_energy(model: ExactModel) -> Energy:
     """Enclose the same number to double precision, whatever the damping."""
     bits = 192
     while True:
@@ -90,14 +107,14 @@ def exact_energy(model: ExactModel) -> Bounds:
             if ball.is_finite() and ball > 0 and ball.rel_accuracy_bits() >= 60:
                 return _outward(ball)
         if bits == 768 and model.is_zero():
-            return 0.0, 0.0
+            return Energy(0.0, 0.0, 0.0)
         bits *= 2
 
 
-def _outward(ball: arb) -> Bounds:
+def _outward(ball: arb) -> Energy:
     with precision(53):
         middle = float(ball)
-    return middle * (1 - 2 * EPS), middle * (1 + 2 * EPS)
+    return Energy(middle, middle * (1 - 2 * EPS), middle * (1 + 2 * EPS))
 
 
 def _energy_ball(model: ExactModel) -> arb:

@@ -51,6 +51,19 @@ def modal_model(model: Realisation) -> ModalModel:
     return ModalModel(A, B, C, model.D, basis, weights)
 
 
+def rebased(model: ModalModel, K: Matrix) -> ModalModel:
+    """Change to the coordinates in which K is the identity, after a first solution."""
+    try:
+        basis = np.linalg.inv(np.linalg.cholesky(K)).T
+    except np.linalg.LinAlgError:
+        return model
+    step = np.linalg.solve(model.basis, basis)
+    A = np.linalg.solve(step, model.A @ step)
+    rates = np.maximum(-np.diag(A), 1e-12 * np.abs(A).max())
+    B, C = np.linalg.solve(step, model.B), model.C @ step
+    return ModalModel(A, B, C, model.D, basis, 1 / np.sqrt(2 * rates))
+
+
 def _even(B: Matrix, C: Matrix, weights: Matrix, pairs: list[int]) -> Matrix:
     """Return factors of the basis that make inputs and outputs act alike on each mode."""
     reach, show = np.linalg.norm(B, axis=1) * weights, np.linalg.norm(C, axis=0) * weights

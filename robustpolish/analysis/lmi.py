@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Literal
 
 import control
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from robustpolish.analysis._exact import ExactModel
 from robustpolish.analysis._lmi_proof import proves
 from robustpolish.analysis._lmi_solver import Equation, minimise, well_inside
-from robustpolish.analysis._modal_basis import ModalModel, modal_model
+from robustpolish.analysis._modal_basis import ModalModel, modal_model, rebased
 from robustpolish.analysis._parts import parts_with_indices
 from robustpolish.analysis._peak_search import largest_response
 from robustpolish.analysis._realisation import Realisation, power_of_two, realisation
@@ -218,9 +219,10 @@ class _Problem:
         best = minimise(self.modal, equation)
         if best.K is None:
             return LmiCheck(math.inf, None, False, math.nan, equation, best.status)
-        for back_off in (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2):
+        bases = [self.modal, rebased(self.modal, best.K)]
+        for back_off, basis in product((1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2), bases):
             gamma = best.gamma * (1 + back_off)
-            inside = well_inside(self.modal, equation, gamma)
+            inside = well_inside(basis, equation, gamma)
             if inside.K is not None and proves(self.exact, equation, inside.K, gamma):
                 K = self._physical(inside.K, weight)
                 return LmiCheck(gamma * unit, K, True, best.gamma * unit, equation, best.status)

@@ -30,5 +30,5 @@ def test_any_scale():
 
 
 def test_bad_input_is_refused():
-    with pytest.raises(InvalidInputError, match="M: .*symmetric"):
+    with pytest.raises(InvalidInputError, match=r"M: .*symmetric"):
         is_positive_definite([[1, 2], [2.0000001, 5]])

@@ -153,7 +153,7 @@ def test_large_systems_are_quick():
 def test_bad_input_is_refused():
     with pytest.raises(InvalidInputError, match=r"system: got TransferFunction.*control\.ss"):
         hinf_norm(control.tf([1], [1, 1]))
-    with pytest.raises(InvalidInputError, match="tolerance: got 0.9"):
+    with pytest.raises(InvalidInputError, match=r"tolerance: got 0\.9"):
         hinf_norm(oscillator(1, 0.1), tolerance=0.9)
     system = oscillator(1, 0.1)
     system.A[0, 0] = np.nan

@@ -15,7 +15,7 @@ def test_the_modes_of_the_thesis():
         [194.0691, 194.0691, 2069.58, 2069.58, 2824.58, 4610.75], rel=2e-6
     )
     expected = [7.93745e-5, 7.93745e-5, 8.17425e-5, 8.17425e-5, 5.78604e-5, 1.99226e-5]
-    assert found.damping_ratios == pytest.approx(expected, rel=2e-6)
+    assert found.damping_ratios == pytest.approx(expected, rel=5e-6)
     names = [mode.state.removeprefix("d") for mode in found]
     assert names == ["x", "y", "x_m", "y_m", "z", "z_m"]
 

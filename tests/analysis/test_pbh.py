@@ -24,8 +24,8 @@ def test_the_hidden_mode_is_named():
 
 
 def test_discrete_modes_inside_the_circle_may_be_hidden():
-    assert is_stabilizable(np.diag([0.5, -0.5]), [[1.0], [0.0]], dt=0.1)
-    assert not is_stabilizable(np.diag([0.5, -0.5]), [[1.0], [0.0]])
+    assert is_stabilizable(np.diag([0.5, -0.5]), [[0.0], [1.0]], dt=0.1)
+    assert not is_stabilizable(np.diag([0.5, -0.5]), [[0.0], [1.0]])
     assert not is_detectable(np.diag([0.5, -1.0]), [[1.0, 0.0]], dt=True)
 
 
@@ -104,7 +104,7 @@ def test_systems_keep_their_names():
 def test_bad_input_is_refused():
     with pytest.raises(InvalidInputError, match=r"B: got shape \(3, 1\)"):
         controllability(np.eye(2), np.ones((3, 1)))
-    with pytest.raises(InvalidInputError, match="states: .*expected 2 names"):
+    with pytest.raises(InvalidInputError, match=r"states: .*expected 2 names"):
         controllability(np.eye(2), np.ones((2, 1)), states=["only one"])
     with pytest.raises(InvalidInputError, match="system: got ndarray"):
         observability(np.eye(2))

@@ -82,5 +82,5 @@ def test_bad_input_is_refused():
     for band in ((10, 1), (0, 1), "wide", (1, 2, 3), (1, np.inf)):
         with pytest.raises(InvalidInputError, match="band"):
             prescale(bearing(), band=band)
-    with pytest.raises(InvalidInputError, match="band.*31.4159"):
+    with pytest.raises(InvalidInputError, match=r"band.*31\.4159"):
         prescale(control.ss([[0.5]], [[1]], [[1]], 0, 0.1), band=(1, 100))
