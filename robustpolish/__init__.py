@@ -41,6 +41,7 @@ from robustpolish.synthesis import (
     HalfPlane,
     Sector,
     certify,
+    given_controller,
     state_feedback,
 )
 
@@ -70,6 +71,7 @@ __all__ = [
     "compare_controllers",
     "controllability",
     "design_against_brush",
+    "given_controller",
     "h2_norm",
     "hinf_norm",
     "is_detectable",

@@ -2,6 +2,7 @@
 
 from robustpolish.synthesis.certificate import Certificate, certify
 from robustpolish.synthesis.design import Design
+from robustpolish.synthesis.given_controller import given_controller
 from robustpolish.synthesis.observer_feedback import observer_controller, observer_feedback
 from robustpolish.synthesis.pole_regions import Disk, HalfPlane, Sector
 from robustpolish.synthesis.published_controllers import PUBLISHED_CONTROLLERS, published_gain
@@ -16,6 +17,7 @@ __all__ = [
     "HalfPlane",
     "Sector",
     "certify",
+    "given_controller",
     "observer_controller",
     "observer_feedback",
     "published_gain",
