@@ -27,23 +27,26 @@ def _shapes(motion: Motion) -> list[Shape]:
     bins = np.fft.rfftfreq(motion.q.shape[1], dt)
     lowest = bins[np.searchsorted(spectrum, 0.01 * spectrum[-1])]
     highest = bins[np.searchsorted(spectrum, 0.99 * spectrum[-1])]
-    low = max(0.4 * lowest, 3 * bins[1])
-    high = min(3.0 * highest, 0.15 / dt)
+    low = max(0.5 * lowest, 3 * bins[1])
+    high = min(2.0 * highest, 0.15 / dt)
     if high <= low:
         return []
-    return [_at(motion, frequency) for frequency in np.geomspace(low, high, 24)]
+    count = int(np.clip(np.log(high / low) / 0.06, 4, 60))
+    return [_at(motion, frequency) for frequency in np.geomspace(low, high, count)]
 
 
 def _at(motion: Motion, frequency: float) -> Shape:
+    """Return the pull of a mass, and its derivative, which moves frequency and damping."""
     omega = 2 * np.pi * frequency
     zeta = 0.04
     column = force_along(KIND, motion, np.array([1.0, omega**2, 2 * zeta * omega]))
+    turned = np.gradient(column[0], motion.time[1] - motion.time[0])[None] / omega
 
     def values(c: NDArray[np.float64]) -> Mapping[str, float]:
         mass = float(c[0])
         return {"mass": mass, "stiffness": mass * omega**2, "damping": 2 * zeta * omega * mass}
 
-    return Shape(column[None], values, (1,))
+    return Shape(np.stack([column, turned]), values, (1, 0))
 
 
 def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:

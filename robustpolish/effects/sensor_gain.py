@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
 from robustpolish.effects.base import EffectKind, Parameter
 from robustpolish.effects.shapes import Motion, Shape
 
 
 def _shapes(motion: Motion) -> list[Shape]:
-    return [Shape(motion.q[None], lambda c: {"gain": 1.0 + float(c[0])}, (0,))]
+    return [Shape(motion.q[None], _values, (0,))]
+
+
+def _values(c: NDArray[np.float64]) -> Mapping[str, float]:
+    return {"gain": 1.0 / (1.0 - float(np.clip(c[0], -0.9, 0.9)))}
 
 
 KIND = EffectKind(

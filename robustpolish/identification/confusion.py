@@ -25,7 +25,8 @@ def experiment(first: Effect, second: Effect) -> str:
         return known
     if first.kind == second.kind:
         places = sorted(set(first.at) ^ set(second.at))
-        return f"Measure, or hold still, {' and '.join(places)}: the place shows in the relative motion."
+        ends = " and ".join(places)
+        return f"Measure, or hold still, {ends}: the place shows in the relative motion."
     if lookup(first.kind).has_memory != lookup(second.kind).has_memory:
         return (
             "Move slowly to and fro with growing amplitude, ten cycles each: only memory makes "

@@ -19,6 +19,7 @@ from robustpolish.identification.diagnosis import (
     Value,
 )
 from robustpolish.identification.evaluation import FREE, free_errors
+from robustpolish.identification.gains import WrongGain, wrong_gains
 from robustpolish.identification.ledger import Ledger
 from robustpolish.identification.observer import Level, force_sites
 from robustpolish.identification.parameters import effect_unit, unit_of
@@ -99,12 +100,14 @@ def diagnose(
     base = _whole_error(model, setting)
     ledger = ledger.add("base", _by_output(model, base, setting))
     say("refit of the model's own parameters")
-    stages = homotopy(model, setting, setting.estimation, model, _LINEAR)
+    stages = homotopy(model, setting, setting.trial, model, _LINEAR)
     stage = best_stage(stages, setting)
     search = _Search(setting, model, stage, ledger)
     search.ledger = ledger.add(
         "refit", _by_output(model, _whole_error(stage.model, setting), setting)
     )
+    for found in wrong_gains(model, search.stage.model):
+        _add_gain(search, found, say)
     while len(search.stage.model.effects) - len(model.effects) < MOST_EFFECTS:
         if not _add_one(search, say):
             break
@@ -130,7 +133,7 @@ def _add_one(search: _Search, say: Progress) -> bool:
     setting, stage = search.setting, search.stage
     number = len(stage.model.effects) - len(search.reference.effects) + 1
     say(f"screening for effect {number}")
-    screening = screen(stage.model, setting.record, setting.scales, setting.amplitude)
+    screening = screen(stage.model, setting.screened, setting.scales, setting.amplitude)
     search.screening = screening
     hopeful = _hopeful(screening.candidates)
     refits: list[tuple[Candidate, Stage]] = []
@@ -158,6 +161,29 @@ def _add_one(search: _Search, say: Progress) -> bool:
     return True
 
 
+def _add_gain(search: _Search, found: WrongGain, say: Progress) -> None:
+    """Add the gain of an input, if the error does not mind."""
+    setting, model = search.setting, search.reference
+    effect = found.effect
+    say(f"refit with {effect}")
+    extended = replace(model, effects=search.stage.model.effects).with_effect(
+        effect.kind, effect.at, effect.values
+    )
+    stages = homotopy(extended, setting, setting.trial, model, _LINEAR)
+    if not stages:
+        return
+    stage = best_stage(stages, setting)
+    if np.mean(np.log(stage.error / search.stage.error)) > 0.05:
+        return
+    search.stage = stage
+    for other in found.alike:
+        search.confusions.append(Confusion(effect, other, experiment(effect, other)))
+    search.reasons.append(found.reason)
+    search.ledger = search.ledger.add(
+        effect.kind, _by_output(stage.model, _whole_error(stage.model, setting), setting)
+    )
+
+
 def _hopeful(candidates: Sequence[Candidate]) -> list[Candidate]:
     """Return the candidates that deserve a refit."""
     good = [c for c in candidates if c.sensible and c.score > LEAST_ODDS]
@@ -172,7 +198,7 @@ def _refit_with(candidate: Candidate, search: _Search) -> Stage | None:
     effect = candidate.effect
     model = search.stage.model.with_effect(effect.kind, effect.at, effect.values)
     setting = search.setting
-    stages = homotopy(model, setting, setting.estimation, search.reference, _EXTENDED, 6)
+    stages = homotopy(model, setting, setting.trial, search.reference, _EXTENDED, 6)
     return best_stage(stages, setting) if stages else None
 
 

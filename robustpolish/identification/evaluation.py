@@ -16,6 +16,7 @@ from robustpolish.models.mechanical import MechanicalModel
 
 Array = NDArray[np.float64]
 FREE = Level()
+GUIDED = Level(0.03)
 
 
 def state_scale(model: MechanicalModel, motion: Smoothed) -> Array:
@@ -98,7 +99,7 @@ def free_errors(
 
 def guided_errors(
     model: MechanicalModel, pieces: Sequence[Piece], scales: Scales, dt: float, amplitude: float,
-    level: Level = Level(0.03),
+    level: Level = GUIDED,
 ) -> Array:  # fmt: skip
     """Return the errors of a run that is led by the data a little, shape (samples, ny)."""
     predictor = Predictor(model, dt, level, scales, amplitude)

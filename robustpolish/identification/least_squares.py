@@ -53,7 +53,6 @@ class Fit:
     sigma: Array
     information: Array = field(default_factory=lambda: np.zeros((0, 0)))
     free: Sequence[FreeParameter] = ()
-    iterations: int = 0
 
     @property
     def rmse(self) -> Array:
@@ -132,7 +131,6 @@ class Residuals:
 
 def fit(
     residuals: Residuals,
-    sigma: Array | None = None,
     iterations: int = 8,
     tolerance: float = 1e-3,
     progress: Callable[[], None] | None = None,
@@ -142,8 +140,6 @@ def fit(
     Parameters
     ----------
     residuals : Residuals
-    sigma : ndarray, shape (ny,), optional
-        Weights; the root mean square of the first errors by default.
     iterations : int
         Most accepted or refused steps.
     tolerance : float
@@ -154,17 +150,16 @@ def fit(
     x = np.asarray(x, dtype=float)
     starts = [piece.start for piece in residuals.pieces]
     errors = residuals.errors(x, starts)
-    if sigma is None:
-        sigma = np.sqrt(np.nanmean(errors**2, axis=0))
+    sigma = _rms(errors)
     sigma = np.where(np.isfinite(sigma) & (sigma > 0), sigma, 1.0)
     cost = _cost(residuals, x, errors, sigma)
     damping, information = 1e-3, np.zeros((len(free), len(free)))
-    done = 0
-    for done in range(1, iterations + 1):
+    for _step_number in range(iterations):
         if not np.isfinite(cost):
             break
         H, g, information = _normal(residuals, x, starts, errors, sigma)
         better = None
+        trial, new_starts, new_errors = x, starts, errors
         for _ in range(5):
             step = _step(H, g, x, residuals, damping)
             trial = np.clip(x + step[: len(free)], residuals.lower, residuals.upper)
@@ -186,7 +181,13 @@ def fit(
             break
     model = residuals.model_at(x)
     pieces = tuple(Piece(p.record, s) for p, s in zip(residuals.pieces, starts, strict=True))
-    return Fit(model, pieces, cost, errors, sigma, information, tuple(free), done)
+    return Fit(model, pieces, cost, errors, sigma, information, tuple(free))
+
+
+def _rms(errors: Array) -> Array:
+    """Return the root mean square of the finite errors of each output."""
+    finite = np.where(np.isfinite(errors), errors, 0.0)
+    return np.sqrt(np.mean(finite**2, axis=0))
 
 
 def _cost(residuals: Residuals, x: Array, errors: Array, sigma: Array) -> float:

@@ -117,6 +117,10 @@ def _effect(i: int, effect: Effect, name: str) -> FreeParameter:
     lower, upper = parameter.lower, parameter.upper
     if name == "gap" and lower < 0:
         lower, upper = (0.0, upper) if value >= 0 else (lower, 0.0)
+    if name == "velocity" and value > 0:  # a corner much sharper than the data shows is none
+        lower, upper = 0.2 * value, 6 * value
+    if name == "static_force" and "force" in effect.values:
+        lower = min(0.95 * effect.values["force"], value)
     scale = abs(value) or 1.0
     if parameter.dimension == "rad":
         scale = 1.0

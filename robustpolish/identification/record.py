@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from robustpolish.identification.checked_data import checked_data
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid
 
@@ -47,26 +49,15 @@ class Record:
         return Record(self.data.isel(time=slice(begin, end)), self.dt, self.Y[begin:end])
 
 
-def record_of(model: MechanicalModel, data: xr.Dataset) -> Record:
+def record_of(model: MechanicalModel, data: Any) -> Record:
     """Check that the data holds the model's columns, and return its arrays.
 
     Raises
     ------
     InvalidInputError
-        If there is no ``time``, a column is missing, or the record is too short.
+        If the data does not suit the model, or the record is too short.
     """
-    if not isinstance(data, xr.Dataset) or "time" not in data.coords:
-        raise invalid(
-            "data", described(type(data).__name__), "an xarray.Dataset over time",
-            "Read it with read_measurement(path).",
-        )  # fmt: skip
-    for name in (*model.input_names, *model.output_names):
-        if name not in data:
-            columns = ", ".join(str(c) for c in data.data_vars)
-            raise invalid(
-                "data", described(f"columns {columns}"), f"a column {name!r}",
-                "Rename the column or the model's input or output.",
-            )  # fmt: skip
+    data = checked_data(model, data)
     if not model.outputs:
         raise invalid("model.outputs", (), "at least one output", "Add what was measured.")
     time = np.asarray(data["time"].values, dtype=float)

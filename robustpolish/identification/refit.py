@@ -37,6 +37,8 @@ from robustpolish.identification.scales import amplitude_of, scales_of
 from robustpolish.models.mechanical import MechanicalModel
 
 Array = NDArray[np.float64]
+_TRIAL = 3500
+_SCREENED = 9000
 HOMOTOPY = (Level(1.0), Level(0.1), Level(0.01), FREE)
 
 
@@ -46,7 +48,8 @@ class Setting:
 
     Attributes
     ----------
-    estimation, held_out, everything : list of Piece
+    estimation, trial, held_out, everything : list of Piece
+        `trial` is the first part of each estimation piece, for first fits of candidates.
     """
 
     record: Record
@@ -54,6 +57,7 @@ class Setting:
     amplitude: float
     state_scale: Array
     estimation: list[Piece]
+    trial: list[Piece]
     held_out: list[Piece]
     everything: list[Piece]
 
@@ -61,6 +65,16 @@ class Setting:
     def dt(self) -> float:
         """Sampling step in s."""
         return self.record.dt
+
+    @property
+    def screened(self) -> Record:
+        """The contiguous part of the record that is screened: the liveliest."""
+        length = min(self.record.samples, _SCREENED)
+        power = np.sum((self.record.Y / np.std(self.record.Y, axis=0)) ** 2, axis=1)
+        total = np.concatenate([[0.0], np.cumsum(power)])
+        starts = np.arange(0, self.record.samples - length + 1, max(1, length // 20))
+        begin = int(starts[np.argmax(total[starts + length] - total[starts])])
+        return self.record.part(begin, begin + length)
 
 
 def prepare(model: MechanicalModel, record: Record) -> Setting:
@@ -72,6 +86,7 @@ def prepare(model: MechanicalModel, record: Record) -> Setting:
     return Setting(
         record, scales, amplitude, state_scale(model, motion),
         pieces_of(model, record, parts.estimation, motion),
+        pieces_of(model, record, [(a, min(b, a + _TRIAL)) for a, b in parts.estimation], motion),
         pieces_of(model, record, parts.held_out, motion),
         pieces_of(model, record, [(0, record.samples)], motion),
     )  # fmt: skip
@@ -263,7 +278,7 @@ def _with_start_values(model: MechanicalModel, setting: Setting) -> MechanicalMo
             continue
         others = replace(model, effects=tuple(e for e in effects if e is not effect))
         asked = Effect(effect.kind, effect.at)
-        found = screen(others, setting.record, setting.scales, setting.amplitude, [asked])
+        found = screen(others, setting.screened, setting.scales, setting.amplitude, [asked])
         values = found.candidates[0].effect.values if found.candidates else asked.values
         effects[i] = replace(effect, parameters=values)
     return replace(model, effects=tuple(effects))

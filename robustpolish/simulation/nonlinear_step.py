@@ -109,6 +109,9 @@ def _forces(laws, layout, p, t, motion, s, w, q, v, z, f, dz):  # type: ignore[n
     _add(motion[1], w, q)
     _mul(motion[2], s, v)
     _add(motion[3], w, v)
+    if len(laws) == 1:  # spares the slices
+        laws[0](t, q, v, z, p, f, dz)
+        return
     for i in range(len(laws)):
         a, na, b, nb, c, nc = layout[i]
         laws[i](

@@ -191,7 +191,7 @@ def _record(case, which):
         if "sensor_gain" in others and others["sensor_gain"][1][0] == name:
             y *= others["sensor_gain"][2][0]
         if "sensor_offset" in others and others["sensor_offset"][1][0] == name:
-            y += others["sensor_offset"][2][0] * np.std(y)
+            y += others["sensor_offset"][2][0]
         data[name] = ("time", y + size * e / np.std(e))
         noise[name] = size
     for j, name in enumerate(names if U.shape[1] else []):

@@ -1,0 +1,70 @@
+"""`robustpolish diagnose`."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+
+import click
+
+import robustpolish
+from robustpolish.cli.measurement import load_data, measurement_options, replaceable
+from robustpolish.cli.options import force_option, json_option, reports_errors, to_json, write_json
+from robustpolish.identification.diagnose import diagnose as diagnose_model
+from robustpolish.models import MechanicalModel
+from robustpolish.report.diagnosis import diagnosis_report
+from robustpolish.report.html import render_html
+from robustpolish.report.saving import new_file
+
+
+@click.command()
+@click.argument("data", type=click.Path())
+@click.option("--model", required=True, type=click.Path(), help="Mechanical model, a TOML file.")
+@click.option("--save", type=click.Path(dir_okay=False), help="Save the extended model (.toml).")
+@click.option("--report", type=click.Path(dir_okay=False), help="Save a report (.html).")
+@measurement_options
+@json_option
+@force_option
+@reports_errors
+def diagnose(
+    data: str,
+    model: str,
+    save: str | None,
+    report: str | None,
+    table: str | None,
+    sampling_rate: float | None,
+    units: tuple[str, ...],
+    json_out: str | None,
+    force: bool,
+) -> None:
+    """Learn which physical effect a model lacks, and add it.
+
+    DATA is a measurement (CSV, MAT, HDF5, NPZ, WAV; TDMS and UFF with the extra [io]) with the
+    model's inputs and outputs as columns. The exit code is 0 whatever the verdict, and 2 for bad
+    input.
+    """
+    loaded = MechanicalModel.from_toml(Path(model))
+    record = load_data(data, loaded, table, sampling_rate, units)
+    with ExitStack() as places:
+        # The places are claimed first: nothing is computed that could not be saved.
+        drafts = {
+            path: places.enter_context(
+                new_file(path, force or replaceable(path, data, model), (suffix,))
+            )
+            for path, suffix in ((save, ".toml"), (report, ".html"))
+            if path is not None
+        }
+        result = diagnose_model(
+            loaded, record, progress=lambda text: click.echo(f"... {text}", err=True)
+        )
+        content = result.to_dict()
+        to_json(content)  # nothing is written if anything fails
+        if save is not None:
+            drafts[save].write_text(result.model.to_toml(), encoding="utf-8")
+        if report is not None:
+            page = render_html(diagnosis_report(result), robustpolish.__version__)
+            drafts[report].write_text(page, encoding="utf-8")
+    if json_out is not None:
+        write_json(content, json_out, force or replaceable(json_out, data, model))
+    if json_out != "-":
+        click.echo(result.explain())
