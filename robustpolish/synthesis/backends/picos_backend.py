@@ -61,5 +61,5 @@ def solve(
 
 def _set_tolerance(problem: Any, tolerance: float) -> None:
     for kind in ("prim_fsb", "dual_fsb", "ipm_opt"):
-        problem.set_option(f"abs_{kind}_tol", tolerance)
-        problem.set_option(f"rel_{kind}_tol", tolerance)
+        problem.options[f"abs_{kind}_tol"] = tolerance
+        problem.options[f"rel_{kind}_tol"] = tolerance

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from robustpolish.synthesis.full_state.problem import StateFeedbackProblem
-from robustpolish.synthesis.riccati import solve_riccati
+from robustpolish.synthesis.riccati import solve_lyapunov, solve_riccati
 
 Matrix = NDArray[np.float64]
+
+_NEWTON_STEPS = 3
 
 
 def lqr_gain(problem: StateFeedbackProblem) -> Matrix | None:
@@ -52,10 +54,31 @@ def game_gain(problem: StateFeedbackProblem, gamma: float) -> Matrix | None:
     except linalg.LinAlgError:
         return None
     RinvS, RinvB = linalg.cho_solve(factor, S), linalg.cho_solve(factor, B.T)
-    solution = solve_riccati(
-        A - B @ RinvS, p.B1 @ W @ p.B1.T - B @ RinvB, p.C.T @ N @ p.C - S.T @ RinvS
-    )
-    return None if solution is None else -(RinvB @ solution.X + RinvS)
+    drift, quadratic = A - B @ RinvS, p.B1 @ W @ p.B1.T - B @ RinvB
+    constant = p.C.T @ N @ p.C - S.T @ RinvS
+    solution = solve_riccati(drift, quadratic, constant)
+    if solution is None:
+        return None
+    return -(RinvB @ _refined(drift, quadratic, constant, solution.X) + RinvS)
+
+
+def _refined(A: Matrix, R: Matrix, Q: Matrix, X: Matrix) -> Matrix:
+    """Return the solution of A'X + XA + XRX + Q = 0 after Newton steps that help."""
+    size = math.inf
+    for _ in range(_NEWTON_STEPS):
+        closed = A + R @ X
+        residual = A.T @ X + X @ closed + Q
+        residual = (residual + residual.T) / 2
+        smaller = float(np.linalg.norm(residual))
+        if not smaller < 0.5 * size:
+            break
+        if not (np.linalg.eigvals(closed).real < 0).all():
+            break
+        step = solve_lyapunov(closed, residual)
+        if step is None or not np.isfinite(step).all():
+            break
+        size, X = smaller, X + step
+    return X
 
 
 def _discrete_game_gain(p: StateFeedbackProblem, gamma: float) -> Matrix | None:
@@ -110,8 +133,9 @@ def minimise_hinf(
         step = step**2 if step < 1e8 else step
         F = game_gain(problem, gamma)
         achieved = problem.achieved(F, "hinf")
-        if achieved <= gamma * (1 + 1e-9):
-            best, upper = F, min(achieved, gamma)
+        # Next to the optimum rounding errors of X can leave a better gain a little above gamma.
+        if achieved < upper * (1 - 0.1 * tolerance):
+            best, upper = F, achieved
             if upper <= 0:
                 break
         else:

@@ -52,9 +52,10 @@ def hinf_inequality(
             [np.eye(nz)],
         ]
     else:
+        # The negative of (10.19), with the sign of the rows of the states turned.
         rows = [
             [-(E.T @ (S + S.T) @ E), E.T @ p.B1, E.T @ Z.T],
-            [bound, p.D11.T],
+            [bound, -p.D11.T],
             [np.eye(nz)],
         ]
     program.positive(symmetric_block(rows))

@@ -136,12 +136,13 @@ def _tamed(
     attempts = (
         (frame, 2, SOLVER_TOLERANCE),
         (plain, 2, EASED_TOLERANCE),
-        (plain, 10, SOLVER_TOLERANCE),
+        (plain, 0, max(10 * options.slack, EASED_TOLERANCE)),
     )
     solved, limit = None, best.achieved
     for attempt, share, tolerance in attempts:
         limit = best.achieved * (1 + share * options.slack)
-        demand = Demand(limit=limit, gain=gain)
+        # The last resort is an inner point: the norm minimised with a loose tolerance.
+        demand = Demand(limit=limit, gain=gain) if share else Demand()
         solved = solve_once(p, options, attempt, demand, history, tolerance)
         history[-1]["step"] = "smallest effort near the optimum"
         if solved is not None and math.isfinite(solved[0].achieved):

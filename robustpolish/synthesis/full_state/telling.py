@@ -13,7 +13,8 @@ _ORDER: tuple[Status, ...] = ("time_limit", "infimum_not_attained", "suboptimal"
 
 def worst_status(statuses: Sequence[Status]) -> Status:
     """Return the status that a whole of several parts has."""
-    return next((status for status in _ORDER if status in statuses), "optimal")
+    found: list[Status] = [status for status in _ORDER if status in statuses]
+    return found[0] if found else "optimal"
 
 
 def message(
