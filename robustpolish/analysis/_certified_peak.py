@@ -73,18 +73,26 @@ def _proven(model: ExactModel, start: float, tolerance: float) -> Peak:
     if gain == 0 and model.is_zero():
         return Peak(0.0, 0.0, 0.0, 0.0, "the transfer function is zero")
     trial: list[fmpq | None] = [fmpq(0), None]
+    touching: list[fmpq] = []
     trial += [fmpq(k, k + 2) for k in range(1, 2 * model.states + 3)] if gain == 0 else []
-    while True:
+    for _ in range(100):  # every pass raises the gain by more than the tolerance; few are needed
         values = [_gain(model, x) for x in trial]
         best = int(np.argmax(values))
         if values[best] > gain:
             gain, at = values[best], trial[best]
+        elif touching:  # the gain only touches the last bound, at a crossing
+            values = [_gain(model, x) for x in touching]
+            gain, at = max(values), touching[int(np.argmax(values))]
         upper = gain * (1 + tolerance)
         found = crossings(model, fraction(upper) ** 2)
         if not found:
-            break
-        middles = [(a + b) / 2 for a, b in pairwise(found)]
-        trial = [fmpq(0), None, *middles, *(found if len(found) < 2 else [])]
+            return _bracketed(model, at, gain, upper)
+        trial = [fmpq(0), None, *((a + b) / 2 for a, b in pairwise(found))]
+        touching = found
+    return replace(_bracketed(model, at, gain, math.inf), proof="the search did not settle")
+
+
+def _bracketed(model: ExactModel, at: fmpq | None, gain: float, upper: float) -> Peak:
     rounding = 4 * EPS * (model.B.ncols() + model.C.nrows())
     frequency = math.inf if at is None else float(arb(at))
     return Peak(frequency, gain, gain * (1 - rounding), upper, "no crossing, in exact arithmetic")

@@ -19,7 +19,7 @@ from robustpolish.analysis._realisation import Realisation
 
 @dataclass(frozen=True)
 class Energy:
-    """Square of an H2 norm with bounds; the upper one is infinite where there is none."""
+    """Square of an H2 norm with bounds; the upper one is infinite where nothing is known."""
 
     square: float
     lower: float
@@ -71,7 +71,7 @@ def _bounds(model: Realisation, X: Wide) -> Energy:
     if model.discrete:
         square += float(np.sum(model.D**2))
     if not (math.isfinite(square) and error >= 0 and np.all(np.diag(W) >= 0)):
-        return Energy(square if square > 0 else 0.0, 0.0, math.inf)
+        return Energy(0.0, 0.0, math.inf)
     error += 4 * EPS * abs(square)
     return Energy(square, max(square - error, 0.0), square + error)
 
@@ -100,13 +100,13 @@ def _gramian(A: Matrix, Q: Matrix, discrete: bool) -> Matrix:
 
 def exact_energy(model: ExactModel) -> Energy:
     """Enclose the same number to double precision, whatever the damping."""
-    bits = 192
+    bits = 192 if model.states <= 40 else 448
     while True:
         with precision(bits):
             ball = _energy_ball(model)
             if ball.is_finite() and ball > 0 and ball.rel_accuracy_bits() >= 60:
                 return _outward(ball)
-        if bits == 768 and model.is_zero():
+        if bits >= 768 and model.is_zero():
             return Energy(0.0, 0.0, 0.0)
         bits *= 2
 
@@ -124,8 +124,8 @@ def _energy_ball(model: ExactModel) -> arb:
     seen = (C * X * C.transpose()).trace() + direct
     for _ in range(20_000):
         gain = _square_size(M)
-        if not gain.is_finite():
-            return gain
+        if not gain.is_finite() or gain.rel_accuracy_bits() < 16:
+            return arb(0, math.inf)  # more bits are needed
         if gain < 0.5:
             rest = _square_size(C) * gain * X.trace() / (1 - gain)
             if rest < seen * arb(2) ** -70 or (not seen > 0 and gain < arb(2) ** -4000):

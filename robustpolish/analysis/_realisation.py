@@ -70,6 +70,19 @@ def power_of_two(value: float) -> float:
     return float(np.exp2(np.clip(np.round(np.log2(value)), -1000, 1000)))
 
 
+def size(M: Matrix) -> float:
+    """Return the Frobenius norm, without overflow."""
+    largest = float(np.abs(M).max(initial=0.0))
+    if largest == 0 or not np.isfinite(largest):
+        return largest
+    return largest * float(np.linalg.norm(M / largest))
+
+
+def _row_sizes(M: Matrix) -> Matrix:
+    largest = float(np.abs(M).max(initial=0.0)) or 1.0
+    return largest * np.linalg.norm(M / largest, axis=1)
+
+
 def state_scales(A: Matrix, B: Matrix, C: Matrix) -> tuple[Matrix, float]:
     """Balance A together with B and C by powers of two.
 
@@ -86,8 +99,8 @@ def state_scales(A: Matrix, B: Matrix, C: Matrix) -> tuple[Matrix, float]:
     n = A.shape[0]
     bordered = np.zeros((n + 1, n + 1))
     bordered[:n, :n] = A
-    bordered[:n, n] = np.linalg.norm(B, axis=1)
-    bordered[n, :n] = np.linalg.norm(C, axis=0)
+    bordered[:n, n] = _row_sizes(B)
+    bordered[n, :n] = _row_sizes(C.T)
     _, (scales, _) = sla.matrix_balance(bordered, permute=False, separate=True)
     return scales[:n], float(scales[n])
 
@@ -96,8 +109,16 @@ def rescaled(system: Realisation) -> Realisation:
     """Balance the states, then choose units of time and gain that make the entries near one."""
     if system.states == 0:
         return system
-    model = _balanced(_unit_gain(_unit_rate(_balanced(system, signals=False))))
+    model = _balanced(_unit_gain(_unit_rate(_balanced(_tamed(system), signals=False))))
     return _unit_gain(_balanced(_unit_gain(model)))
+
+
+def _tamed(system: Realisation) -> Realisation:
+    """Bring the largest entry of A near one, so that squares neither overflow nor vanish."""
+    if system.discrete:
+        return system
+    time = power_of_two(float(np.abs(system.A).max()))
+    return replace(system, A=system.A / time, B=system.B / time, time=system.time * time)
 
 
 def _balanced(system: Realisation, signals: bool = True) -> Realisation:
@@ -119,7 +140,7 @@ def _unit_rate(system: Realisation) -> Realisation:
 
 
 def _unit_gain(system: Realisation) -> Realisation:
-    b, c = (power_of_two(float(np.linalg.norm(M))) for M in (system.B, system.C))
+    b, c = (power_of_two(size(M)) for M in (system.B, system.C))
     gain = b * c * system.gain
     if not np.isfinite(gain) or gain == 0:  # beyond the exponents of double precision
         return system
@@ -129,5 +150,5 @@ def _unit_gain(system: Realisation) -> Realisation:
 def typical_rate(A: Matrix) -> float:
     """Return the geometric mean of the magnitudes of the eigenvalues that are not zero."""
     rates = np.abs(np.linalg.eigvals(A))
-    rates = rates[rates > np.finfo(float).eps * np.linalg.norm(A)]
+    rates = rates[rates > np.finfo(float).eps * size(A)]
     return float(np.exp(np.mean(np.log(rates)))) if rates.size else 1.0

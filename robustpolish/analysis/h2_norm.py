@@ -62,7 +62,7 @@ def h2_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> H2Norm:
         sampling time), D included.
     tolerance : float, optional
         Largest relative error that is accepted from double precision; beyond 60 coupled
-        states there is no other, and the bounds tell how good it is.
+        states it is used whatever its error, which the bounds tell, unless it has none.
 
     Returns
     -------
@@ -126,11 +126,10 @@ def _part_norm(model: Realisation, tolerance: float) -> H2Norm:
         return H2Norm(gain, gain, gain, True, text)
     found = energy(model, tolerance)
     text = "trace of the controllability Gramian, its residual checked"
-    if found.width > tolerance and model.states <= EXACT_STATES:
+    hopeless = math.isinf(found.width)
+    if hopeless or (found.width > tolerance and model.states <= EXACT_STATES):
         found = exact_energy(ExactModel.of(model))
         text = "trace of the controllability Gramian, in ball arithmetic"
-    elif math.isinf(found.width):
-        text = "trace of the controllability Gramian; double precision gives no error bound"
     return _in_units(model, found, text)
 
 

@@ -13,6 +13,7 @@ from robustpolish.analysis._realisation import (
     Realisation,
     power_of_two,
     realisation,
+    size,
     state_scales,
     typical_rate,
 )
@@ -216,9 +217,10 @@ def even_scales(
     A, B, C, D = model.A, model.B, model.C, model.D
     T, U, Y, time = np.ones(A.shape[0]), np.ones(B.shape[1]), np.ones(C.shape[0]), 1.0
     if T.size:
-        T = _states(A, 0 * B, 0 * C)
+        unit = power_of_two(float(np.abs(A).max()))
+        T = _states(A / unit, 0 * B, 0 * C)
         if not model.discrete:
-            time = power_of_two(typical_rate(A * T / T[:, None]))
+            time = power_of_two(typical_rate(A / unit * T / T[:, None])) * unit
     for _ in range(4):
         scaled_B, scaled_C = B / T[:, None] / time, C * T
         for group in columns:
@@ -237,8 +239,7 @@ def _states(A: Vector, B: Vector, C: Vector) -> Vector:
 
 def _size(through_states: Vector, direct: Vector) -> float:
     """Return the norm by which a signal is scaled: through the states if it reaches them."""
-    size = float(np.linalg.norm(through_states))
-    return size if size > 0 else float(np.linalg.norm(direct))
+    return size(through_states) or size(direct)
 
 
 def _chosen(argument: str, indices: Sequence[int] | None, count: int) -> NDArray[np.intp]:

@@ -138,6 +138,21 @@ def test_units_do_not_change_the_norm(seed, states, time, sampled):
     assert estimate.value == pytest.approx(one.value, rel=1e-6)
 
 
+@pytest.mark.parametrize("pole", [1e-300, 1e-9, 1e9, 1e300])
+def test_exponents_near_the_ends_of_double_precision(pole):
+    assert hinf_norm(ss([[-pole]], [[pole]], [[1]])).value == pytest.approx(1)
+    assert hinf_norm(ss([[-pole]], [[1]], [[pole]])).value == pytest.approx(1)
+
+
+def test_rates_far_apart_and_equal_modes():
+    A = np.diag([-1e-9, -1e9, -1e17]) + np.triu(np.ones((3, 3)), 1)
+    assert hinf_norm(ss(A, np.ones((3, 1)), np.ones((1, 3)))).value == pytest.approx(1e9 + 1)
+    many = ss(-np.eye(8), np.ones((8, 2)), np.ones((2, 8)))
+    assert hinf_norm(many).value == pytest.approx(16)
+    all_pass = ss([[-1]], [[2]], [[-1]], 1)  # (s - 1)/(s + 1): the same gain everywhere
+    assert hinf_norm(all_pass).value == pytest.approx(1, rel=1e-12)
+
+
 def test_large_systems_are_quick():
     rng = np.random.default_rng(0)
     A = rng.standard_normal((100, 100)) - 12 * np.eye(100)
