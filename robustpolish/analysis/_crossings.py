@@ -6,7 +6,8 @@ from math import isqrt, lcm
 
 from flint import fmpq, fmpq_mat, fmpq_poly, fmpz_mat, fmpz_poly
 
-from robustpolish.analysis._exact import ExactModel, identity, joined, positive_roots
+from robustpolish.analysis._exact import ExactModel, identity, joined
+from robustpolish.analysis._exact_poles import positive_roots
 
 
 def crossings(model: ExactModel, square: fmpq) -> list[fmpq]:

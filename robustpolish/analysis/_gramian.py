@@ -103,7 +103,10 @@ def exact_energy(model: ExactModel) -> Energy:
     bits = 192 if model.states <= 40 else 448
     while True:
         with precision(bits):
-            ball = _energy_ball(model)
+            try:
+                ball = _energy_ball(model)
+            except ZeroDivisionError:  # too few bits to invert
+                ball = arb(0, math.inf)
             if ball.is_finite() and ball > 0 and ball.rel_accuracy_bits() >= 60:
                 return _outward(ball)
         if bits >= 768 and model.is_zero():

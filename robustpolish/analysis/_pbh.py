@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.analysis._eigen import EPS, eigensystem
-from robustpolish.analysis._exact import hidden_poles, rational
+from robustpolish.analysis._exact import rational
+from robustpolish.analysis._exact_poles import hidden_poles
 from robustpolish.analysis._realisation import Realisation
 from robustpolish.analysis.decoupled_blocks import decoupled_blocks
 from robustpolish.analysis.scaling import even_scales, in_units

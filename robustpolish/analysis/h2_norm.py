@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import control
 import numpy as np
 
-from robustpolish.analysis._exact import ExactModel, count_poles
+from robustpolish.analysis._exact import ExactModel
+from robustpolish.analysis._exact_poles import count_poles
 from robustpolish.analysis._gramian import Energy, energy, exact_energy
 from robustpolish.analysis._parts import parts
 from robustpolish.analysis._realisation import Realisation, realisation, rescaled

@@ -9,7 +9,8 @@ import control
 import numpy as np
 
 from robustpolish.analysis._certified_peak import Peak, certified_peak
-from robustpolish.analysis._exact import ExactModel, count_poles, to_float
+from robustpolish.analysis._exact import ExactModel, to_float
+from robustpolish.analysis._exact_poles import count_poles
 from robustpolish.analysis._parts import parts
 from robustpolish.analysis._realisation import Realisation, realisation, rescaled
 from robustpolish.analysis.stability import Stability, stability_of

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from robustpolish.analysis._eigen import eigensystem
-from robustpolish.analysis._exact import eigenvalues, rational
+from robustpolish.analysis._exact import rational
+from robustpolish.analysis._exact_poles import eigenvalues
 from robustpolish.analysis._parts import parts_with_states
 from robustpolish.analysis._realisation import Realisation, realisation, rescaled
 

@@ -9,7 +9,8 @@ import control
 import numpy as np
 
 from robustpolish.analysis._eigen import eigensystem
-from robustpolish.analysis._exact import count_poles, rational
+from robustpolish.analysis._exact import rational
+from robustpolish.analysis._exact_poles import count_poles
 from robustpolish.analysis._realisation import Realisation, realisation, rescaled
 
 EXACT_STATES = 150
