@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 Matrix = NDArray[Any]
 Ball = Any  # flint.arb_mat; python-flint ships no stubs for it
 
+# Up to so many rows elimination in balls takes less than about 0.1 s.
+_ELIMINATED = 60
+
 
 @contextmanager
 def precision(bits: int) -> Iterator[None]:
@@ -79,7 +82,8 @@ def is_positive_definite(matrix: Ball) -> bool:
 
     With any nonsingular G, M > 0 if and only if G M G' > 0. G is an approximate inverse
     Cholesky factor in doubles; if the enclosure of I - G M G' has a row-sum norm below one,
-    then G M G' > 0 (and G is nonsingular, as G M G' is).
+    then G M G' > 0 (and G is nonsingular, as G M G' is). Small matrices for which this is
+    too coarse are eliminated in balls.
 
     Parameters
     ----------
@@ -97,19 +101,38 @@ def is_positive_definite(matrix: Ball) -> bool:
     diagonal = np.array([float(matrix[i, i].lower()) for i in range(n)])
     if not (np.isfinite(diagonal).all() and (diagonal > 0).all()):
         return False
-    scale = _powers_of_two(diagonal)
-    scaled = ball(np.diag(scale)) * matrix * ball(np.diag(scale))
+    scale = ball(np.diag(_powers_of_two(diagonal)))
+    scaled = scale * matrix * scale
+    return _near_identity(scaled) or (n <= _ELIMINATED and _eliminates(scaled))
+
+
+def _near_identity(matrix: Ball) -> bool:
     try:
-        factor = np.linalg.cholesky(midpoint(scaled))
-        inverse = np.linalg.solve(factor, np.eye(n))
+        factor = np.linalg.cholesky(midpoint(matrix))
+        inverse = np.linalg.solve(factor, np.eye(len(factor)))
     except np.linalg.LinAlgError:
         return False
     if not np.isfinite(inverse).all():
         return False
     G = ball(inverse)
-    rest = magnitude(identity(n) - G * scaled * G.transpose())
-    # Twice the unit roundoff per addition covers the sums taken here in doubles.
+    rest = magnitude(identity(len(factor)) - G * matrix * G.transpose())
+    # The factor covers the rounding errors of the sums, which are taken in doubles.
     return bool(np.isfinite(rest).all() and (rest.sum(axis=1) * (1 + 1e-12)).max() < 1)
+
+
+def _eliminates(matrix: Ball) -> bool:
+    """Tell whether Gaussian elimination proves all pivots to be positive."""
+    rows = matrix.tolist()
+    for k, row in enumerate(rows):
+        pivot = row[k]
+        if not pivot.lower() > 0:
+            return False
+        for i in range(k + 1, len(rows)):
+            factor = rows[i][k] / pivot
+            rows[i] = rows[i][: k + 1] + [
+                a - factor * b for a, b in zip(rows[i][k + 1 :], row[k + 1 :], strict=True)
+            ]
+    return True
 
 
 def _powers_of_two(diagonal: Matrix) -> Matrix:

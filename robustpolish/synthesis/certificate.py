@@ -284,11 +284,12 @@ def _hinf_proofs(
 ) -> Iterator[NormProof | None]:
     for slack in _PROOF_SLACK:
         yield prove_hinf(loop, achieved * (1 + slack), slack)
+    yield prove_hinf(loop, achieved * (1 + _PROOF_SLACK[-1]), precise=True)
     if claimed is not None and claimed > achieved * (1 + _PROOF_SLACK[-1]):
         yield prove_hinf(loop, claimed, min(0.1, claimed / achieved - 1) if achieved else 0.1)
     level = rounding_level(loop)
     if achieved <= level:
-        for factor in (1.0, 1e4, 1e8):
+        for factor in (1.0, 1e3, 1e6):
             yield prove_hinf(loop, level * factor, 0.1)
 
 

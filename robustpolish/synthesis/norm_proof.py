@@ -30,6 +30,9 @@ from robustpolish.synthesis.riccati import solve_lyapunov, solve_riccati
 Matrix = NDArray[Any]
 _BITS = 240
 _PASSES = 3
+# Up to so many states the sign iteration in balls takes less than about 1 s.
+_PRECISE_STATES = 24
+_SIGN_STEPS = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +51,7 @@ class NormProof:
     transformation : ndarray, shape (n, n)
         T of T x, the coordinates in which P is near the identity; x are the loop's states.
     bits : int
-        Precision of the ball arithmetic of the check.
+        Least precision of the ball arithmetic of the check.
     """
 
     kind: Literal["bounded_real", "gramian", "lyapunov"]
@@ -110,12 +113,21 @@ def enclose_loop(plant: GeneralizedPlant, controller: Any) -> LoopBalls:
         Bl = balls.block([[B1 + B2 * on_w], [Bk * (D21 + D22 * on_w)]])
         Cl = balls.block([[C1 + D12 * on_x, D12 * on_k]])
         Dl = D11 + D12 * on_w
-        n = plant.nx + nk
-        scale = np.ones(n)
-        if n:
-            _, (scale, _) = linalg.matrix_balance(balls.midpoint(Al), separate=True, permute=False)
+        scale = _state_scale(*(balls.midpoint(M) for M in (Al, Bl, Cl)))
         into, out = balls.ball(np.diag(1 / scale)), balls.ball(np.diag(scale))
         return LoopBalls(into * Al * out, into * Bl, Cl * out, Dl, scale)
+
+
+def _state_scale(A: Matrix, B: Matrix, C: Matrix) -> Matrix:
+    """Balance the states by powers of two, with all inputs and all outputs as one more state."""
+    n = A.shape[0]
+    if n == 0:
+        return np.ones(0)
+    bordered = np.zeros((n + 1, n + 1))
+    bordered[:n, :n] = A
+    bordered[:n, n], bordered[n, :n] = np.linalg.norm(B, axis=1), np.linalg.norm(C, axis=0)
+    _, (scale, _) = linalg.matrix_balance(bordered, separate=True, permute=False)
+    return scale[:n]
 
 
 def cayley(loop: LoopBalls) -> LoopBalls:
@@ -168,7 +180,9 @@ def prove_stability(loop: LoopBalls) -> NormProof | None:
     return None
 
 
-def prove_hinf(loop: LoopBalls, bound: float, slack: float = 1e-4) -> NormProof | None:
+def prove_hinf(
+    loop: LoopBalls, bound: float, slack: float = 1e-4, precise: bool = False
+) -> NormProof | None:
     """Prove that a continuous-time loop is stable with an H-infinity norm below `bound`.
 
     Parameters
@@ -178,13 +192,16 @@ def prove_hinf(loop: LoopBalls, bound: float, slack: float = 1e-4) -> NormProof 
     slack : float
         By how much `bound` is expected to lie above the norm, relative; sets the margin
         of strictness that is tried.
+    precise : bool
+        Whether to solve for P in high precision, for loops with high gains; slower, and
+        for small loops only.
     """
     if not np.isfinite(bound):
         return None
     if bound <= 0:
         return _prove_zero(loop)
     n, nw = loop.B.nrows(), loop.B.ncols()
-    with balls.precision(_BITS):
+    with balls.precision(2 * _BITS if precise else _BITS):
         g = flint.arb(float(bound))
         unit = replace(loop, B=loop.B / g, D=loop.D / g)
         fits = balls.is_positive_definite(balls.identity(nw) - unit.D.transpose() * unit.D)
@@ -192,7 +209,8 @@ def prove_hinf(loop: LoopBalls, bound: float, slack: float = 1e-4) -> NormProof 
             return None
         if n == 0:
             return NormProof("bounded_real", bound, np.zeros((0, 0)), np.zeros((0, 0)))
-        for T, P, turned in _candidates(unit, slack):
+        candidates = _precise_candidates(unit) if precise else _candidates(unit, slack)
+        for T, P, turned in candidates:
             if _is_bounded_real(P, turned):
                 return _proof("bounded_real", bound, P, T, loop)
     return None
@@ -274,8 +292,10 @@ def _candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, L
     margin = -float(np.linalg.eigvals(A).real.max(initial=-np.inf))
     if n == 0 or margin <= 0:
         return
+    size = np.linalg.norm(C) ** 2 / np.linalg.norm(A) or 1.0
     for alpha in (0.3 * slack * margin, 0.01 * slack * margin):
-        start = solve_lyapunov(A + alpha * np.eye(n), C.T @ C + 1e-6 * alpha * np.eye(n))
+        extra = 1e-6 * alpha * size * np.eye(n)
+        start = solve_lyapunov(A + alpha * np.eye(n), C.T @ C + extra)
         T = np.eye(n) if start is None else _identity_coordinates(start)
         for _ in range(_PASSES):
             try:
@@ -289,6 +309,18 @@ def _candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, L
             if values[0] > 1e-12 * values[-1]:
                 yield T, _refined(X, turned, alpha), turned
             T = _identity_coordinates(X) @ T
+
+
+def _precise_candidates(loop: LoopBalls) -> Iterator[tuple[Matrix, Ball, LoopBalls]]:
+    """Yield the same in high precision, where a much smaller shift of the poles will do."""
+    A, _, C, _ = loop.doubles
+    n = A.shape[0]
+    margin = -float(np.linalg.eigvals(A).real.max(initial=-np.inf))
+    if 0 < n <= _PRECISE_STATES and margin > 0:
+        size = np.linalg.norm(C) ** 2 / np.linalg.norm(A) or 1.0
+        X = _precise_riccati(loop, 1e-20 * margin, float(size))
+        if X is not None:
+            yield np.eye(n), X, loop
 
 
 def _turned(loop: LoopBalls, T: Matrix) -> LoopBalls:
@@ -312,12 +344,42 @@ def _shifted_riccati(loop: LoopBalls, alpha: float) -> Matrix | None:
     return None if found is None else found.X
 
 
-def _riccati_terms(loop: LoopBalls, alpha: float) -> tuple[Ball, Ball, Ball]:
+def _precise_riccati(loop: LoopBalls, alpha: float, size: float) -> Ball | None:
+    """Solve the same equation in high precision by the matrix sign iteration."""
+    n = loop.A.nrows()
+    A, R, Q = (M.mid() for M in _riccati_terms(loop, alpha, size))
+    Z = balls.block([[A, R], [Q * flint.arb(-1), A.transpose() * flint.arb(-1)]])
+    for _ in range(_SIGN_STEPS):
+        try:
+            inverse = Z.inv().mid()
+        except ZeroDivisionError:
+            return None
+        here, there = np.linalg.norm(balls.midpoint(Z)), np.linalg.norm(balls.midpoint(inverse))
+        if not (np.isfinite(here) and np.isfinite(there)):
+            return None
+        step = (Z * flint.arb(there / here).sqrt() + inverse / flint.arb(there / here).sqrt()).mid()
+        step = step * flint.arb(0.5)
+        change = np.linalg.norm(balls.midpoint(step - Z))
+        Z = step
+        if change <= 1e-25 * here:
+            break
+    else:
+        return None
+    stable = balls.identity(2 * n) - Z
+    rows = stable.tolist()
+    upper, lower = (flint.arb_mat([row[:n] for row in part]) for part in (rows[:n], rows[n:]))
+    try:
+        return balls.symmetric(lower * upper.inv()).mid()
+    except ZeroDivisionError:
+        return None
+
+
+def _riccati_terms(loop: LoopBalls, alpha: float, size: float = 1.0) -> tuple[Ball, Ball, Ball]:
     """Return the terms of A'P + PA + PRP + Q = 0."""
     A, B, C, D = loop.A, loop.B, loop.C, loop.D
     n = A.nrows()
     shift = balls.identity(n) * flint.arb(float(alpha))
-    extra = shift * flint.arb(0.1)
+    extra = shift * flint.arb(float(0.1 * size))
     if B.ncols() == 0:
         return A + shift, balls.zeros(n, n), C.transpose() * C + extra
     inner = (balls.identity(B.ncols()) - D.transpose() * D).inv()

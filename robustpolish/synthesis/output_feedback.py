@@ -191,9 +191,7 @@ def _solve_parts(
             searched[key] = _search(_with_signals(P), settings, share)
     # No part has to be much better than the one that decides the norm of the whole.
     enough = 0.01 * max((s.best for s in searched.values()), default=0.0)
-    chosen = {
-        key: _choose(search, settings, diagnosis, enough) for key, search in searched.items()
-    }
+    chosen = {key: _choose(search, settings, diagnosis, enough) for key, search in searched.items()}
     return [None if key is None else chosen[key] for key in keys]
 
 
@@ -252,9 +250,7 @@ def _search(plant: GeneralizedPlant, settings: Settings, deadline: Deadline) -> 
     return PartSearch(problem, run_engines(problem, settings, limit), limit, settings.norm)
 
 
-def _choose(
-    search: PartSearch, settings: Settings, diagnosis: Diagnosis, enough: float
-) -> Chosen:
+def _choose(search: PartSearch, settings: Settings, diagnosis: Diagnosis, enough: float) -> Chosen:
     chosen, reasons = choose(
         search.problem, search.searches, settings.norm, settings.tolerance, enough, search.deadline
     )

@@ -15,7 +15,6 @@ from robustpolish.synthesis.dynamic.candidates import Candidate, Findings, prefe
 from robustpolish.synthesis.dynamic.simplification import simplify
 from robustpolish.synthesis.dynamic.solver_plant import SolverPlant
 
-_TRIALS = 8
 # An infimum that is approached without end counts as zero below this share of the norm at the
 # start of the descent; smaller norms would cost gain for nothing.
 _AS_GOOD_AS_ZERO = 1e-6
@@ -66,9 +65,11 @@ def choose(
     level = _zero_level(searches, enough / problem.norm(1.0, norm))
     limit = max(best * (1 + tolerance), level)
     reasons: list[str] = []
-    for trial, candidate in enumerate(preferred(everything, tolerance, level)):
-        if trial >= _TRIALS or (trial and deadline.expired):
+    ranked = preferred(everything, tolerance, level)
+    for trial in _trials(len(ranked)):
+        if trial and deadline.expired:
             break
+        candidate = ranked[trial]
         bound = max(limit, candidate.achieved)
         short = simplify(problem.matrices, candidate, bound, deadline, norm)
         for each in (short, candidate) if short is not candidate else (candidate,):
@@ -80,6 +81,12 @@ def choose(
     return None, reasons
 
 
+def _trials(count: int) -> list[int]:
+    """Skip ever more where one refusal follows the other, for neighbours fail alike."""
+    steps = [0, 1, 2, 3, 5, 8, 12, 17, 23, 30, 40, 55, 75]
+    return [i for i in steps if i < count]
+
+
 def _certified(
     problem: SolverPlant, candidate: Candidate, norm: Norm, reasons: list[str]
 ) -> tuple[control.StateSpace, Certificate] | None:
@@ -89,9 +96,10 @@ def _certified(
         return None
     claimed = problem.norm(max(candidate.claimed, candidate.achieved), norm)
     certificate = certify(problem.original, K, norm, claimed)
-    if certificate.valid:
+    loose = certificate.bound > (1 + 2e-3) * certificate.achieved
+    if certificate.valid and not loose:
         return K, certificate
-    reasons += certificate.reasons
+    reasons += certificate.reasons or [f"only the bound {certificate.bound:.6g} could be proven"]
     return None
 
 
@@ -101,9 +109,11 @@ def _zero_level(searches: Sequence[Findings], enough: float) -> float:
     if not falling:
         return 0.0
     best = min(found.best for found in falling)
-    start = max(found.candidates[0].achieved for found in falling)
+    first = max(found.candidates[0].achieved for found in falling)
+    start = max(float(found.history[0].get("gamma", 0.0)) for found in falling)
+    zero = max(_AS_GOOD_AS_ZERO * first, min(0.1 * _AS_GOOD_AS_ZERO * start, 1e-3 * first))
     # A single part, or the one that decides the norm of the whole, has to do its best.
-    return max(_AS_GOOD_AS_ZERO * start, enough if enough > 2 * best else 0.0)
+    return max(zero, enough if enough > 2 * best else 0.0)
 
 
 def _status(

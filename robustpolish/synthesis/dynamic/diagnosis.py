@@ -128,9 +128,7 @@ def diagnose(plant: GeneralizedPlant, zeros: bool = False) -> Diagnosis:
             _zeros(plant.A, plant.B2, plant.C1, plant.D12, plant.dt),
             _zeros(plant.A, plant.B1, plant.C2, plant.D21, plant.dt),
         )
-    return Diagnosis(
-        tuple(modes), rank12, rank21, rank12 == plant.nu, rank21 == plant.ny, *on_axis
-    )
+    return Diagnosis(tuple(modes), rank12, rank21, rank12 == plant.nu, rank21 == plant.ny, *on_axis)
 
 
 def refuse(modes: Sequence[FixedMode]) -> InfeasibleError:
@@ -177,7 +175,9 @@ def _settled(
     n = A.shape[0]
     if n > _EXACT_STATES:
         level = 100 * n * np.finfo(float).eps
-        return [FixedMode(m.eigenvalue, m.state, lack, m.distance, m.distance < level) for m in found]
+        return [
+            FixedMode(m.eigenvalue, m.state, lack, m.distance, m.distance < level) for m in found
+        ]
     if lack == "uncontrollable":
         test = controllability(A, B, states=plant.states, dt=plant.dt)
     else:

@@ -26,7 +26,7 @@ from robustpolish.synthesis.dynamic.two_riccati import (
 EPSILONS = tuple(10.0 ** (-k / 2) for k in range(2, 18))
 _BACK_OFF = (1.003, 1.0005, 1.01, 1.03)
 _SETTLED = 3e-4
-_FALLING = 1e-2
+_FALLING = 0.9
 _LARGEST_GAIN = 1e10
 _COSTLY = 24
 
@@ -73,19 +73,20 @@ def descend(plant: PlantMatrices, deadline: Deadline) -> Findings:
         ladder.candidates.append(found)
         note["achieved"], note["gain"] = found.achieved, found.gain
         quiet = quiet + 1 if found.achieved > before * (1 - _SETTLED) else 0
-        ladder.falling = found.achieved < before * (1 - _FALLING)
         if found.achieved == 0:
             ladder.converged = True
         if found.gain > _LARGEST_GAIN or ladder.converged:
             break
-        if quiet >= 2 and not _deeper_helps(plant, gamma):
+        if quiet >= 6 or (quiet >= 2 and not _deeper_helps(plant, gamma)):
             ladder.converged = True
             break
     if waiting is not None:
         found = _confirm(plant, *waiting, deadline)
         if found is not None:
             ladder.candidates.append(found)
+    ladder.converged = ladder.converged or quiet >= 3
     ladder.expired = deadline.expired and not ladder.converged
+    ladder.falling = not ladder.converged and _is_falling(ladder)
     _refine(plant, ladder, deadline)
     return ladder
 
@@ -130,6 +131,12 @@ def _controller(
     except np.linalg.LinAlgError:
         return None
     return examine(plant, K, gamma, f"riccati, epsilon {epsilon:.1e}")
+
+
+def _is_falling(ladder: Findings) -> bool:
+    """Tell whether the last two decades of epsilon have lowered the norm for certain."""
+    norms = [note["achieved"] for note in ladder.history if np.isfinite(note["achieved"])]
+    return len(norms) > 4 and min(norms) < _FALLING * min(norms[:-4])
 
 
 def _deeper_helps(plant: PlantMatrices, gamma: float) -> bool:

@@ -87,7 +87,9 @@ def _weakest(K: Controller, values: Matrix) -> complex | None:
 def _without(K: Controller, removed: object, residualise: bool) -> Iterator[Controller]:
     """Split off the modes that `removed` selects and drop them, keeping their static gain."""
     T, Z, kept = linalg.schur(  # type: ignore[misc]
-        K.A, output="real", sort=lambda re, im: not removed(np.array(complex(re, im)))  # type: ignore[operator]
+        K.A,
+        output="real",
+        sort=lambda re, im: not removed(np.array(complex(re, im))),  # type: ignore[operator]
     )
     n = len(T)
     if kept == n:
