@@ -18,6 +18,7 @@ _JITTER = 0.3  # more than this is no jitter
 # Shares of the record, and samples.
 _MISSING = 0.02
 _LONGEST_GAP = 10
+_LATEST = 1e30  # s; squares of later times overflow
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,20 +77,26 @@ def uniform_time(time: Vector, name: str = "time") -> UniformTime:
     _check_rising(time, name)
     steps = np.diff(time)
     step = float(np.median(steps))
-    counts = np.maximum(np.rint(steps / step), 1)
+    with np.errstate(over="ignore"):
+        counts = np.maximum(np.rint(steps / step), 1)
+    missing = float(np.sum(counts)) + 1 - time.size
+    _check_gaps(time, steps, counts, missing, name)
     # With many rounded stamps the median is a rounded step: fit a line through all of them.
     number = np.concatenate([[0.0], np.cumsum(counts)])
-    step, start = np.polyfit(number - number.mean(), time - time[0], 1)
-    start = float(start - step * number.mean())
-    deviation = time - time[0] - start - step * number
-    worst = float(np.max(np.abs(deviation)))
-    missing = int(number[-1]) + 1 - time.size
-    grid = time[0] + (start if worst > _ROUNDING * step else 0.0)
-    grid = grid + step * np.arange(int(number[-1]) + 1)
-    exact = worst <= _ROUNDING * step or worst <= 0.51 * _resolution(time)
+    step, start = _line(number, time - time[0])
+    worst = float(np.max(np.abs(time - time[0] - start - step * number)))
+    exact = worst <= _ROUNDING * step
+    grid = time[0] + (0.0 if exact else start) + step * np.arange(int(number[-1]) + 1)
+    exact = exact or worst <= 0.51 * _resolution(time)
     if exact and not missing:
         return UniformTime(grid)
-    _check_regular(time, steps, step, worst, counts, missing, name)
+    if not exact and worst > _JITTER * step:
+        raise invalid(
+            name,
+            described(f"time steps from {steps.min():.4g} to {steps.max():.4g} s"),
+            f"steps within {_JITTER:.0%} of {step:.4g} s",
+            "Resample the record, or record it at a fixed rate.",
+        )
     if exact and missing:
         return UniformTime(grid, grid[number.astype(int)], _gap_note(counts, missing))
     note = f"time jittered by up to {worst:.3g} s ({worst / step:.0%} of a step): resampled"
@@ -100,9 +107,9 @@ def uniform_time(time: Vector, name: str = "time") -> UniformTime:
     return UniformTime(grid, time, note)
 
 
-def _gap_note(counts: Vector, missing: int) -> str:
+def _gap_note(counts: Vector, missing: float) -> str:
     gaps = int(np.count_nonzero(counts > 1))
-    samples = f"{missing} missing sample{'s' if missing > 1 else ''}"
+    samples = f"{missing:.0f} missing sample{'s' if missing > 1 else ''}"
     places = f"{gaps} place{'s' if gaps > 1 else ''}"
     return f"{samples} filled in at {places}, by cubic interpolation"
 
@@ -111,6 +118,9 @@ def _check_rising(time: Vector, name: str) -> None:
     if time.size < 2:
         shown = described(f"{time.size} sample{'' if time.size == 1 else 's'}")
         raise invalid(name, shown, "two samples or more", "Record longer.")
+    largest = float(np.max(np.abs(time)))
+    if not largest < _LATEST:
+        raise invalid(name, described(f"{largest:.3g} s"), "a time in s", "Check its unit.")
     falls = np.flatnonzero(np.diff(time) <= 0)
     if falls.size:
         i = int(falls[0]) + 1
@@ -122,33 +132,25 @@ def _check_rising(time: Vector, name: str) -> None:
         )
 
 
-def _check_regular(
-    time: Vector,
-    steps: Vector,
-    step: float,
-    worst: float,
-    counts: Vector,
-    missing: int,
-    name: str,
-) -> None:
-    longest = int(counts.max()) - 1
-    if longest > _LONGEST_GAP or missing > _MISSING * time.size + 1:
+def _check_gaps(time: Vector, steps: Vector, counts: Vector, missing: float, name: str) -> None:
+    if counts.max() - 1 > _LONGEST_GAP or missing > _MISSING * time.size + 1:
         i = int(np.argmax(steps))
         raise invalid(
             name,
             described(
-                f"{missing} missing samples, the longest gap {steps[i]:.4g} s after {time[i]:.6g} s"
+                f"{missing:.4g} missing samples, the longest gap {steps[i]:.4g} s "
+                f"after {time[i]:.6g} s"
             ),
             f"no gap of more than {_LONGEST_GAP} samples and at most {_MISSING:.0%} missing",
             "Cut the record into its unbroken parts.",
         )
-    if worst > _JITTER * step:
-        raise invalid(
-            name,
-            described(f"time steps from {steps.min():.4g} to {steps.max():.4g} s"),
-            f"steps within {_JITTER:.0%} of {step:.4g} s",
-            "Resample the record, or record it at a fixed rate.",
-        )
+
+
+def _line(x: Vector, y: Vector) -> tuple[float, float]:
+    """Return slope and intercept of the least-squares line."""
+    about = x - x.mean()
+    slope = float(about @ y / (about @ about))
+    return slope, float(y.mean() - slope * x.mean())
 
 
 def _resolution(time: Vector) -> float:

@@ -186,13 +186,16 @@ def text(argument: str, value: Any) -> str:
     """Return `value` if it is a name: a string that is not blank."""
     if not isinstance(value, str) or not value.strip():
         raise invalid(argument, value, "a name", "Write it as text between quotation marks.")
+    if "." in value:
+        # python-control reads a dot as a separator of system and signal.
+        raise invalid(argument, value, "a name without a dot", "Rename it, also in the data.")
     return value
 
 
 def unit_text(argument: str, value: Any) -> None:
     """Refuse a unit that is neither None nor text."""
-    if value is not None:
-        text(argument, value)
+    if value is not None and (not isinstance(value, str) or not value.strip()):
+        raise invalid(argument, value, "a unit", "Write it as text, such as 'V'.")
 
 
 def number(argument: str, value: Any) -> float:

@@ -19,18 +19,16 @@ def read_csv(path: Path) -> RawTable:
     tabs, numbers may have a decimal comma. Lines before the header that begin with ``#`` and
     blank lines are skipped.
     """
-    lines = [
-        (number, line)
-        for number, line in enumerate(io.StringIO(_decode(path.read_bytes())), 1)
-        if line.strip()
-    ]
+    # newline=None: all kinds of line ends count.
+    text = io.StringIO(_decode(path.read_bytes()), newline=None)
+    lines = [(number, line.rstrip("\n")) for number, line in enumerate(text, 1) if line.strip()]
     while len(lines) > 1 and lines[0][1].lstrip().startswith("#") and _is_comment(lines):
         lines.pop(0)
     if not lines:
         raise invalid("measurement", described(f"{path}, empty"), "a table", "Export it again.")
     header_line, header = lines[0]
     delimiter = _delimiter(header)
-    names = [name.strip() for name in next(csv.reader([header.strip()], delimiter=delimiter))]
+    names = [name.strip() for name in _cells(header.strip(), delimiter)]
     if all(_number(name) is not None for name in names if name):
         raise invalid(
             "measurement",
@@ -68,6 +66,13 @@ def _is_comment(lines: list[tuple[int, str]]) -> bool:
     return first.count(delimiter) != second.count(delimiter) or second.lstrip().startswith("#")
 
 
+def _cells(line: str, delimiter: str) -> list[str]:
+    try:
+        return next(csv.reader([line], delimiter=delimiter), [])
+    except csv.Error:  # such as a cell of more than 100 000 characters
+        return line.split(delimiter)
+
+
 def _delimiter(line: str) -> str:
     return max("\t;,", key=line.count) if ";" not in line else ";"
 
@@ -97,7 +102,7 @@ def _bad_cell(
 ) -> Exception:
     """Find the first cell that is no number, and build the message that names it."""
     for number, line in rows:
-        cells = next(csv.reader([line.rstrip("\r\n")], delimiter=delimiter), [])
+        cells = _cells(line, delimiter)
         if len(cells) != len(names):
             return invalid(
                 f"{path}, line {number}",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,8 @@ def read_tdms(path: Path, table: str | None = None) -> RawTable:
         raise MissingDependencyError(
             "TDMS files need npTDMS: pip install 'robustpolish[io]'."
         ) from None
+    # npTDMS writes whole damaged files to the log.
+    logging.getLogger("nptdms").setLevel(logging.CRITICAL)
     try:
         groups = {
             group.name: [(c.name, np.asarray(c[:]), dict(c.properties)) for c in group.channels()]

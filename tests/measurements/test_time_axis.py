@@ -1,0 +1,74 @@
+"""Time stamps: what is mended, and what is refused."""
+
+import numpy as np
+import pytest
+
+from robustpolish.errors import InvalidInputError
+from robustpolish.measurements.time_axis import uniform_time
+
+GRID = np.arange(2000) * 1e-3
+
+
+def test_a_uniform_grid_is_left_alone():
+    axis = uniform_time(GRID + 7.0)
+    assert axis.taken is None
+    assert axis.note == ""
+    np.testing.assert_allclose(axis.time, GRID + 7.0, rtol=0, atol=1e-12)
+
+
+def test_rounded_stamps_are_a_uniform_grid():
+    time = np.arange(2000) / 2048
+    axis = uniform_time(np.round(time, 4))
+    assert axis.taken is None
+    np.testing.assert_allclose(axis.time, time, atol=1e-4)
+
+
+def test_single_precision_is_a_uniform_grid():
+    axis = uniform_time((np.arange(14000) / 1024).astype(np.float32).astype(float))
+    assert axis.taken is None
+
+
+def test_small_gaps_are_filled():
+    keep = np.ones(2000, bool)
+    keep[[300, 301, 900]] = False
+    signal = np.sin(2 * np.pi * 10 * GRID)
+    axis = uniform_time(GRID[keep])
+    assert axis.note == "3 missing samples filled in at 2 places, by cubic interpolation"
+    np.testing.assert_allclose(axis.time, GRID, atol=1e-12)
+    np.testing.assert_allclose(axis.move(signal[keep]), signal, atol=1e-5)
+
+
+def test_jitter_is_resampled():
+    time = GRID + np.random.default_rng(0).uniform(-1e-4, 1e-4, GRID.size)
+    axis = uniform_time(time)
+    assert "jittered" in axis.note
+    signal = lambda t: np.sin(2 * np.pi * 10 * t)  # noqa: E731
+    np.testing.assert_allclose(axis.move(signal(time)), signal(axis.time), atol=1e-5)
+    assert axis.time[0] >= time[0]
+    assert axis.time[-1] <= time[-1]
+
+
+@pytest.mark.parametrize("units", [1e-6, 1.0, 1e6])
+def test_no_unit_of_time_is_special(units):
+    time = (GRID + np.random.default_rng(0).uniform(-1e-4, 1e-4, GRID.size)) * units
+    assert "jittered" in uniform_time(time).note
+
+
+BAD = {
+    "falls": (np.where(np.arange(2000) == 500, 0.1, GRID), "0.1 s after 0.499 s, at sample 500"),
+    "repeats": (np.repeat(GRID[:100], 2), "rises"),
+    "stands still": (np.zeros(10), "rises"),
+    "large gap": (np.delete(GRID, np.arange(400, 500)), "gap"),
+    "many gaps": (GRID[np.random.default_rng(1).random(2000) < 0.9], "gap|missing"),
+    "irregular": (np.sort(np.random.default_rng(2).uniform(0, 2, 2000)), "steps|gap"),
+    "logarithmic": (np.geomspace(1e-3, 1, 200), "steps|gap"),
+    "one": (np.array([0.0]), "two samples"),
+    "none": (np.array([]), "two samples"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_refused(case):
+    time, message = BAD[case]
+    with pytest.raises(InvalidInputError, match=message):
+        uniform_time(time)
