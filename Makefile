@@ -36,5 +36,14 @@ lint: $(READY) ## Check style, types and the direction of imports
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 
+docs: $(READY) ## Measure every figure of the validation page again
+	$(BIN)/python docs/build_validation.py
+
+bench: $(READY) ## Compare all synthesis methods on the benchmark plants
+	$(BIN)/python benchmarks/compleib_table.py
+
+hidden-effects: $(READY) ## Print the confusion table of the hidden-effect cases
+	$(BIN)/python -m tests.hidden_effects.run
+
 clean: ## Remove what the other targets made
 	rm -rf $(VENV) demo-results docs/_build .pytest_cache .ruff_cache .import_linter_cache

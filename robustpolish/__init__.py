@@ -28,9 +28,20 @@ from robustpolish.errors import (
     RobustPolishWarning,
     SolverError,
 )
+from robustpolish.identification import (
+    Comparison,
+    Diagnosis,
+    Ledger,
+    compare,
+    diagnose,
+    refit,
+    residual_analysis,
+)
+from robustpolish.measurements import read_measurement, split_blocks
 from robustpolish.models import (
     AirBearingParameters,
     GeneralizedPlant,
+    MechanicalModel,
     air_bearing,
     linearize,
 )
@@ -42,7 +53,10 @@ from robustpolish.synthesis import (
     Sector,
     certify,
     given_controller,
+    observer_feedback,
+    output_feedback,
     state_feedback,
+    static_output_feedback,
 )
 
 __version__ = "0.1.0"
@@ -52,8 +66,10 @@ __all__ = [
     "BrushDesign",
     "BrushParameters",
     "Certificate",
+    "Comparison",
     "ControllerComparison",
     "Design",
+    "Diagnosis",
     "Disk",
     "GeneralizedPlant",
     "H2Norm",
@@ -61,6 +77,8 @@ __all__ = [
     "HinfNorm",
     "InfeasibleError",
     "InvalidInputError",
+    "Ledger",
+    "MechanicalModel",
     "MissingDependencyError",
     "RobustPolishError",
     "RobustPolishWarning",
@@ -68,9 +86,11 @@ __all__ = [
     "SolverError",
     "air_bearing",
     "certify",
+    "compare",
     "compare_controllers",
     "controllability",
     "design_against_brush",
+    "diagnose",
     "given_controller",
     "h2_norm",
     "hinf_norm",
@@ -79,8 +99,15 @@ __all__ = [
     "linearize",
     "modes",
     "observability",
+    "observer_feedback",
+    "output_feedback",
     "prescale",
+    "read_measurement",
+    "refit",
+    "residual_analysis",
     "simulate",
     "simulate_brush",
+    "split_blocks",
     "state_feedback",
+    "static_output_feedback",
 ]

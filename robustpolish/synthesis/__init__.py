@@ -4,6 +4,7 @@ from robustpolish.synthesis.certificate import Certificate, certify
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.given_controller import given_controller
 from robustpolish.synthesis.observer_feedback import observer_controller, observer_feedback
+from robustpolish.synthesis.output_feedback import output_feedback
 from robustpolish.synthesis.pole_regions import Disk, HalfPlane, Sector
 from robustpolish.synthesis.published_controllers import PUBLISHED_CONTROLLERS, published_gain
 from robustpolish.synthesis.state_feedback import state_feedback
@@ -20,6 +21,7 @@ __all__ = [
     "given_controller",
     "observer_controller",
     "observer_feedback",
+    "output_feedback",
     "published_gain",
     "state_feedback",
     "static_output_feedback",
