@@ -3,6 +3,7 @@
 from robustpolish.synthesis.certificate import Certificate, certify
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.given_controller import given_controller
+from robustpolish.synthesis.mixed_output_feedback import mixed_output_feedback
 from robustpolish.synthesis.observer_feedback import observer_controller, observer_feedback
 from robustpolish.synthesis.output_feedback import output_feedback
 from robustpolish.synthesis.pole_regions import Disk, HalfPlane, Sector
@@ -19,6 +20,7 @@ __all__ = [
     "Sector",
     "certify",
     "given_controller",
+    "mixed_output_feedback",
     "observer_controller",
     "observer_feedback",
     "output_feedback",

@@ -20,7 +20,11 @@ from robustpolish.synthesis.fixed_modes import refuse_fixed_modes
 from robustpolish.synthesis.nonsmooth import Loop, ObserverGain, augmented
 from robustpolish.synthesis.observer_form import observer_form
 from robustpolish.synthesis.scaling import ScaledPlant, scale_plant
-from robustpolish.synthesis.static_search import gain_requirement, unscaled_controller
+from robustpolish.synthesis.static_search import (
+    bounded_loops,
+    gain_requirement,
+    unscaled_controller,
+)
 from robustpolish.synthesis.structured_search import (
     CEILINGS,
     Norm,
@@ -71,6 +75,7 @@ def observer_setting(plant: GeneralizedPlant, norm: Norm, gain_bound: float | No
         requirements=gain_requirement(gain_bound, plant.nx, scaled),
         bound_named="" if gain_bound is None else f"the gain bound {gain_bound:g}",
         descents=14,
+        also_stable=bounded_loops(gain_bound, plant.nx, scaled),
     )
 
 
@@ -90,13 +95,26 @@ def _starts(
     rng: np.random.Generator,
 ) -> Iterator[Vector]:
     """Propose Riccati designs, the best first, then random changes of them."""
-    proposed = []
+    proposed = proposals(plant, norm, parametrisation, deadline)
+    yield from proposed
+    proposed = proposed or [np.zeros(parametrisation.size)]
+    while True:
+        size = 10 ** rng.uniform(-2, 0)
+        base = proposed[int(rng.integers(len(proposed)))]
+        yield base + size * (np.abs(base) + 0.1) * rng.normal(size=base.size)
+
+
+def proposals(
+    plant: GeneralizedPlant, norm: Norm, parametrisation: ObserverGain, deadline: float
+) -> list[Vector]:
+    """Return the best few Riccati designs of a scaled plant, as F and L, the best first."""
+    found: list[Vector] = []
     if norm == "hinf" and not plant.is_discrete:
-        proposed.extend(_central(plant, parametrisation, deadline))
+        found.extend(_central(plant, parametrisation, deadline))
     for epsilon in _EPSILONS:
-        found = _quadratic(matrices(plant), epsilon, plant.is_discrete)
-        if found is not None:
-            proposed.append(parametrisation.join(*found))
+        gains = _quadratic(matrices(plant), epsilon, plant.is_discrete)
+        if gains is not None:
+            found.append(parametrisation.join(*gains))
     measure = objective(with_performance(augmented(Loop.of(plant), plant.nx)), norm)
 
     def achieved(point: Vector) -> float:
@@ -106,16 +124,8 @@ def _starts(
         pieces = measure.pieces(K, 0.0, ())
         return pieces[0].value if pieces else np.inf
 
-    proposed.sort(key=achieved)
-    yield from proposed[:_MOST_PROPOSALS]
-    while True:
-        size = 10 ** rng.uniform(-2, 0)
-        base = (
-            proposed[int(rng.integers(len(proposed)))]
-            if proposed
-            else np.zeros(parametrisation.size)
-        )
-        yield base + size * (np.abs(base) + 0.1) * rng.normal(size=base.size)
+    found.sort(key=achieved)
+    return found[:_MOST_PROPOSALS]
 
 
 def _quadratic(

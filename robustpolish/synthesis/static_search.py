@@ -70,7 +70,8 @@ def static_setting(task: StaticTask) -> Setting:
     # Whatever the pattern of a dynamic controller, it moves no mode that no gain moves.
     reach = task.mask if task.order == 0 else np.ones((task.plant.nu, task.plant.ny), bool)
     refuse_fixed_modes(inner, reach, task.plant.states, scaled.time, what)
-    parametrisation = _parametrisation(task, loop)
+    hinf = task.norm == "hinf"
+    parametrisation = AffineGain.masked(task.mask) if hinf else free_gain(task.mask, loop)
 
     def starts(deadline: float, rng: np.random.Generator) -> Iterator[Vector]:
         return _starts(task, scaled, loop, parametrisation, deadline, rng)
@@ -83,16 +84,22 @@ def static_setting(task: StaticTask) -> Setting:
         starts=starts,
         controller=lambda K: unscaled_controller(scaled, K, task.order),
         what=what,
+        also_stable=bounded_loops(task.gain_bound, task.order, scaled),
         requirements=gain_requirement(task.gain_bound, task.order, scaled),
         bound_named="" if task.gain_bound is None else f"the gain bound {task.gain_bound:g}",
     )
 
 
-def _parametrisation(task: StaticTask, loop: Loop) -> AffineGain:
-    """Free the marked entries; for the H2 norm only as far as the feedthrough stays zero."""
-    free = AffineGain.masked(task.mask)
-    watched = loop.D11.size > 0
-    if task.norm == "hinf" or loop.discrete or not watched:
+def free_gain(mask: NDArray[np.bool_], loop: Loop) -> AffineGain:
+    """Free the marked entries, as far as the feedthrough of a continuous loop stays zero.
+
+    Raises
+    ------
+    InfeasibleError
+        If no gain of the pattern cancels D11.
+    """
+    free = AffineGain.masked(mask)
+    if loop.discrete or not loop.D11.size:
         return free
     if not (loop.D11.any() or (loop.D12.any() and loop.D21.any())):
         return free
@@ -121,8 +128,18 @@ def gain_requirement(
     left, right = np.diag(scaled.control), np.diag(1 / scaled.measurement)
     if order == 0:
         return (Requirement(GainMeasure(left, right), bound),)
-    own = controller_loop(order, left, right, scaled.original.is_discrete)
-    return (Requirement(HinfMeasure(own), bound),)
+    return (Requirement(HinfMeasure(own_loop(order, scaled)), bound),)
+
+
+def bounded_loops(bound: float | None, order: int, scaled: ScaledPlant) -> tuple[Loop, ...]:
+    """Return the loops that have to be stable for a bound on the gain to be meant."""
+    return () if bound is None or order == 0 else (own_loop(order, scaled),)
+
+
+def own_loop(order: int, scaled: ScaledPlant) -> Loop:
+    """Return the loop that is the controller itself, from y to u in plant units."""
+    left, right = np.diag(scaled.control), np.diag(1 / scaled.measurement)
+    return controller_loop(order, left, right, scaled.original.is_discrete)
 
 
 def _starts(

@@ -27,6 +27,7 @@ from robustpolish.synthesis.nonsmooth import (
     SearchLimits,
     SearchResult,
     StabilityMeasure,
+    WorstMeasure,
     minimax,
     search,
 )
@@ -73,6 +74,10 @@ class Setting:
         The requirement in words, for messages; empty if there is none.
     descents : int
         Largest number of descents.
+    objective_loop : Loop or None
+        The loop whose norm is minimised, if it is another than `loop`.
+    also_stable : tuple of Loop
+        Further loops to be made stable first, such as the controller itself.
     """
 
     scaled: ScaledPlant
@@ -85,6 +90,8 @@ class Setting:
     requirements: tuple[Requirement, ...] = ()
     bound_named: str = ""
     descents: int = 40
+    objective_loop: Loop | None = None
+    also_stable: tuple[Loop, ...] = ()
 
     @property
     def plant(self) -> GeneralizedPlant:
@@ -147,8 +154,11 @@ def solve_setting(
         If no start led to a stable loop that meets the requirements.
     """
     loop = setting.loop
-    measure = objective(with_performance(loop), setting.norm)
-    stability = StabilityMeasure.of(loop, float(np.linalg.norm(loop.A, 2)) or 1.0)
+    measure = objective(with_performance(setting.objective_loop or loop), setting.norm)
+    size = float(np.linalg.norm(loop.A, 2)) or 1.0
+    stability = WorstMeasure(
+        tuple(StabilityMeasure.of(each, size) for each in (loop, *setting.also_stable))
+    )
     rng = np.random.default_rng(seed)
     found, first = None, None
     for ceiling in CEILINGS:

@@ -20,7 +20,12 @@ from robustpolish.synthesis.nonsmooth.parametrisations import (
 )
 from robustpolish.synthesis.nonsmooth.problem import Measure, Piece, Problem, Requirement
 from robustpolish.synthesis.nonsmooth.search import SearchLimits, SearchResult, search
-from robustpolish.synthesis.nonsmooth.spectrum import GainMeasure, RegionMeasure, StabilityMeasure
+from robustpolish.synthesis.nonsmooth.spectrum import (
+    GainMeasure,
+    RegionMeasure,
+    StabilityMeasure,
+    WorstMeasure,
+)
 
 __all__ = [
     "AffineGain",
@@ -39,6 +44,7 @@ __all__ = [
     "SearchLimits",
     "SearchResult",
     "StabilityMeasure",
+    "WorstMeasure",
     "augmented",
     "bfgs",
     "controller_loop",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robustpolish.synthesis.nonsmooth.loops import Loop, Matrix
-from robustpolish.synthesis.nonsmooth.problem import Piece
+from robustpolish.synthesis.nonsmooth.problem import Measure, Piece
 
 # Distance of one pole from its region (negative inside), and the derivative of the
 # distance over the pole's real and imaginary part, packed as a complex number.
@@ -66,6 +66,20 @@ class StabilityMeasure(RegionMeasure):
     def of(cls, loop: Loop, scale: float = 1.0) -> StabilityMeasure:
         """Measure how far the poles are inside the stable region."""
         return cls(loop, _radius if loop.discrete else _abscissa, scale)
+
+
+@dataclass(frozen=True, eq=False)
+class WorstMeasure:
+    """The largest of several measures; infinite where one of them is."""
+
+    measures: tuple[Measure, ...]
+
+    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
+        """Return the pieces of all measures, the largest first."""
+        found = [measure.pieces(K, width, frequencies) for measure in self.measures]
+        if not all(found):
+            return []
+        return sorted((p for pieces in found for p in pieces), key=lambda piece: -piece.value)
 
 
 def _abscissa(pole: complex) -> tuple[float, complex]:

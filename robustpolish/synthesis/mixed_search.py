@@ -1,0 +1,171 @@
+"""Full-order controllers of one part under several specifications at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.models import GeneralizedPlant
+from robustpolish.synthesis.channels import channel as cut
+from robustpolish.synthesis.fixed_modes import refuse_fixed_modes
+from robustpolish.synthesis.mixed_inequalities import Specification, mixed_start
+from robustpolish.synthesis.nonsmooth import (
+    AffineGain,
+    Loop,
+    ObserverGain,
+    RegionMeasure,
+    Requirement,
+    augmented,
+)
+from robustpolish.synthesis.observer_search import proposals
+from robustpolish.synthesis.pole_regions import PoleRegion
+from robustpolish.synthesis.scaling import ScaledPlant, scale_plant
+from robustpolish.synthesis.static_search import (
+    bounded_loops,
+    free_gain,
+    gain_requirement,
+    unscaled_controller,
+)
+from robustpolish.synthesis.structured_search import Norm, Setting, objective
+
+Vector = NDArray[Any]
+
+# Poles are asked a little inside their region, relative to the size of the plant.
+_INSIDE = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class MixedTask:
+    """What is asked for one part.
+
+    Attributes
+    ----------
+    whole : GeneralizedPlant
+        With the disturbances and outputs of all channels.
+    goal : GeneralizedPlant
+        The channel whose norm is minimised.
+    norm : {"hinf", "h2"}
+        Which norm of it.
+    side : GeneralizedPlant or None
+        The channel whose other norm is bounded.
+    side_bound : float or None
+    regions : tuple of PoleRegion
+    gain_bound : float or None
+    backend : str
+    solver : str or None
+    """
+
+    whole: GeneralizedPlant
+    goal: GeneralizedPlant
+    norm: Norm
+    side: GeneralizedPlant | None
+    side_bound: float | None
+    regions: tuple[PoleRegion, ...]
+    gain_bound: float | None
+    backend: str
+    solver: str | None
+
+
+def mixed_setting(task: MixedTask) -> Setting:
+    """Scale the part and state its problem; both channels share the scaling of the whole.
+
+    Raises
+    ------
+    InfeasibleError
+        If an unstable mode cannot be moved, or no controller makes the H2 norm finite.
+    """
+    scaled = scale_plant(task.whole)
+    n = task.whole.nx
+    inner = Loop.of(scaled.plant)
+    everything = np.ones((task.whole.nu, task.whole.ny), bool)
+    refuse_fixed_modes(inner, everything, task.whole.states, scaled.time, "controller")
+    goal = _scaled_channel(scaled, task.goal)
+    goal_loop = augmented(Loop.of(goal), n)
+    side = None if task.side is None else _scaled_channel(scaled, task.side)
+    other: Norm = "h2" if task.norm == "hinf" else "hinf"
+    h2_loop = goal_loop if task.norm == "h2" else None
+    requirements: list[Requirement] = []
+    specifications = [Specification(goal, task.norm, None)]
+    if side is not None and task.side_bound is not None:
+        side_loop = augmented(Loop.of(side), n)
+        bound = scaled.scaled_norm(task.side_bound, other)
+        requirements.append(Requirement(objective(side_loop, other), bound))
+        specifications.append(Specification(side, other, bound))
+        h2_loop = side_loop if other == "h2" else h2_loop
+    mask = np.ones((n + task.whole.nu, n + task.whole.ny), bool)
+    parametrisation = AffineGain.masked(mask) if h2_loop is None else free_gain(mask, h2_loop)
+    regions = tuple(region.in_unit_of_time(scaled.time) for region in task.regions)
+    loop = augmented(inner, n)
+    requirements.extend(Requirement(_region(loop, region), None) for region in regions)
+    requirements.extend(gain_requirement(task.gain_bound, n, scaled))
+
+    def starts(deadline: float, rng: np.random.Generator) -> Iterator[Vector]:
+        if not task.whole.is_discrete:
+            first = mixed_start(specifications, regions, deadline, task.backend, task.solver)
+            if first is not None:
+                yield parametrisation.coordinates(first)
+        yield from _proposed(goal, task.norm, parametrisation, deadline, rng)
+
+    return Setting(
+        scaled=scaled,
+        norm=task.norm,
+        loop=loop,
+        parametrisation=parametrisation,
+        starts=starts,
+        controller=lambda K: unscaled_controller(scaled, K, n),
+        what="controller",
+        requirements=tuple(requirements),
+        bound_named="all specifications" if requirements else "",
+        descents=8,
+        objective_loop=goal_loop,
+        also_stable=bounded_loops(task.gain_bound, n, scaled),
+    )
+
+
+def _scaled_channel(scaled: ScaledPlant, channel: GeneralizedPlant) -> GeneralizedPlant:
+    """Cut a channel out of the scaled whole."""
+    return cut(scaled.plant, channel.disturbance_names, channel.performance_names)
+
+
+def _region(loop: Loop, region: PoleRegion) -> RegionMeasure:
+    """Measure the largest eigenvalue of the region's matrix over the poles."""
+    size = float(np.linalg.norm(loop.A, 2)) or 1.0
+    scale = float(np.linalg.norm(region.L, 2)) + size * float(np.linalg.norm(region.M, 2))
+
+    def distance(pole: complex) -> tuple[float, complex]:
+        values, vectors = np.linalg.eigh(region.L + pole * region.M + np.conj(pole) * region.M.T)
+        v = np.asarray(vectors)[:, -1]
+        moved = complex(v.conj() @ region.M @ v)
+        # The derivatives over real and imaginary part of s M + conj(s) M'.
+        return float(values[-1]) + _INSIDE * scale, complex(2 * moved.real, -2 * moved.imag)
+
+    return RegionMeasure(loop, distance, scale)
+
+
+def _proposed(
+    goal: GeneralizedPlant,
+    norm: Norm,
+    parametrisation: AffineGain,
+    deadline: float,
+    rng: np.random.Generator,
+) -> Iterator[Vector]:
+    """Propose a resting controller, Riccati designs for the goal alone, then random changes."""
+    n = goal.nx
+    shape = parametrisation.offset.shape
+    rest = np.zeros(shape)
+    rest[:n, :n] = 0.0 if goal.is_discrete else -np.eye(n)
+    found = [rest]
+    observer = ObserverGain(goal.A, goal.B2, goal.C2, goal.D22)
+    for point in proposals(goal, norm, observer, deadline):
+        found.append(observer.gain(point))
+        yield parametrisation.coordinates(found[-1])
+    yield parametrisation.coordinates(rest)
+    while True:
+        base = found[int(rng.integers(len(found)))]
+        size = 10 ** rng.uniform(-2, 0)
+        changed = base + size * (np.abs(base) + 0.1) * rng.normal(size=shape)
+        yield parametrisation.coordinates(changed)
