@@ -59,12 +59,15 @@ class Answer:
     F : ndarray, shape (nu, nx)
     claimed, achieved : float
     history : tuple of dict
+    sharp : bool
+        Whether it is within the tolerance of the optimum, as far as the method can tell.
     """
 
     F: Matrix
     claimed: float
     achieved: float
     history: tuple[dict[str, Any], ...] = ()
+    sharp: bool = True
 
 
 def minimise(
@@ -98,7 +101,7 @@ def minimise(
     if answer is None:
         return None
     claimed = max(answer.claimed, answer.achieved)
-    return Answer(answer.F, claimed, answer.achieved, tuple(history))
+    return Answer(answer.F, claimed, answer.achieved, tuple(history), answer.sharp)
 
 
 def _by_riccati(engine: Engine, problem: StateFeedbackProblem) -> Answer | None:

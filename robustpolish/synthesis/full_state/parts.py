@@ -149,7 +149,7 @@ def solve_part(
     if part.is_direct:
         answer = minimise(engine, p, part.regions)
         if answer is not None:
-            status: Status = "suboptimal" if part.regions else "optimal"
+            status: Status = "suboptimal" if part.regions or not answer.sharp else "optimal"
             return part.in_units(answer, engine, status)
     target = part.scaled.scaled_norm(_VANISHED * reference, engine.norm)
     found = solve_singular(engine, p, target, part.gain_size, part.regions)
@@ -170,7 +170,7 @@ def _bounded(part: Part, engine: Engine, bound: float) -> PartAnswer:
             f"No stabilising gain with a largest singular value of at most {bound:.6g} was found. "
             "That none exists is not proven. Raise gain_bound, or set control_weight instead."
         )
-    return part.in_units(answer, engine, "optimal" if free else "suboptimal")
+    return part.in_units(answer, engine, "optimal" if free and answer.sharp else "suboptimal")
 
 
 def _stabilised(part: Part, engine: Engine) -> PartAnswer:

@@ -73,12 +73,15 @@ class LmiAnswer:
     claimed, achieved : float
     Y : ndarray
         The inverse of the Lyapunov matrix, in the problem's states.
+    sharp : bool
+        Whether it comes near what the solver takes for the optimum.
     """
 
     F: Matrix
     claimed: float
     achieved: float
     Y: Matrix
+    sharp: bool = True
 
 
 @dataclass(frozen=True, eq=False)

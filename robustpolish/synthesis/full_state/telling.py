@@ -60,7 +60,10 @@ def message(
             f"{found} The poles lie in the region. One Lyapunov matrix serves norm and region, "
             "which is sufficient but not necessary: a better gain is not ruled out."
         )
-    return f"{found} The tolerance was relaxed to certify it; a better gain is not ruled out."
+    return (
+        f"{found} It could not be shown to be within {tolerance:.0e} of the optimum, "
+        "because gains next to the optimum are too large to certify. Try the other method."
+    )
 
 
 def _trade_off(history: Sequence[Mapping[str, Any]]) -> str:
