@@ -46,14 +46,16 @@ def _at(motion: Motion, frequency: float) -> Shape:
         mass = float(c[0])
         return {"mass": mass, "stiffness": mass * omega**2, "damping": 2 * zeta * omega * mass}
 
-    return Shape(np.stack([column, turned]), values, (1, 0))
+    return Shape(np.stack([column, turned]), values, (1, 0), _near)
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
+def _near(c: NDArray[np.float64]) -> bool:
+    return bool(abs(c[1]) <= abs(c[0]))
+
+
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
     mass = max(values["mass"], 1e-300)
-    return abs(values["stiffness"]), abs(values["damping"]) + np.sqrt(
-        abs(values["stiffness"]) * mass
-    )
+    return 0.0, 0.0, float(np.sqrt(abs(values["stiffness"]) / mass) + abs(values["damping"]) / mass)
 
 
 KIND = EffectKind(

@@ -26,8 +26,8 @@ def _at(motion: Motion, gap: float) -> Shape:
     return Shape(column[None], lambda c: {"gap": gap}, (1,))
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
-    return 0.0, 0.0
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    return 0.0, 0.0, 0.0
 
 
 KIND = EffectKind(

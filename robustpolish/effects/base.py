@@ -74,8 +74,8 @@ class Parameter:
         return unit.replace("*", " ")
 
 
-def _no_gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
-    return 0.0, 0.0
+def _no_gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    return 0.0, 0.0, 0.0
 
 
 def _plausible(values: Mapping[str, float]) -> str | None:
@@ -117,7 +117,8 @@ class EffectKind:
         mobility can be resolved).
     gains : callable
         ``gains(values, q, v)`` gives the largest stiffness and damping that the
-        law adds at the amplitudes q and v; decides on substeps.
+        law adds at the amplitudes q and v, and the fastest rate in 1/s of its
+        internal states; decides on substeps.
     implausible : callable
         ``implausible(values)`` says why values cannot be physical, or None.
     sharp : bool
@@ -134,7 +135,7 @@ class EffectKind:
     shapes: Callable[[Motion], list[Shape]] = _no_shapes
     states: int = 0
     context: tuple[str, ...] = ()
-    gains: Callable[[Mapping[str, float], float, float], tuple[float, float]] = _no_gains
+    gains: Callable[[Mapping[str, float], float, float], tuple[float, float, float]] = _no_gains
     implausible: Callable[[Mapping[str, float]], str | None] = _plausible
     sharp: bool = False
     looks_like: str = ""

@@ -37,8 +37,9 @@ def _at(motion: Motion, distance: float, exponent: float) -> Shape:
     return Shape(column[None], values, (1,))
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
-    return abs(values["stiffness"]), 0.0
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    rate = values["exponent"] * abs(values["stiffness"]) * v / max(values["force"], 1e-300)
+    return abs(values["stiffness"]), 0.0, rate
 
 
 KIND = EffectKind(

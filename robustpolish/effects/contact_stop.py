@@ -30,8 +30,8 @@ def _shapes(motion: Motion) -> list[Shape]:
     return found
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
-    return abs(values["stiffness"]), 0.0
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    return abs(values["stiffness"]), 0.0, 0.0
 
 
 KIND = EffectKind(

@@ -23,8 +23,8 @@ def _shapes(motion: Motion) -> list[Shape]:
     return [single(-np.tanh(motion.v / width), "force")]
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
-    return 0.0, values["force"] / values["width"] if values["width"] > 0 else 0.0
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    return 0.0, values["force"] / values["width"] if values["width"] > 0 else 0.0, 0.0
 
 
 KIND = EffectKind(

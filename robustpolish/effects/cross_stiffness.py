@@ -31,8 +31,8 @@ def _values(xy: float, yx: float) -> Mapping[str, float]:
     return {"stiffness_xy": float(xy), "stiffness_yx": float(yx)}
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
-    return max(abs(values["stiffness_xy"]), abs(values["stiffness_yx"])), 0.0
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    return max(abs(values["stiffness_xy"]), abs(values["stiffness_yx"])), 0.0, 0.0
 
 
 KIND = EffectKind(

@@ -16,9 +16,9 @@ def _shapes(motion: Motion) -> list[Shape]:
     return [single(-(motion.q**2) * motion.v, "coefficient")]
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
     c = abs(values["coefficient"])
-    return 2 * c * q * v, c * q**2
+    return 2 * c * q * v, c * q**2, 0.0
 
 
 KIND = EffectKind(

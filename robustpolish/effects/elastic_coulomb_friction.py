@@ -39,8 +39,8 @@ def _at(motion: Motion, slip: float) -> Shape:
     )
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
-    return abs(values["stiffness"]), 0.0
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    return abs(values["stiffness"]), 0.0, 0.0
 
 
 KIND = EffectKind(

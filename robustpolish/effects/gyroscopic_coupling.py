@@ -20,8 +20,8 @@ def _shapes(motion: Motion) -> list[Shape]:
     return [Shape(columns, lambda c: {"coefficient": float(c[0])}, (0,))]
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
-    return 0.0, abs(values["coefficient"])
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    return 0.0, abs(values["coefficient"]), 0.0
 
 
 KIND = EffectKind(

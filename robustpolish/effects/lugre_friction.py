@@ -48,8 +48,9 @@ def _implausible(values: Mapping[str, float]) -> str | None:
     return None
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
-    return abs(values["stiffness"]), abs(values["damping"])
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    rate = abs(values["stiffness"]) * v / max(values["force"], 1e-300)
+    return abs(values["stiffness"]), abs(values["damping"]), rate
 
 
 KIND = EffectKind(

@@ -28,8 +28,8 @@ def _shapes(motion: Motion) -> list[Shape]:
     return [Shape(columns, values, (0, 0))]
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
-    return abs(values["amplitude"]), 0.0
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    return abs(values["amplitude"]), 0.0, 0.0
 
 
 KIND = EffectKind(

@@ -18,8 +18,8 @@ def _shapes(motion: Motion) -> list[Shape]:
     return [single(-np.sin(motion.q), "moment")]
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
-    return abs(values["moment"]), 0.0
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    return abs(values["moment"]), 0.0, 0.0
 
 
 KIND = EffectKind(

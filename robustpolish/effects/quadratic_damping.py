@@ -18,8 +18,8 @@ def _shapes(motion: Motion) -> list[Shape]:
     return [single(-np.abs(motion.v) * motion.v, "coefficient")]
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
-    return 0.0, 2 * abs(values["coefficient"]) * v
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    return 0.0, 2 * abs(values["coefficient"]) * v, 0.0
 
 
 KIND = EffectKind(

@@ -16,8 +16,8 @@ def _shapes(motion: Motion) -> list[Shape]:
     return [single(-(motion.q**2), "stiffness", sign=0)]
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
-    return 2 * abs(values["stiffness"]) * q, 0.0
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    return 2 * abs(values["stiffness"]) * q, 0.0, 0.0
 
 
 KIND = EffectKind(

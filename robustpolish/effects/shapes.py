@@ -62,11 +62,14 @@ class Shape:
         Maps coefficients to the kind's parameters.
     signs : tuple of int
         Required sign of each coefficient: +1, -1, or 0 for either.
+    valid : callable, optional
+        Whether coefficients are near enough to this choice of the rest.
     """
 
     columns: NDArray[np.float64]
     values: Callable[[Coefficients], Mapping[str, float]]
     signs: tuple[int, ...]
+    valid: Callable[[Coefficients], bool] = lambda c: True
 
 
 def single(column: NDArray[np.float64], name: str, sign: int = 1, **fixed: float) -> Shape:

@@ -42,11 +42,11 @@ def _implausible(values: Mapping[str, float]) -> str | None:
     return None
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float]:
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
     more = abs(values["static_force"] - values["force"])
     width = values["width"]
     slope = max(values["static_force"], values["force"]) / width if width > 0 else 0.0
-    return 0.0, max(slope, more / max(values["velocity"], 1e-300))
+    return 0.0, max(slope, more / max(values["velocity"], 1e-300)), 0.0
 
 
 KIND = EffectKind(

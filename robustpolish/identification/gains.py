@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robustpolish.effects import Effect
+from robustpolish.identification.chains import connected
 from robustpolish.models.mechanical import MechanicalModel
 
 LEAST = 0.1
@@ -82,15 +83,3 @@ def _numbers(
         if group.intersection(s.between)
     ]
     return [key for key in keys if old[key] > 0 and new[key] > 0]
-
-
-def connected(model: MechanicalModel) -> list[set[str]]:
-    """Return the groups of coordinates that springs, dampers and effects join."""
-    groups = [{name} for name in model.dof_names]
-    joints = [s.between for s in model.springs] + [d.between for d in model.dampers]
-    for joint in [*joints, *(e.at for e in model.effects)]:
-        ends = {name for name in joint if name in model.dof_names}
-        touched = [g for g in groups if g & ends]
-        if len(touched) > 1:
-            groups = [g for g in groups if not g & ends] + [set().union(*touched)]
-    return groups

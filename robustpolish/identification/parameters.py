@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.effects import Effect
+from robustpolish.identification.chains import connected
 from robustpolish.models.mechanical import MechanicalModel
 
 Array = NDArray[np.float64]
 
 MASS_PRIOR = 0.05
 GAIN_PRIOR = 0.05
-ELASTIC_PRIOR = 0.5
+SPRING_PRIOR = 0.3
+DAMPER_PRIOR = 1.0
 
 
 @dataclass(frozen=True)
@@ -79,10 +81,8 @@ def free_parameters(
         key = f"damper[{i}].damping"
         natural = 0.02 * mass * bandwidth
         result.append(_elastic(key, damper.damping, known.get(key, 0.0), natural))
-    forces = [item for item in model.inputs if item.imposes is None]
-    for item in forces:
-        # one gain alone only scales all masses and springs: the masses are the gauge
-        if len(forces) > 1 and model.free:
+    for item in model.inputs:
+        if item.imposes is None and not _is_gauge(model, item.name):
             key = f"input.{item.name}.gain"
             result.append(_near(key, item.gain, known.get(key, item.gain), GAIN_PRIOR))
     for i, added in enumerate(model.effects):
@@ -92,6 +92,15 @@ def free_parameters(
             if parameter.fitted and asked:
                 result.append(_effect(i, effect, parameter.name))
     return result
+
+
+def _is_gauge(model: MechanicalModel, name: str) -> bool:
+    """Return whether a gain only scales masses and springs: the only input of its chain."""
+    for group in connected(model):
+        inputs = [i.name for i in model.inputs if i.imposes is None and i.on[0] in group]
+        if name in inputs:
+            return len(inputs) == 1
+    return True
 
 
 def _near(key: str, value: float, centre: float, share: float) -> FreeParameter:
@@ -107,7 +116,8 @@ def _elastic(key: str, value: float, centre: float, natural: float) -> FreeParam
     if centre == 0:
         return FreeParameter(key, value, natural, 0.0, np.inf)
     low, high = (0.0, np.inf) if centre > 0 else (-np.inf, 0.0)
-    prior = ELASTIC_PRIOR * abs(centre) if key.startswith("spring") else np.inf
+    share = SPRING_PRIOR if key.startswith("spring") else DAMPER_PRIOR
+    prior = share * abs(centre)
     return FreeParameter(key, value, scale, low, high, prior, centre)
 
 

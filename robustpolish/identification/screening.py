@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from robustpolish.effects import Effect, EffectKind, Motion, Shape, kinds
+from robustpolish.identification.chains import connected
 from robustpolish.identification.missing_force import (
     LinearObserver,
     Smoothed,
@@ -32,6 +33,8 @@ LEVELS = (
     Level(0.0), Level(0.0, 0.03), Level(0.0, 0.12),
 )  # fmt: skip
 ORDERS = (0, 1, 2, 4)
+SPRING_SHARE = 0.1
+DAMPER_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,10 +200,10 @@ def _nuisance(
 
     for spring in model.springs:
         row = port_row(model, spring.between)
-        add(row, spring.between, -(row @ motion.q), 0.0)
+        add(row, spring.between, -(row @ motion.q), _ridge(spring.stiffness, SPRING_SHARE))
     for damper in model.dampers:
         row = port_row(model, damper.between)
-        add(row, damper.between, -(row @ motion.v), 0.0)
+        add(row, damper.between, -(row @ motion.v), _ridge(damper.damping, DAMPER_SHARE))
     m = model.matrices
     for name in model.free:
         i = model.dof_names.index(name)
@@ -224,6 +227,15 @@ def _nuisance(
     if not columns:
         return np.zeros((0, len(time), len(model.outputs))), np.zeros(0)
     return np.stack(columns), np.array(ridge)
+
+
+def _ridge(value: float, share: float) -> float:
+    """Return the inverse of how far a number may be off after the refit.
+
+    Without it, the smoothed motion of masses that are not measured, which follows the missing
+    force, could explain that force with an absurd spring or damper.
+    """
+    return 1 / (share * abs(value)) if value else 0.0
 
 
 def _effect_columns(
@@ -259,7 +271,7 @@ def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
     if kind.domain == "dof":
         return [(name,) for name in free]
     if kind.domain == "axes":
-        return [(a, b) for i, a in enumerate(free) for b in free[i + 1 :]]
+        return _axes(model)
     _, sites = force_sites(model)
     found: list[tuple[str, ...]] = []
     for name in all_names:
@@ -277,6 +289,18 @@ def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
         springs = {frozenset(s.between) for s in model.springs}
         return [pair for key, pair in unique.items() if key in springs]
     return list(unique.values())
+
+
+def _axes(model: MechanicalModel) -> list[tuple[str, ...]]:
+    """Return pairs of coordinates that can be two axes of one body: of different chains, if any."""
+    groups = connected(model)
+    free = model.free
+    joined = {frozenset(p.between) for p in (*model.springs, *model.dampers)}
+    pairs: list[tuple[str, ...]] = [(a, b) for i, a in enumerate(free) for b in free[i + 1 :]]
+    pairs = [pair for pair in pairs if frozenset(pair) not in joined]
+    if len(groups) > 1:
+        pairs = [p for p in pairs if not any(set(p) <= group for group in groups)]
+    return pairs
 
 
 def _columns(
@@ -413,7 +437,7 @@ def _try(f: _Filtered, entry: _Columns, orders: Sequence[int]) -> tuple[dict[int
     if not np.isfinite(raw).all():
         return bad, np.full(len(raw), np.nan)
     rest, c = f.residual(f.weighted(raw))
-    if not np.isfinite(c).all():
+    if not np.isfinite(c).all() or not entry.shape.valid(c):
         return bad, c
     samples = len(f.errors)
     scores = f.scores(rest, len(c), orders)

@@ -190,10 +190,10 @@ def needed_substeps(model: MechanicalModel, dt: float, amplitude: float) -> int:
         effect = Effect(added.kind, added.at, added.parameters)
         if effect.definition.law is None:
             continue
-        stiffness, damping = effect.definition.gains(
+        stiffness, damping, rate = effect.definition.gains(
             effect.values, amplitude, min(omega, 1 / dt) * amplitude
         )
         inverse = np.sum(port_rows(model, effect)[:, m.free] ** 2 / np.diag(m.M)[m.free])
-        fastest = max(fastest, np.sqrt(abs(stiffness) * inverse), abs(damping) * inverse)
+        fastest = max(fastest, np.sqrt(abs(stiffness) * inverse), abs(damping) * inverse, rate)
         least = max(least, 4 if effect.definition.sharp else 2)
     return int(np.clip(np.ceil(2.0 * dt * fastest), least, _MOST_SUBSTEPS))

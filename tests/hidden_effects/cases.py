@@ -112,6 +112,7 @@ def model_of(case):
         [parts.Spring((a, b), k * (1 + wrong.get("stiffness", 0.0) * (-1) ** i))
          for i, (a, b, k) in enumerate(m.springs)],
         [parts.Damper((a, b), c * (1 + wrong.get("damping", 0.0))) for a, b, c in m.dampers],
+        [] if case.excitation == "none" else
         [parts.Input(f"F_{n}", (n, "ground"), gain=1 + wrong.get("gain", 0.0)) for n in m.forced],
         [parts.Output(_output_name(n, q), (n, "ground"), q) for n, q in m.measured],
         spin_frequency=m.spin,
