@@ -15,6 +15,7 @@ from robustpolish.identification.checked_data import checked_data
 from robustpolish.identification.comparison import Comparison, OutputError
 from robustpolish.identification.free_run import EstimatedRun, FreeRun, estimate_start
 from robustpolish.identification.horizon import predict
+from robustpolish.identification.observed_motion import observed_motion
 from robustpolish.identification.parameter_band import parameter_band
 from robustpolish.identification.reproducibility import reproducibility
 from robustpolish.models.mechanical import MechanicalModel
@@ -94,7 +95,12 @@ def compare(
         skip = 0
         method, span = ("free run", None) if window is None else ("windows", window)
         stretches = _stretches(run, window)
-        parts = [estimate_start(run, first, last) for first, last in stretches]
+        observed = None if run.linear else observed_motion(model, record)
+        guesses = None if observed is None else observed.starts(model)
+        parts = [
+            estimate_start(run, first, last, None if guesses is None else guesses[first])
+            for first, last in stretches
+        ]
         simulated = np.concatenate([part.outputs for part in parts])
         starts = np.array([part.state for part in parts])
     found = reproducibility(run, EstimatedRun(starts[0], simulated), span, method)

@@ -113,7 +113,9 @@ class EstimatedRun:
     outputs: Array
 
 
-def estimate_start(run: FreeRun, first: int = 0, last: int | None = None) -> EstimatedRun:
+def estimate_start(
+    run: FreeRun, first: int = 0, last: int | None = None, guess: Array | None = None
+) -> EstimatedRun:
     """Find the start from which a free run comes closest to the measured outputs.
 
     For a linear model that is one least-squares problem, over the whole of the stretch, as in
@@ -126,6 +128,9 @@ def estimate_start(run: FreeRun, first: int = 0, last: int | None = None) -> Est
     run : FreeRun
     first, last : int, optional
         Samples of the stretch; the whole record by default.
+    guess : ndarray, shape (n,), optional
+        Where to begin the search, for a model with effects; the best of it, of the start of the
+        linear part, and of rest is taken.
 
     Returns
     -------
@@ -140,7 +145,7 @@ def estimate_start(run: FreeRun, first: int = 0, last: int | None = None) -> Est
     if run.linear:
         scale = _scale(run, first, last, weights)
     else:
-        state, scale = _linear_guess(run, first, stretches[0], weights)
+        state, scale = _first_guess(run, first, stretches[0], weights, guess)
     for end in stretches:
         state = _fit(run, state, scale, first, end, weights)
     return EstimatedRun(state, run.run(state, first, last))
@@ -167,21 +172,22 @@ def _stretches(run: FreeRun, first: int, last: int) -> list[int]:
     return [*ends, last]
 
 
-def _linear_guess(run: FreeRun, first: int, last: int, weights: Array) -> tuple[Array, Array]:
-    """Return a start and its scale from the model without effects; their memory starts empty."""
+def _first_guess(
+    run: FreeRun, first: int, last: int, weights: Array, guess: Array | None
+) -> tuple[Array, Array]:
+    """Return the best start at hand, and the scale of its entries from the linear part."""
     linear = run.without_effects()
     scale = _scale(linear, first, last, weights)
-    state = np.zeros(run.start_size)
-    guess = _fit(linear, np.zeros(linear.start_size), scale, first, last, weights)
-    state[: guess.size] = guess
-    if not _sum_of_squares(run, state, first, last, weights) < _sum_of_squares(
-        run, np.zeros(run.start_size), first, last, weights
-    ):
-        state[:] = 0.0
-    internal = run.states(state, first, last)[2]
+    rest = np.zeros(run.start_size)
+    of_linear = rest.copy()
+    of_linear[: scale.size] = _fit(linear, rest[: scale.size], scale, first, last, weights)
+    starts = [rest, of_linear, *([] if guess is None else [guess])]
+    costs = [_sum_of_squares(run, start, first, last, weights) for start in starts]
+    best = starts[int(np.argmin(costs))]
+    internal = run.states(best, first, last)[2]
     with np.errstate(over="ignore", invalid="ignore"):
         memory = np.nan_to_num(np.std(internal, axis=0), nan=0.0, posinf=0.0)
-    return state, np.concatenate([scale, memory])
+    return best, np.concatenate([scale, memory])
 
 
 def _scale(run: FreeRun, first: int, last: int, weights: Array) -> Array:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from robustpolish.errors import RobustPolishError
 from robustpolish.identification.missing_force import Smoothed, smooth
@@ -49,7 +52,28 @@ def likeliest_observer(
     return chosen
 
 
-def smoothed_motion(model: MechanicalModel, data: xr.Dataset) -> Smoothed | None:
+@dataclass(frozen=True, eq=False)
+class ObservedMotion:
+    """Motion, missing force and internal states of effects along a record.
+
+    Attributes
+    ----------
+    smoothed : Smoothed
+        Displacements, velocities and missing force.
+    internal : ndarray, shape (samples, nz)
+        Internal states of the effects, from the forward pass.
+    """
+
+    smoothed: Smoothed
+    internal: NDArray[np.float64]
+
+    def starts(self, model: MechanicalModel) -> NDArray[np.float64]:
+        """Return the start at every sample: free motions, then internal states."""
+        free = model.matrices.free
+        return np.hstack([self.smoothed.q[free].T, self.smoothed.v[free].T, self.internal])
+
+
+def observed_motion(model: MechanicalModel, data: xr.Dataset) -> ObservedMotion | None:
     """Return the smoothed motion of a record; None if it is too short or cannot be followed."""
     try:
         record = record_of(model, data)
@@ -61,5 +85,6 @@ def smoothed_motion(model: MechanicalModel, data: xr.Dataset) -> Smoothed | None
         return None
     amplitude = amplitude_of(model, record, scales.bandwidth)
     smoothed = smooth(model, record, found[0], scales, amplitude)
-    finite = np.isfinite(smoothed.q).all() and np.isfinite(smoothed.force).all()
-    return smoothed if finite else None
+    if not np.isfinite(smoothed.q).all() or not np.isfinite(smoothed.force).all():
+        return None
+    return ObservedMotion(smoothed, found[1].internal)

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 _TINY = 1e-6
 _DIRECTIONS = 3
+# Share of an output's size below which a change matters to nobody, however quiet the sensor.
+_VISIBLE = 1e-3
 
 
 def reproducibility(
@@ -54,8 +56,8 @@ def reproducibility(
     size = np.std(run.measured, axis=0)
     size = np.where(size > 0, size, 1.0)
     change = _largest_change(run, start.state, length, size)
-    noise = min(white_noise(y, run.step) / s for y, s in zip(run.measured.T, size, strict=True))
-    beyond = np.flatnonzero(~(change <= max(noise, 10 * _TINY)))
+    noise = _noise(run, size)
+    beyond = np.flatnonzero(~(change <= max(noise, _VISIBLE)))
     growth = float(np.max(change) / _TINY) if np.isfinite(change).all() else np.inf
     if not beyond.size:
         return Reproducibility(True, growth, None, _drift_note(run, span))
@@ -70,6 +72,13 @@ def reproducibility(
         f"the free run is not reproducible: a change of the start by a millionth grows beyond the "
         f"noise within {after:.4g} s, so that its error judges nothing; {advice}",
     )
+
+
+def _noise(run: FreeRun, size: Array) -> float:
+    """Return the noise of the quietest output, as a share of its size."""
+    if run.samples < 64:  # too few for a spectrum
+        return 0.0
+    return min(white_noise(y, run.step) / s for y, s in zip(run.measured.T, size, strict=True))
 
 
 def _divergence(outputs: Array) -> int | None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from robustpolish.identification.comparison import Comparison
 from robustpolish.identification.free_run import FreeRun
 from robustpolish.identification.missing_force import motion_of
-from robustpolish.identification.observed_motion import smoothed_motion
+from robustpolish.identification.observed_motion import observed_motion
 from robustpolish.identification.observer import force_sites
 from robustpolish.identification.residual_shares import surface, value_shares
 from robustpolish.models.mechanical import MechanicalModel
@@ -89,8 +89,9 @@ def place_shares(comparison: Comparison, residual: xr.Dataset, bins: int) -> dic
 def _motion(comparison: Comparison) -> tuple[Array, Array, Array, bool]:
     """Displacements, velocities and missing forces along the record, shape (rows, samples)."""
     model = comparison.model
-    smoothed = smoothed_motion(model, comparison.data)
-    if smoothed is not None:
+    found = observed_motion(model, comparison.data)
+    if found is not None:
+        smoothed = found.smoothed
         return smoothed.q, smoothed.v, smoothed.force, True
     run = FreeRun(model, comparison.data)
     states = run.states(comparison.starts[0])[1]
