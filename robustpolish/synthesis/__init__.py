@@ -6,6 +6,7 @@ from robustpolish.synthesis.given_controller import given_controller
 from robustpolish.synthesis.mixed_output_feedback import mixed_output_feedback
 from robustpolish.synthesis.observer_feedback import observer_controller, observer_feedback
 from robustpolish.synthesis.output_feedback import output_feedback
+from robustpolish.synthesis.passive_feedback import PassiveElement, passive_feedback
 from robustpolish.synthesis.pole_regions import Disk, HalfPlane, Sector
 from robustpolish.synthesis.published_controllers import PUBLISHED_CONTROLLERS, published_gain
 from robustpolish.synthesis.state_feedback import state_feedback
@@ -17,6 +18,7 @@ __all__ = [
     "Design",
     "Disk",
     "HalfPlane",
+    "PassiveElement",
     "Sector",
     "certify",
     "given_controller",
@@ -24,6 +26,7 @@ __all__ = [
     "observer_controller",
     "observer_feedback",
     "output_feedback",
+    "passive_feedback",
     "published_gain",
     "state_feedback",
     "static_output_feedback",

@@ -95,7 +95,7 @@ def observer_feedback(
     Examples
     --------
     >>> import robustpolish as rp
-    >>> from robustpolish.synthesis import observer_feedback
+    >>> from robustpolish.synthesis.observer_feedback import observer_feedback
     >>> plant = rp.GeneralizedPlant.from_matrices(
     ...     [[1.0]], [[1.0, 0.0]], [[1.0]], [[1.0], [0.0]], [[1.0]],
     ...     D12=[[0.0], [1.0]], D21=[[0.0, 1.0]],
@@ -157,7 +157,7 @@ def observer_controller(plant: GeneralizedPlant, F: ArrayLike, L: ArrayLike) -> 
     Examples
     --------
     >>> import robustpolish as rp
-    >>> from robustpolish.synthesis import observer_controller
+    >>> from robustpolish.synthesis.observer_feedback import observer_controller
     >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
     >>> K = observer_controller(plant, [[-3.0]], [[4.0]])
     >>> sorted(plant.closed_loop(K).poles().real.round(9).tolist())

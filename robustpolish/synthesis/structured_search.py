@@ -16,6 +16,7 @@ from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.certificate import certify
 from robustpolish.synthesis.nonsmooth import (
+    Bounds,
     GainMeasure,
     H2Measure,
     HinfMeasure,
@@ -78,6 +79,12 @@ class Setting:
         The loop whose norm is minimised, if it is another than `loop`.
     also_stable : tuple of Loop
         Further loops to be made stable first, such as the controller itself.
+    bounds : pair of ndarray or None
+        Bounds of the free numbers.
+    size : Measure or None
+        What is made small in the end; the largest singular value of K by default.
+    slack : float
+        Share of the norm that is given away for that.
     """
 
     scaled: ScaledPlant
@@ -92,6 +99,9 @@ class Setting:
     descents: int = 40
     objective_loop: Loop | None = None
     also_stable: tuple[Loop, ...] = ()
+    bounds: Bounds | None = None
+    size: Measure | None = None
+    slack: float = SLACK
 
     @property
     def plant(self) -> GeneralizedPlant:
@@ -167,7 +177,7 @@ def solve_setting(
         starts = setting.starts(limits.deadline, rng)
         if found is not None and first is not None:
             starts = chain([first * ceiling / np.abs(found.gain).max()], starts)
-        result = search(problem, stability, starts, limits, rng)
+        result = search(problem, stability, starts, limits, rng, setting.bounds)
         if result.point is None or not np.isfinite(result.value):
             if found is not None:
                 break
@@ -193,7 +203,7 @@ def _limits(setting: Setting, target: float, deadline: float, again: bool) -> Se
 def _outcome(
     setting: Setting, problem: Problem, result: SearchResult, deadline: float
 ) -> PartDesign:
-    point, value = _smaller_gain(problem, result, deadline)
+    point, value = _smaller_gain(setting, problem, result, deadline)
     K = problem.parametrisation.gain(point)
     values = [entry.get("value", np.inf) for entry in result.history]
     scaled, norm = setting.scaled, setting.norm
@@ -239,7 +249,7 @@ def with_performance(loop: Loop) -> Loop:
 
 
 def _smaller_gain(
-    problem: Problem, result: SearchResult, deadline: float
+    setting: Setting, problem: Problem, result: SearchResult, deadline: float
 ) -> tuple[NDArray[np.float64], float]:
     """Give away a little of the norm for the smallest gain."""
     assert result.point is not None
@@ -248,20 +258,23 @@ def _smaller_gain(
     if result.value < np.log(10 * ZERO):
         return _rounded(problem, result.point), result.value
     K = problem.parametrisation.gain(result.point)
-    bound = float(np.exp(result.value)) * (1 + SLACK)
+    bound = float(np.exp(result.value)) * (1 + setting.slack)
     small = Problem(
         problem.parametrisation,
-        GainMeasure(np.eye(K.shape[0]), np.eye(K.shape[1])),
+        setting.size or GainMeasure(np.eye(K.shape[0]), np.eye(K.shape[1])),
         (Requirement(problem.objective, bound), *problem.requirements),
         problem.ceiling,
     )
     if not K.any() or small.model(result.point) is None:
         return result.point, result.value
-    ended = minimax(small, result.point, deadline, iterations=150, weight=100.0)
+    ended = minimax(
+        small, result.point, deadline, iterations=150, weight=100.0, bounds=setting.bounds
+    )
     check = problem.model(ended.point)
     if check is None or check.violation > 1e-9 or check.objective > np.log(bound) + 1e-6:
         return result.point, result.value
-    if np.abs(problem.parametrisation.gain(ended.point)).max() > np.abs(K).max():
+    if np.abs(problem.parametrisation.gain(ended.point)).max() > 0.5 * np.abs(K).max():
+        # Not worth the part of the norm.
         return result.point, result.value
     return ended.point, check.objective
 

@@ -11,7 +11,7 @@ from robustpolish.synthesis.nonsmooth.bfgs import bfgs
 from robustpolish.synthesis.nonsmooth.h2 import H2Measure
 from robustpolish.synthesis.nonsmooth.hinf import HinfMeasure
 from robustpolish.synthesis.nonsmooth.loops import Loop, augmented, controller_loop
-from robustpolish.synthesis.nonsmooth.minimax import minimax
+from robustpolish.synthesis.nonsmooth.minimax import Bounds, minimax
 from robustpolish.synthesis.nonsmooth.parametrisations import (
     AffineGain,
     ObserverGain,
@@ -21,6 +21,7 @@ from robustpolish.synthesis.nonsmooth.parametrisations import (
 from robustpolish.synthesis.nonsmooth.problem import Measure, Piece, Problem, Requirement
 from robustpolish.synthesis.nonsmooth.search import SearchLimits, SearchResult, search
 from robustpolish.synthesis.nonsmooth.spectrum import (
+    FrobeniusMeasure,
     GainMeasure,
     RegionMeasure,
     StabilityMeasure,
@@ -29,6 +30,8 @@ from robustpolish.synthesis.nonsmooth.spectrum import (
 
 __all__ = [
     "AffineGain",
+    "Bounds",
+    "FrobeniusMeasure",
     "GainMeasure",
     "H2Measure",
     "HinfMeasure",

@@ -69,6 +69,16 @@ class StabilityMeasure(RegionMeasure):
 
 
 @dataclass(frozen=True, eq=False)
+class FrobeniusMeasure:
+    """Root of the sum of squares of K."""
+
+    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
+        """Return the one piece."""
+        size = float(np.linalg.norm(K))
+        return [Piece(size, K / size if size > 0 else np.zeros_like(K))]
+
+
+@dataclass(frozen=True, eq=False)
 class WorstMeasure:
     """The largest of several measures; infinite where one of them is."""
 
