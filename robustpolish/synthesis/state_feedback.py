@@ -217,7 +217,7 @@ def _refuse_infeasible(plant: GeneralizedPlant, norm: str) -> None:
     test = controllability(plant.A, plant.B2, states=plant.states, dt=plant.dt)
     if test.harmful:
         unit = "" if plant.is_discrete else " rad/s"
-        named = ", ".join(f"{m.eigenvalue:.6g}{unit} (state {m.state})" for m in test.harmful)
+        named = ", ".join(f"{_shown(m.eigenvalue)}{unit} (state {m.state})" for m in test.harmful)
         raise InfeasibleError(
             f"No state feedback stabilises the plant: no control moves the mode {named}. "
             "Add an actuator that reaches it, or leave it out of the model.",
@@ -310,3 +310,7 @@ def _performance_norm(plant: GeneralizedPlant, F: Matrix, norm: str) -> float:
 def _as_part(plant: GeneralizedPlant) -> PlantPart:
     counts = (plant.nx, plant.nw, plant.nu, plant.nz, plant.ny)
     return PlantPart(plant, *(tuple(range(count)) for count in counts))
+
+
+def _shown(value: complex) -> str:
+    return f"{value.real:.6g}" if value.imag == 0 else f"{value:.6g}"

@@ -18,13 +18,15 @@ from robustpolish.synthesis.pole_regions import PoleRegion
 _STEP = 10.0
 _PRICES = tuple(_STEP**-k for k in range(-3, 9))
 _LANDINGS = 4
+# Only below this price can a norm have reached its limit: above it is the norm of no control.
+_LOW = 1e-4
 # Tolerance of the first descent; a fifth of it is given away on every rung.
 _COARSE = 0.5
 # Weight of the states against the controls when all that is asked for is stability.
 _STABILISING = 1e-3
-# A norm that moves by less than this share over two rungs has reached its limit.
+# A norm that moves by less than this share from rung to rung has reached its limit ...
 _CONVERGED = 3e-4
-# A gain that grows by less than this factor over two rungs has reached its limit too.
+# ... if the gain grows by less than this factor: norms can rest on a plateau.
 _GAIN_GROWTH = 1.2
 
 
@@ -136,7 +138,8 @@ def _descend(
         if answer.achieved <= target:
             landed = _land(rung, answer, price, target, engine)
             return LadderAnswer(replace(landed, history=tuple(history)), False, True)
-        if len(rungs) > 1 and _at_rest(rungs[-2], rungs[-1], size):
+        low = price <= _LOW and len(rungs) > 1
+        if low and _at_rest(rungs[-2], rungs[-1], size):
             settled = True
             break
     if not rungs:

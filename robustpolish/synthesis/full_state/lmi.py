@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.synthesis.full_state.frames import Frame
+from robustpolish.synthesis.full_state.games import game_gain
 from robustpolish.synthesis.full_state.problem import StateFeedbackProblem
 from robustpolish.synthesis.full_state.programs import (
     EASED_TOLERANCE,
@@ -26,6 +27,7 @@ Matrix = NDArray[np.float64]
 # Rounds of solving, and the noise on all states that each adds for the H2 norm, as a share of
 # the disturbance. Without it Y is singular where w excites little, and with no pole region
 # the optimal gain does not depend on it.
+_HIGHER_PRICES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 _NOISE = (1e-1, 1e-2, 1e-3, 1e-4, 1e-4)
 
 
@@ -64,6 +66,9 @@ def minimise_norm(
         if options.remaining() <= 0:
             break
         solved = _solve_somehow(p, options, frame, older, noise, tolerance, history)
+        if solved is None and number == 1:
+            frame = older = _approached(p, options, frame, history)
+            solved = _solve_somehow(p, options, frame, older, noise, tolerance, history)
         history[-1]["step"] = f"inequalities, round {number}"
         if solved is None:
             break
@@ -111,6 +116,24 @@ def _solve_somehow(
         if result is not None or options.remaining() <= 0:
             break
     return result
+
+
+def _approached(
+    p: StateFeedbackProblem, options: LmiOptions, frame: Frame, history: list[dict[str, Any]]
+) -> Frame:
+    """Return coordinates for a hard problem from easier ones, in which u has a higher price."""
+    for price in _HIGHER_PRICES:
+        easier = p.with_price(price).compressed()
+        unit = easier.achieved(game_gain(easier, math.inf), options.norm)
+        if not 0 < unit < math.inf or options.remaining() <= 0:
+            continue
+        solved = solve_once(
+            easier, options, replace(frame, unit=unit), Demand(noise=_NOISE[0]), history
+        )
+        if solved is not None:
+            history[-1]["step"] = f"inequalities with a price of {price:.0e}"
+            frame = solved[1]
+    return frame
 
 
 def _settled(answer: LmiAnswer, best: LmiAnswer, options: LmiOptions) -> bool:

@@ -65,6 +65,8 @@ class StateFeedbackProblem:
         """Return the norm that F achieves; infinite where the loop is unstable."""
         if F is None or not np.isfinite(F).all() or not self.is_stable(F):
             return math.inf
+        if not self.B1.size or not self.C.size:
+            return 0.0
         loop = self.loop(F)
         return float(hinf_norm(loop) if norm == "hinf" else h2_norm(loop))
 
