@@ -6,8 +6,11 @@ from typing import Any
 
 import numba
 import numpy as np
+from numba import types
+from numba.typed import List
 from numpy.typing import NDArray
 
+from robustpolish.effects.base import law_signature
 from robustpolish.effects.shapes import Motion
 
 _SUBSTEPS = 8
@@ -21,7 +24,7 @@ def _between(q, v, n, x, qs, vs):  # type: ignore[no-untyped-def]  # compiled
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _run(law, t, q, v, p, z, f):  # type: ignore[no-untyped-def]  # compiled
+def _run(laws, t, q, v, p, z, f):  # type: ignore[no-untyped-def]  # compiled
     ports, samples = q.shape
     out = np.empty((ports, samples))
     k1 = np.zeros(z.size)
@@ -31,16 +34,16 @@ def _run(law, t, q, v, p, z, f):  # type: ignore[no-untyped-def]  # compiled
     for n in range(samples):
         qs[:] = q[:, n]
         vs[:] = v[:, n]
-        law(t[n], qs, vs, z, p, f, k1)
+        laws[0](t[n], qs, vs, z, p, f, k1)
         out[:, n] = f
         if z.size and n + 1 < samples:
             dt = (t[n + 1] - t[n]) / _SUBSTEPS
             for j in range(_SUBSTEPS):
                 _between(q, v, n, j / _SUBSTEPS, qs, vs)
-                law(t[n] + j * dt, qs, vs, z, p, f, k1)
+                laws[0](t[n] + j * dt, qs, vs, z, p, f, k1)
                 predicted = z + dt * k1
                 _between(q, v, n, (j + 1) / _SUBSTEPS, qs, vs)
-                law(t[n] + (j + 1) * dt, qs, vs, predicted, p, f, k2)
+                laws[0](t[n] + (j + 1) * dt, qs, vs, predicted, p, f, k2)
                 z += 0.5 * dt * (k1 + k2)
     return out
 
@@ -49,4 +52,8 @@ def run(law: Any, states: int, motion: Motion, values: NDArray[np.float64]) -> N
     """Return the force along the motion, shape (ports, samples)."""
     q = np.ascontiguousarray(motion.q)
     v = np.ascontiguousarray(motion.v)
-    return _run(law, motion.time, q, v, values, np.zeros(states), np.zeros(q.shape[0]))
+    # In a list all laws have one type: a kernel compiled for each of them anew would fill Numba's
+    # cache with an entry from every process, and take longer to load each time.
+    laws = List.empty_list(types.FunctionType(law_signature()))
+    laws.append(law)
+    return _run(laws, motion.time, q, v, values, np.zeros(states), np.zeros(q.shape[0]))
