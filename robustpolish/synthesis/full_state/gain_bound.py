@@ -75,8 +75,8 @@ class GainBound:
 
     def inside(self, F: Matrix) -> Matrix:
         """Return F, shrunk to the bound if it is larger."""
-        limit = self.bound * (1 - _MARGIN)
-        return F * min(1.0, limit / max(self.size(F), np.finfo(float).tiny))
+        size, limit = self.size(F), self.bound * (1 - _MARGIN)
+        return F * (limit / size) if size > limit else F
 
 
 def minimise_bounded(
