@@ -57,13 +57,16 @@ def stage_state(slopes, stage, start, step, state):  # pragma: no cover - compil
 
 @njit(cache=True)
 def step_error(slopes, step, scale):  # pragma: no cover - compiled
-    """Return the largest error of the step, each component divided by its scale."""
+    """Return the largest error of the step, each divided by its scale; infinite if undefined."""
     largest = 0.0
     for i in range(scale.size):
         total = 0.0
         for s in range(STAGES):
             total += ERROR[s] * slopes[s, i]
-        largest = max(largest, abs(step * total) / scale[i])
+        error = abs(step * total) / scale[i]
+        if np.isnan(error):
+            return np.inf
+        largest = max(largest, error)
     return largest
 
 
