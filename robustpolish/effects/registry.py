@@ -34,6 +34,7 @@ BUILT_IN = (
     "attached_resonator",
     "input_delay",
     "input_gain",
+    "input_hold",
     "sensor_offset",
     "sensor_gain",
 )

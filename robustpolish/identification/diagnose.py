@@ -20,6 +20,7 @@ from robustpolish.identification.diagnosis import (
 )
 from robustpolish.identification.evaluation import FREE, free_errors
 from robustpolish.identification.gains import WrongGain, wrong_gains
+from robustpolish.identification.holds import with_holds
 from robustpolish.identification.ledger import Ledger
 from robustpolish.identification.observer import Level, force_sites
 from robustpolish.identification.parameters import effect_unit, unit_of
@@ -99,6 +100,7 @@ def diagnose(
     ledger = Ledger(noise_floor=_by_output(model, setting.scales.noise, setting))
     base = _whole_error(model, setting)
     ledger = ledger.add("base", _by_output(model, base, setting))
+    model = with_holds(model, setting)
     say("refit of the model's own parameters")
     stages = homotopy(model, setting, setting.trial, model, _LINEAR)
     stage = best_stage(stages, setting)

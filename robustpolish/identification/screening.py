@@ -86,7 +86,7 @@ class _Columns:
     values: Array
 
 
-class _Filtered:
+class Filtered:
     """Everything seen through the observer of one level."""
 
     def __init__(
@@ -382,7 +382,7 @@ def screen(
     """
     time = np.asarray(record.data["time"].values, dtype=float)
     motion = smooth(model, record, following(model, record, scales), scales, amplitude)
-    filtered = {level: _Filtered(model, record, level, scales, motion, time) for level in LEVELS}
+    filtered = {level: Filtered(model, record, level, scales, motion, time) for level in LEVELS}
     nulls = {
         (level, order): score
         for level, f in filtered.items()
@@ -430,7 +430,7 @@ def following(model: MechanicalModel, record: Record, scales: Scales) -> Level:
     return best
 
 
-def _try(f: _Filtered, entry: _Columns, orders: Sequence[int]) -> tuple[dict[int, float], Array]:
+def _try(f: Filtered, entry: _Columns, orders: Sequence[int]) -> tuple[dict[int, float], Array]:
     """Return the information criterion with an entry's columns, and their coefficients."""
     raw = f.respond(entry)
     bad = dict.fromkeys(orders, np.inf)
@@ -470,7 +470,7 @@ def _candidate(
     score: float,
     level: Level,
     tried: dict[Level, tuple[dict[int, float], Array]],
-    filtered: dict[Level, _Filtered],
+    filtered: dict[Level, Filtered],
 ) -> Candidate:
     remark, c = "", tried[level][1]
     for sign, value in zip(entry.shape.signs, c, strict=True):

@@ -134,9 +134,23 @@ def _change_input(W: Array, names: tuple[str, ...], time: Array, effect: Effect)
         if name.removesuffix("_dot").removesuffix("_ddot") != effect.at[0]:
             continue
         W[:, j] *= values.get("gain", 1.0)
+        W[:, j] = _held(W[:, j], values.get("order", 1.0))
         if values.get("delay"):
             late = np.maximum(time - values["delay"], time[0])
             W[:, j] = CubicSpline(time, W[:, j])(late)
+
+
+def _held(u: Array, order: float) -> Array:
+    """Return the record whose linear interpolation acts like `u` with another hold."""
+    if order == 1.0:
+        return u
+    padded = np.concatenate([u[:1], u[:1], u, u[-1:], u[-1:]])
+    far, last, now, later, farther = (padded[i : i + u.size] for i in range(5))
+    if order == 0.0:
+        return (7 * (now + last) - later - far) / 12
+    second = last - 2 * now + later
+    fourth = far - 4 * last + 6 * now - 4 * later + farther
+    return now - second / 12 + fourth / 90
 
 
 def measured(model: MechanicalModel, outputs: Array) -> Array:

@@ -1,0 +1,57 @@
+"""Find out what the inputs do between their samples.
+
+A record made with a zero-order hold and read as linear looks like half a sample of delay; a
+smooth one with content near the sampling rate like an error of every model. Neither is a
+missing effect of the machine.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from robustpolish.identification.observer import Level
+from robustpolish.models.mechanical import MechanicalModel
+
+if TYPE_CHECKING:
+    from robustpolish.identification.refit import Setting
+
+_LEVELS = (Level(1.0), Level(0.1), Level(0.01))
+_ORDERS = (0.0, 3.0)
+_LEAST_ODDS = 20.0
+
+
+def with_holds(model: MechanicalModel, setting: Setting) -> MechanicalModel:
+    """Return the model with the holds of its force inputs, where they are not linear.
+
+    All inputs are taken to be of one kind. The linear model's innovations judge, its own
+    numbers being corrected at the same time.
+    """
+    names = [i.name for i in model.inputs if i.imposes is None]
+    if not names or any(e.kind == "input_hold" for e in model.effects):
+        return model
+    tried = {1.0: model}
+    for order in _ORDERS:
+        held = model
+        for name in names:
+            held = held.with_effect("input_hold", (name,), {"order": order})
+        tried[order] = held
+    scores = {order: _score(candidate, setting) for order, candidate in tried.items()}
+    best = min(scores, key=lambda order: scores[order])
+    return tried[best] if scores[1.0] - scores[best] > 2 * _LEAST_ODDS else model
+
+
+def _score(model: MechanicalModel, setting: Setting) -> float:
+    from robustpolish.identification.missing_force import smooth
+    from robustpolish.identification.screening import Filtered, following
+
+    record = setting.screened
+    time = np.asarray(record.data["time"].values, dtype=float)
+    level = following(model, record, setting.scales)
+    motion = smooth(model, record, level, setting.scales, setting.amplitude)
+    scores = []
+    for level in _LEVELS:
+        seen = Filtered(model, record, level, setting.scales, motion, time)
+        scores.append(min(seen.scores(seen.residual(None)[0], 0, (0, 1)).values()))
+    return float(min(scores))
