@@ -1,8 +1,8 @@
 """What an input does between its samples; no effect of the machine but of the record.
 
 The simulation takes inputs as linear between samples. A zero-order hold, or a smooth signal
-with content near the sampling rate, is the linear interpolation of a filtered record; the
-a short filter matches their frequency responses.
+with content near the sampling rate, is the linear interpolation of a filtered record; short
+filters match the frequency responses.
 """
 
 from __future__ import annotations

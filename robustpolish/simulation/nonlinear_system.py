@@ -82,8 +82,13 @@ def build_system(model: MechanicalModel, step: float) -> NonlinearSystem:
         port, state, parameter = port + kind.ports, state + kind.states, parameter + len(p)
     stacked = np.vstack(rows) if rows else np.zeros((0, len(model.dofs)))
     G, H, motion = port_matrices(model, stacked, pairs)
+    nw = len(model.matrices.signals)  # python-control keeps a column where there is no input
+    A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
     return NonlinearSystem(
-        *(np.ascontiguousarray(getattr(system, name), dtype=float) for name in "ABCD"),
+        A=np.ascontiguousarray(A.reshape(len(A), len(A))),
+        B=np.ascontiguousarray(B[:, :nw].reshape(len(A), nw)),
+        C=np.ascontiguousarray(C[:, : len(A)]),
+        D=np.ascontiguousarray(D[:, :nw]),
         G=np.ascontiguousarray(G),
         H=np.ascontiguousarray(H),
         motion=tuple(np.ascontiguousarray(part) for part in motion),  # type: ignore[arg-type]
