@@ -1,0 +1,156 @@
+"""`robustpolish compare`: the JSON, the exit codes, and nothing half written."""
+
+import json
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robustpolish.cli.compare import compare
+from robustpolish.models import MechanicalModel
+from robustpolish.simulation.nonlinear import simulate
+
+MODEL = """\
+[dof.x]
+mass = 0.5
+[[spring]]
+between = ["x", "ground"]
+stiffness = 2e4
+[[damper]]
+between = ["x", "ground"]
+damping = 5.0
+[[input]]
+name = "F"
+force_on = "x"
+[[output]]
+name = "x"
+measures = "x"
+quantity = "displacement"
+"""
+
+
+def table(samples=1000, noise=0.01):
+    random = np.random.default_rng(0)
+    time = np.arange(samples) / 1000
+    data = xr.Dataset({"F": ("time", random.standard_normal(samples))}, {"time": time})
+    x = simulate(MechanicalModel.from_toml(MODEL), data).outputs[:, 0]
+    x = x + noise * np.std(x) * random.standard_normal(samples)
+    rows = zip(time * 1e3, data["F"].values / 1e3, x * 1e6, strict=True)
+    lines = [",".join(repr(float(value)) for value in row) for row in rows]
+    return "\n".join(["time [ms],F [kN],x [um]", *lines]) + "\n"
+
+
+CSV = table()
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "data.csv").write_text(CSV)
+    (tmp_path / "model.toml").write_text(MODEL)
+    return tmp_path
+
+
+def run(folder, *arguments, data="data.csv", model="model.toml"):
+    command = [str(folder / data), "--model", str(folder / model), *map(str, arguments)]
+    return CliRunner().invoke(compare, command)
+
+
+def test_the_json_that_programs_rely_on(folder):
+    out = folder / "out.json"
+    result = run(folder, "--json", out)
+    assert result.exit_code == 0
+    assert "fit 98.98 %" in result.output
+    found = json.loads(out.read_text())["outputs"]["x"]
+    assert found["unit"] == "m"
+    assert found["nrmse"] == pytest.approx(0.01, rel=0.1)
+    assert found["fit_percent"] == pytest.approx(100 * (1 - found["nrmse"]))
+    assert 0 < found["rmse"] < 1e-6
+    assert run(folder, "--json", out).exit_code == 0  # made again
+
+
+def test_json_alone_goes_to_standard_output(folder):
+    result = run(folder, "--json")
+    assert set(json.loads(result.output)["outputs"]) == {"x"}
+
+
+def test_a_bad_fit_is_no_error(folder):
+    (folder / "model.toml").write_text(MODEL.replace("2e4", "9e4"))
+    result = run(folder)
+    assert result.exit_code == 0
+    assert "fit -" in result.output or "fit 0" in result.output or "NRMSE" in result.output
+
+
+def test_windows_horizons_residuals_and_pictures(folder):
+    picture = folder / "out.png"
+    assert run(folder, "--window", 0.1, "--plot", picture).exit_code == 0
+    assert picture.stat().st_size > 10_000
+    assert "prediction of 0.01 s" in run(folder, "--horizon", 0.01).output
+    assert "Where the error is" in run(folder, "--residuals").output
+
+
+def test_units_and_rates_can_be_given(folder):
+    lines = CSV.replace("time [ms],F [kN],x [um]", "n,F,x").splitlines()
+    (folder / "data.csv").write_text("\n".join(lines) + "\n")
+    result = run(folder, "--unit", "F=kN", "--unit", "x=um", "--sampling-rate", 1000)
+    assert result.exit_code == 0
+    assert "fit 98.98 %" in result.output
+
+
+BAD = {
+    "no data": ({"data": "none.csv"}, (), "no such file"),
+    "no model": ({"model": "none.toml"}, (), "No such file"),
+    "window": ({}, ("--window", 100), "window"),
+    "both": ({}, ("--window", 0.1, "--horizon", 0.1), "either"),
+    "unit": ({}, ("--unit", "x"), "COLUMN=UNIT"),
+    "unit of nothing": ({}, ("--unit", "y=mm"), "'y'"),
+    "kind": ({}, ("--unit", "x=kN"), "a column in N"),
+    "picture": ({}, ("--plot", "out.doc"), "out"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_ends_with_code_2_and_writes_nothing(case, folder):
+    files, arguments, message = BAD[case]
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    result = run(folder, *arguments, "--json", folder / "out.json", **files)
+    assert result.exit_code == 2, result.output
+    assert message in result.output
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_inputs_are_never_overwritten(folder):
+    (folder / "data.json").write_text("{}")
+    for target in ("data.csv", "model.toml"):
+        assert run(folder, "--json", folder / target).exit_code == 2
+    assert (folder / "data.csv").read_text() == CSV
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data())
+def test_damaged_input_ends_in_a_message(data):
+    """Whatever is done to the files: code 0 or 2, never a traceback, and JSON whole or absent."""
+    texts = {"data.csv": CSV, "model.toml": MODEL}
+    name = data.draw(st.sampled_from(sorted(texts)))
+    text = texts[name]
+    for _ in range(data.draw(st.integers(1, 3))):
+        place = data.draw(st.integers(0, min(len(text), 400)))
+        length = data.draw(st.sampled_from([0, 1, 5, 200]))
+        text = text[:place] + data.draw(st.text(max_size=4)) + text[place + length :]
+    with tempfile.TemporaryDirectory() as name_of_folder:
+        folder = Path(name_of_folder)
+        for file, content in {**texts, name: text}.items():
+            (folder / file).write_text(content, encoding="utf-8", errors="replace")
+        result = run(folder, "--json", folder / "out.json")
+        assert result.exit_code in (0, 2), result.output
+        assert result.exception is None or isinstance(result.exception, SystemExit)
+        if result.exit_code == 0:
+            json.loads((folder / "out.json").read_text())
+        else:
+            assert not (folder / "out.json").exists()
+            assert result.output.startswith("Error: ")
+        assert {path.name for path in folder.iterdir()} <= {*texts, "out.json"}
