@@ -1,0 +1,161 @@
+"""Check of a MATLAB file's structure, before SciPy reads it.
+
+SciPy's reader is compiled and trusts the types and sizes in the file: a damaged one can take the
+whole process down. The layout is that of MathWorks, MAT-File Format (versions 5 to 7).
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+
+_HEADER = 128
+_MATRIX, _COMPRESSED = 14, 15
+_INT8, _INT32, _UINT32, _UTF8 = 1, 5, 6, 16
+_ITEM_SIZES = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}
+_TEXT_TYPES = {*_ITEM_SIZES, 16, 17, 18}
+_CELL, _STRUCT, _OBJECT, _CHAR = 1, 2, 3, 4
+_NUMERIC = range(6, 16)
+_COMPLEX = 0x0800
+_DEEPEST = 20
+_LARGEST = 1 << 32
+
+
+class DamagedFileError(ValueError):
+    """The structure of the file contradicts itself."""
+
+
+class _NoSignalsError(Exception):
+    """A variable of a kind that is no array, struct or text."""
+
+
+def readable_variables(content: bytes) -> list[str] | None:
+    """Check that the parts of a MATLAB file fit together, and name the variables to read.
+
+    Parameters
+    ----------
+    content : bytes
+        The whole file.
+
+    Returns
+    -------
+    list of str or None
+        Variables that may hold signals: no function handles, tables or sparse matrices. None for
+        version 4, which has another structure.
+
+    Raises
+    ------
+    DamagedFileError
+        If a part is larger than what holds it, or of an impossible kind.
+    """
+    if len(content) < _HEADER or 0 in content[:4]:
+        return None
+    if content[126:128] not in (b"IM", b"MI"):
+        raise DamagedFileError("no byte order in the header")
+    order = "<" if content[126:128] == b"IM" else ">"
+    names = []
+    place = _HEADER
+    while place < len(content):
+        kind, start, size, place = _tag(content, place, order, padded=False)
+        part = content[start : start + size]
+        if kind == _COMPRESSED:
+            part = _decompressed(part)
+            kind, start, size, _ = _tag(part, 0, order)
+            part = part[start : start + size]
+        if kind != _MATRIX:
+            raise DamagedFileError(f"an element of type {kind} among the variables")
+        try:
+            names.append(_check_matrix(part, order, 0))
+        except _NoSignalsError:
+            continue
+    return names
+
+
+def _tag(content: bytes, place: int, order: str, padded: bool = True) -> tuple[int, int, int, int]:
+    """Return type, start and size of the element at `place`, and where the next one begins."""
+    if place + 8 > len(content):
+        raise DamagedFileError("it ends in the middle of an element")
+    kind, size = struct.unpack_from(f"{order}II", content, place)
+    if kind >> 16:  # the short form, with up to four bytes in the tag itself
+        kind, size = kind & 0xFFFF, kind >> 16
+        if size > 4:
+            raise DamagedFileError("a short element of more than four bytes")
+        return kind, place + 4, size, place + 8
+    start = place + 8
+    if start + size > len(content):
+        raise DamagedFileError("an element that is larger than the file")
+    return kind, start, size, start + size + (-size % 8 if padded else 0)
+
+
+def _decompressed(part: bytes) -> bytes:
+    try:
+        engine = zlib.decompressobj()
+        content = engine.decompress(part, _LARGEST)
+    except zlib.error as error:
+        raise DamagedFileError(f"a compressed element is damaged ({error})") from None
+    if not engine.eof:
+        raise DamagedFileError("a compressed element is not complete")
+    return content
+
+
+def _check_matrix(part: bytes, order: str, depth: int) -> str:
+    """Check a variable and return its name."""
+    if not part:
+        return ""
+    if depth > _DEEPEST:
+        raise DamagedFileError("variables nested too deeply")
+    kind, start, size, place = _tag(part, 0, order)
+    if (kind, size) != (_UINT32, 8):
+        raise DamagedFileError("a variable without its flags")
+    (flags,) = struct.unpack_from(f"{order}I", part, start)
+    if flags & 0xFF not in (_CELL, _STRUCT, _OBJECT, _CHAR, *_NUMERIC):
+        raise _NoSignalsError
+    kind, start, size, place = _tag(part, place, order)
+    if kind != _INT32 or size < 8 or size % 4 or size > 4 * 32:
+        raise DamagedFileError("a variable without its dimensions")
+    dimensions = struct.unpack_from(f"{order}{size // 4}i", part, start)
+    if min(dimensions) < 0 or math.prod(dimensions) > _LARGEST:
+        raise DamagedFileError("impossible dimensions")
+    kind, start, size, place = _tag(part, place, order)
+    if kind not in (_INT8, _UTF8):
+        raise DamagedFileError("a variable without its name")
+    _check_content(part, place, order, flags, math.prod(dimensions), depth)
+    return part[start : start + size].decode("latin-1")
+
+
+def _check_content(part: bytes, place: int, order: str, flags: int, count: int, depth: int) -> None:
+    what = flags & 0xFF
+    if what in _NUMERIC:
+        for _ in range(2 if flags & _COMPLEX else 1):
+            kind, _, size, place = _tag(part, place, order)
+            if kind not in _ITEM_SIZES or size != count * _ITEM_SIZES[kind]:
+                raise DamagedFileError("a matrix whose data do not fill it")
+    elif what == _CHAR:
+        kind, _, _, _ = _tag(part, place, order)
+        if kind not in _TEXT_TYPES:
+            raise DamagedFileError("text of an impossible type")
+    else:
+        if what != _CELL:
+            count, place = _fields(part, place, order, count, what == _OBJECT)
+        for _ in range(count):
+            kind, start, size, place = _tag(part, place, order)
+            if kind != _MATRIX:
+                raise DamagedFileError("a cell or field that is no variable")
+            _check_matrix(part[start : start + size], order, depth + 1)
+
+
+def _fields(part: bytes, place: int, order: str, count: int, is_object: bool) -> tuple[int, int]:
+    """Return the number of values in a struct, and where they begin."""
+    if is_object:
+        kind, _, _, place = _tag(part, place, order)
+        if kind != _INT8:
+            raise DamagedFileError("an object without its class")
+    kind, start, size, place = _tag(part, place, order)
+    if (kind, size) != (_INT32, 4):
+        raise DamagedFileError("a struct without the length of its names")
+    (length,) = struct.unpack_from(f"{order}i", part, start)
+    kind, _, size, place = _tag(part, place, order)
+    if kind != _INT8 or length < 1 or size % length:
+        raise DamagedFileError("a struct without its names")
+    return count * (size // length), place
