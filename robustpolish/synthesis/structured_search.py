@@ -75,6 +75,8 @@ class Setting:
         The requirement in words, for messages; empty if there is none.
     descents : int
         Largest number of descents.
+    fewest : int
+        Number of descents before their agreement counts.
     objective_loop : Loop or None
         The loop whose norm is minimised, if it is another than `loop`.
     also_stable : tuple of Loop
@@ -97,6 +99,7 @@ class Setting:
     requirements: tuple[Requirement, ...] = ()
     bound_named: str = ""
     descents: int = 40
+    fewest: int = 9
     objective_loop: Loop | None = None
     also_stable: tuple[Loop, ...] = ()
     bounds: Bounds | None = None
@@ -177,7 +180,9 @@ def solve_setting(
         starts = setting.starts(limits.deadline, rng)
         if found is not None and first is not None:
             starts = chain([first * ceiling / np.abs(found.gain).max()], starts)
-        result = search(problem, stability, starts, limits, rng, setting.bounds)
+        # Line searches try gains so wild that numbers overflow; such gains count as infinite.
+        with np.errstate(over="ignore", invalid="ignore"):
+            result = search(problem, stability, starts, limits, rng, setting.bounds)
         if result.point is None or not np.isfinite(result.value):
             if found is not None:
                 break
@@ -197,13 +202,16 @@ def _limits(setting: Setting, target: float, deadline: float, again: bool) -> Se
         deadline=now + (0.3 if again else 0.75) * (deadline - now),
         target=float(np.log(max(level, ZERO))),
         starts=3 if again else setting.descents,
+        fewest=setting.fewest,
+        agreeing=min(4, setting.fewest),
     )
 
 
 def _outcome(
     setting: Setting, problem: Problem, result: SearchResult, deadline: float
 ) -> PartDesign:
-    point, value = _smaller_gain(setting, problem, result, deadline)
+    with np.errstate(over="ignore", invalid="ignore"):
+        point, value = _smaller_gain(setting, problem, result, deadline)
     K = problem.parametrisation.gain(point)
     values = [entry.get("value", np.inf) for entry in result.history]
     scaled, norm = setting.scaled, setting.norm
@@ -291,7 +299,7 @@ def _rounded(problem: Problem, point: Vector) -> Vector:
 
 def _failure(setting: Setting, result: SearchResult) -> str:
     tried = f"{len(result.history)} descents"
-    if setting.bound_named and result.instability < 0:
+    if setting.bound_named and any("value" in entry for entry in result.history):
         return (
             f"No {setting.what} that meets {setting.bound_named} was found by {tried}. "
             "Relax it or raise time_limit."

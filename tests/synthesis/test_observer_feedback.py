@@ -1,0 +1,124 @@
+"""Observer-based controllers: separation, the LQG optimum, the whole loop's norm."""
+
+import control
+import numpy as np
+import pytest
+
+from robustpolish.analysis import h2_norm, hinf_norm
+from robustpolish.errors import InfeasibleError
+from robustpolish.models import GeneralizedPlant, air_bearing
+from robustpolish.synthesis.observer_feedback import observer_controller, observer_feedback
+from robustpolish.synthesis.observer_form import observer_form
+
+
+def regular_plant(n=3, seed=0, d22=0.0):
+    """Random, with price on u and noise on y, so that LQG is the H2 optimum."""
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(n, n))
+    B1 = np.hstack([rng.normal(size=(n, 2)), np.zeros((n, 1))])
+    C1 = np.vstack([rng.normal(size=(2, n)), np.zeros((1, n))])
+    return GeneralizedPlant.from_matrices(
+        A,
+        B1,
+        rng.normal(size=(n, 1)),
+        C1,
+        rng.normal(size=(1, n)),
+        D12=[[0.0], [0.0], [1.0]],
+        D21=[[0.0, 0.0, 1.0]],
+        D22=[[d22]],
+    )
+
+
+def lqg_norm(plant):
+    X, _, F = control.care(plant.A, plant.B2, plant.C1.T @ plant.C1, plant.D12.T @ plant.D12)
+    Y, _, L = control.care(plant.A.T, plant.C2.T, plant.B1 @ plant.B1.T, np.eye(1))
+    return float(h2_norm(plant.closed_loop(observer_controller(plant, -F, L.T))))
+
+
+def test_poles_separate():
+    plant = air_bearing(actuation="force", measured="displacement")
+    rng = np.random.default_rng(0)
+    F, L = rng.normal(size=(6, 12)), rng.normal(size=(12, 6))
+    loop = plant.closed_loop(observer_controller(plant, F, L))
+    expected = np.concatenate(
+        [np.linalg.eigvals(plant.A + plant.B2 @ F), np.linalg.eigvals(plant.A - L @ plant.C2)]
+    )
+    found = np.sort_complex(loop.poles())
+    # The thesis's order: plant and estimate as in (10.70).
+    assert found == pytest.approx(np.sort_complex(expected), rel=1e-5, abs=1e-5)
+
+
+@pytest.mark.parametrize("d22", [0.0, 0.4])
+def test_h2_is_the_lqg_optimum(d22):
+    for seed in range(3):
+        plant = regular_plant(seed=seed, d22=d22)
+        design = observer_feedback(plant, "h2", time_limit=5)
+        assert design.certificate.valid
+        assert design.certificate.achieved == pytest.approx(lqg_norm(plant), rel=1e-4)
+
+
+def test_any_strictly_proper_controller_is_an_observer():
+    plant = regular_plant(4, seed=2, d22=0.3)
+    F, L = np.ones((1, 4)), np.ones((4, 1))
+    K = observer_controller(plant, F, L)
+    T = np.random.default_rng(0).normal(size=(4, 4))
+    Ak, Bk, Ck = np.linalg.solve(T, K.A @ T), np.linalg.solve(T, K.B), K.C @ T
+    form = observer_form(plant.A, plant.B2, plant.C2, plant.D22, Ak, Bk, Ck)
+    again = observer_controller(plant, form.F, form.L)
+    for s in (0.1j, 1j, 10j):
+        assert again(s) == pytest.approx(K(s), rel=1e-6)
+
+
+def test_hinf_is_near_the_infimum_of_full_order_control():
+    # An integrator with noise: the central controllers' infimum is 2.414 (1 + sqrt(2)).
+    plant = GeneralizedPlant.from_matrices(
+        [[1.0]],
+        [[1.0, 0.0]],
+        [[1.0]],
+        [[1.0], [0.0]],
+        [[1.0]],
+        D12=[[0.0], [1.0]],
+        D21=[[0.0, 1.0]],
+    )
+    design = observer_feedback(plant, time_limit=5)
+    # X = Y = x at gamma: 2 x - x^2 (1 - g^-2) + 1 = 0, and x = g at the optimum.
+    roots = np.roots([1.0, -2.0, -2.0])
+    assert design.certificate.achieved == pytest.approx(max(roots), rel=5e-3)
+
+
+@pytest.mark.parametrize("actuation", ["displacement", "force"])
+def test_thesis_plant_from_displacements(actuation):
+    plant = air_bearing(actuation=actuation, measured="displacement")
+    design = observer_feedback(
+        plant, control_weight=1e-8, measurement_noise=1e-8, time_limit=8, seed=1
+    )
+    assert design.certificate.valid
+    loop = plant.closed_loop(design.controller)
+    assert float(hinf_norm(loop)) == pytest.approx(design.details["plain_norm"], rel=1e-6)
+    assert float(hinf_norm(loop)) < 0.01 * float(hinf_norm(plant.open_loop))
+    F, L = design.details["state_feedback"], design.details["observer_gain"]
+    assert (F.shape, L.shape) == ((6, 12), (12, 6))
+    assert design.details["observer_poles"].real.max() < 0
+    assert design.details["feedback_poles"].real.max() < 0
+    assert design.controller.state_labels[0] == "x_m_hat"
+
+
+@pytest.mark.parametrize("norm", ["hinf", "h2"])
+def test_discrete_time(norm):
+    sampled = control.c2d(regular_plant(seed=4).system, 0.1)
+    design = observer_feedback(GeneralizedPlant(sampled, 1, 1), norm, time_limit=4)
+    assert design.certificate.valid
+    assert np.abs(design.certificate.poles).max() < 1
+
+
+def test_unreachable_modes_and_feedthroughs_are_refused():
+    blind = GeneralizedPlant.from_matrices(
+        np.diag([0.5, -1.0]), np.ones((2, 1)), np.ones((2, 1)), [[1.0, 1.0]], [[0.0, 1.0]]
+    )
+    with pytest.raises(InfeasibleError, match="state x1"):
+        observer_feedback(blind)
+    direct = GeneralizedPlant.from_matrices(
+        [[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], D11=[[1.0]]
+    )
+    with pytest.raises(InfeasibleError, match="H2 norm is infinite"):
+        observer_feedback(direct, "h2")

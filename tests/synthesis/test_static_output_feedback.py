@@ -1,0 +1,278 @@
+"""Static and fixed-order output feedback: literature values, structure, refusals, time."""
+
+import time
+
+import control
+import numpy as np
+import pytest
+
+from robustpolish.analysis import h2_norm, hinf_norm
+from robustpolish.errors import InfeasibleError, InvalidInputError, SolverError
+from robustpolish.models import GeneralizedPlant, air_bearing
+from robustpolish.synthesis.static_output_feedback import static_output_feedback
+
+# Best published values (HIFOO, hinfstruct and searches), COMPleib names.
+PUBLISHED = {
+    "AC15": 15.19,
+    "HF2D11": 7.72e4,
+    "HE4": 22.84,
+    "AC8": 2.01,
+    "HE1": 0.154,
+    "AC3": 3.61,
+    "AC4": 0.937,
+}
+
+
+def compleib(shared, name):
+    data = np.load(shared / "data/compleib/compleib24.npz")
+    names = ("A", "B1", "B", "C1", "C", "D11", "D12", "D21")
+    return GeneralizedPlant.from_matrices(*(data[f"{name}/{key}"] for key in names))
+
+
+def check(design, norm="hinf"):
+    """Recompute the norm by other means than the search."""
+    assert design.certificate.valid
+    loop = design.plant.closed_loop(design.controller)
+    measured = float(hinf_norm(loop) if norm == "hinf" else h2_norm(loop))
+    assert measured == pytest.approx(design.certificate.achieved, rel=1e-6)
+    assert (design.closed_loop.A == loop.A).all()
+
+
+@pytest.mark.slow
+@pytest.mark.shared
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_reaches_the_best_published_norms(shared, name):
+    design = static_output_feedback(compleib(shared, name), time_limit=60.0)
+    check(design)
+    assert design.certificate.achieved <= PUBLISHED[name]
+    assert design.elapsed < 61.0
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("name", ["HE1", "AC4", "AC8"])
+def test_stops_at_a_target(shared, name):
+    design = static_output_feedback(compleib(shared, name), target=1.001 * PUBLISHED[name])
+    check(design)
+    assert design.certificate.achieved <= 1.002 * PUBLISHED[name]
+
+
+@pytest.mark.shared
+def test_units_do_not_matter(shared):
+    plant = compleib(shared, "HE1")
+    T, u, y, t = np.array([1e3, 1e-2, 1e1, 1e-3]), np.array([1e2, 1e-3]), 1e3, 1e-2
+    rescaled = GeneralizedPlant.from_matrices(
+        t * plant.A * T / T[:, None],
+        t * plant.B1 / T[:, None],
+        t * plant.B2 * u / T[:, None],
+        plant.C1 * T,
+        y * plant.C2 * T,
+        plant.D11,
+        plant.D12 * u,
+        y * plant.D21,
+    )
+    design = static_output_feedback(rescaled, target=1.001 * PUBLISHED["HE1"])
+    check(design)
+    assert design.certificate.achieved <= 1.002 * PUBLISHED["HE1"]
+
+
+def two_masses(measured):
+    """Unstable first mode, two actuators, two sensors."""
+    A = [[0, 1, 0, 0], [1.0, -0.1, 0.3, 0], [0, 0, 0, 1], [0.3, 0, -4.0, -0.1]]
+    B = [[0, 0], [1, 0], [0, 0], [0, 1.0]]
+    w = [[0.0], [1], [0], [0.5]]
+    C1 = [[1.0, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 0], [0, 0, 0, 0]]
+    D12 = [[0, 0], [0, 0], [0.1, 0], [0, 0.1]]
+    return GeneralizedPlant.from_matrices(A, w, B, C1, measured, D12=D12)
+
+
+FULL = [[1.0, 0.5, 0, 0], [0, 0, 1.0, 0.5]]
+
+
+def test_structure_is_kept_and_costs():
+    plant = two_masses(FULL)
+    free = static_output_feedback(plant, time_limit=4)
+    diagonal = static_output_feedback(plant, structure=np.eye(2, dtype=bool), time_limit=4)
+    check(free)
+    check(diagonal)
+    assert diagonal.gain[0, 1] == diagonal.gain[1, 0] == 0
+    assert free.certificate.achieved <= diagonal.certificate.achieved * 1.001
+
+
+@pytest.mark.parametrize("norm", ["hinf", "h2"])
+def test_state_measured_h2_equals_the_regulator(norm):
+    plant = two_masses(np.eye(4))
+    design = static_output_feedback(plant, norm, time_limit=4)
+    check(design, norm)
+    if norm == "h2":
+        Q, R = plant.C1.T @ plant.C1, plant.D12.T @ plant.D12
+        X, _, K = control.care(plant.A, plant.B2, Q, R)
+        best = np.sqrt(np.trace(plant.B1.T @ X @ plant.B1))
+        assert design.certificate.achieved == pytest.approx(best, rel=1e-4)
+
+
+@pytest.mark.parametrize("norm", ["hinf", "h2"])
+def test_discrete_time(norm):
+    plant = two_masses(FULL)
+    sampled = control.c2d(plant.system, 0.1)
+    discrete = GeneralizedPlant(sampled, 2, 2)
+    design = static_output_feedback(discrete, norm, time_limit=3)
+    check(design, norm)
+    assert np.abs(design.certificate.poles).max() < 1
+    assert design.controller.dt == 0.1
+
+
+def test_d22_is_part_of_the_loop():
+    plant = two_masses(FULL)
+    D22 = np.array([[0.3, 0.0], [0.2, -0.1]])
+    with_d22 = GeneralizedPlant.from_matrices(
+        plant.A, plant.B1, plant.B2, plant.C1, plant.C2, D12=plant.D12, D22=D22
+    )
+    design = static_output_feedback(with_d22, time_limit=3)
+    check(design)
+    # u = K y with y = y0 + D22 u is u = K0 y0: the same infimum.
+    K = design.gain
+    same = np.linalg.solve(np.eye(2) - K @ D22, K)
+    assert float(hinf_norm(plant.closed_loop(same))) == pytest.approx(
+        design.certificate.achieved, rel=1e-6
+    )
+
+
+def test_fixed_order_stabilises_where_no_static_gain_does():
+    # A double integrator with its position measured needs a derivative.
+    plant = GeneralizedPlant.from_matrices(
+        [[0, 1], [0, 0]], [[0], [1]], [[0], [1]], [[1, 0], [0, 0]], [[1, 0]], D12=[[0], [1]]
+    )
+    with pytest.raises(SolverError, match="No stabilising static gain"):
+        static_output_feedback(plant, time_limit=3)
+    design = static_output_feedback(plant, order=1, time_limit=4)
+    check(design)
+    assert design.controller.nstates == 1
+    assert design.gain is None
+
+
+def test_gain_bound_and_price():
+    plant = two_masses(FULL)
+    free = static_output_feedback(plant, time_limit=3)
+    bounded = static_output_feedback(plant, gain_bound=2.0, time_limit=3)
+    assert np.linalg.norm(bounded.gain, 2) <= 2.0 * (1 + 1e-8)
+    assert bounded.certificate.achieved >= free.certificate.achieved * 0.999
+    dear = static_output_feedback(plant, control_weight=10.0, time_limit=3)
+    check(dear)
+    assert dear.plant.performance_names[-2:] == ("price_u1", "price_u2")
+    assert dear.details["plain_norm"] <= dear.certificate.achieved
+
+
+def test_dynamic_gain_bound_holds_at_all_frequencies():
+    plant = air_bearing(actuation="force", measured="displacement")
+    design = static_output_feedback(plant, order=1, gain_bound=1e5, time_limit=5)
+    check(design)
+    assert float(hinf_norm(design.controller)) <= 1e5 * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("actuation", ["displacement", "force"])
+def test_thesis_plant_by_axes(actuation):
+    plant = air_bearing(actuation=actuation, measured="displacement")
+    bound = 1e4 if actuation == "displacement" else 1e6
+    design = static_output_feedback(plant, gain_bound=bound, time_limit=4)
+    check(design)
+    assert design.certificate.achieved < float(hinf_norm(plant.open_loop))
+    parts = design.details["part_norms"]
+    assert max(parts) == pytest.approx(design.certificate.achieved, rel=1e-6)
+    # x and y are the same axis twice.
+    assert (design.gain[:2, :2] == design.gain[2:4, 2:4]).all()
+    assert not design.gain[:2, 2:].any()
+
+
+def test_an_infimum_of_zero_is_said():
+    plant = air_bearing(actuation="displacement", measured="displacement")
+    design = static_output_feedback(plant, time_limit=4)
+    check(design)
+    assert design.status == "infimum_not_attained"
+    assert "gain_bound" in design.message
+
+
+def test_modes_that_stay_are_named():
+    plant = GeneralizedPlant.from_matrices(
+        np.diag([0.5, -1.0]), np.ones((2, 1)), [[0.0], [1.0]], [[1.0, 1.0]], [[1.0, 1.0]]
+    )
+    with pytest.raises(InfeasibleError, match=r"\+0\.5 rad/s \(state x1\)") as caught:
+        static_output_feedback(plant)
+    assert caught.value.modes == (0.5,)
+
+
+def test_a_structure_can_fix_a_mode():
+    # The sensor of the unstable mode is joined to no actuator.
+    plant = GeneralizedPlant.from_matrices(
+        np.diag([0.5, -1.0]), np.ones((2, 1)), np.eye(2), np.eye(2), np.eye(2)
+    )
+    with pytest.raises(InfeasibleError, match="structure"):
+        static_output_feedback(plant, structure=[[0, 1], [0, 1]])
+
+
+def test_h2_with_a_feedthrough_is_refused_or_cancelled():
+    matrices = dict(
+        A=[[-1.0]], B1=[[1.0]], B2=[[1.0]], C1=[[1.0]], C2=[[1.0]], D11=[[1.0]], D21=[[1.0]]
+    )
+    with pytest.raises(InfeasibleError, match="H2 norm is infinite"):
+        static_output_feedback(GeneralizedPlant.from_matrices(**matrices), "h2")
+    cancels = GeneralizedPlant.from_matrices(**matrices, D12=[[1.0]])
+    design = static_output_feedback(cancels, "h2")
+    assert design.gain[0, 0] == pytest.approx(-1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ({"norm": "h3"}, "norm"),
+        ({"structure": np.ones((3, 3))}, "structure"),
+        ({"order": -1}, "order"),
+        ({"time_limit": 0}, "time_limit"),
+        ({"gain_bound": -1}, "gain_bound"),
+        ({"control_weight": [1, 2, 3]}, "control_weight"),
+        ({"measurement_noise": -1}, "measurement_noise"),
+        ({"initial": np.eye(3)}, "initial"),
+    ],
+)
+def test_bad_arguments_are_named(arguments, named):
+    with pytest.raises(InvalidInputError, match=named):
+        static_output_feedback(two_masses(FULL), **arguments)
+
+
+def test_the_time_limit_holds():
+    rng = np.random.default_rng(0)
+    n = 20
+    plant = GeneralizedPlant.from_matrices(
+        rng.normal(size=(n, n)),
+        rng.normal(size=(n, 3)),
+        rng.normal(size=(n, 4)),
+        rng.normal(size=(3, n)),
+        rng.normal(size=(4, n)),
+    )
+    began = time.monotonic()
+    try:
+        check(static_output_feedback(plant, time_limit=2.0))
+    except SolverError:
+        pass
+    assert time.monotonic() - began < 6.0
+
+
+def test_random_plants_never_get_a_false_answer():
+    rng = np.random.default_rng(11)
+    for _ in range(5):
+        n, nu, ny = (int(rng.integers(1, high)) for high in (6, 3, 3))
+        draw = lambda *shape: rng.normal(size=shape)  # noqa: E731
+        plant = GeneralizedPlant.from_matrices(
+            draw(n, n),
+            draw(n, 2),
+            draw(n, nu),
+            draw(2, n),
+            draw(ny, n),
+            draw(2, 2),
+            draw(2, nu),
+            draw(ny, 2),
+            0.1 * draw(ny, nu),
+        )
+        try:
+            check(static_output_feedback(plant, time_limit=1.0))
+        except (SolverError, InfeasibleError):
+            continue
