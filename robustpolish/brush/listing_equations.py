@@ -98,8 +98,8 @@ def impact(t, theta, theta_rate, psi, psi_rate, c, flags):  # pragma: no cover -
     Returns
     -------
     tuple
-        theta_0, alpha, beta [rad]; F_psi with the signs of D.2 and impact moment's sign change
-        of D.1 as a flag; F_theta as if its gate were open; contact of C1/C2, C3, C4.
+        theta_0, alpha, beta [rad]; F_psi and F_theta [N] as D.2 has them, the latter as if its
+        gate were open; whether C1 and C2, C3, and C4 touch.
     """
     omega, r_rot, rd, r = c[RATE], c[CIRCLE], c[RADIUS], c[RIM_DISTANCE]
     cosine, sine = cos(omega * t), sin(omega * t)

@@ -21,6 +21,7 @@ from robustpolish.brush.listing_equations import (
 from robustpolish.brush.parameters import BrushParameters
 from robustpolish.brush.tool_path import tool_velocity
 from robustpolish.errors import SolverError
+from robustpolish.validation import described, invalid
 
 STATES = 4  # theta, theta', psi, psi'
 
@@ -42,18 +43,28 @@ def listing_motion(
 
     Raises
     ------
+    InvalidInputError
+        If the tool does not move: the listings place the contacts along its velocity.
     SolverError
         If the steps become too small to go on.
     """
     constants = listing_constants(parameters, defects)
-    speed = tool_velocity(0.0, parameters)
-    slope = speed[0] * parameters.surface.curvatures[0] / np.hypot(*speed)
+    velocity = tool_velocity(0.0, parameters)
+    speed = float(np.hypot(*velocity))
+    if speed == 0.0:
+        raise invalid(
+            "parameters",
+            described("a tool at rest"),
+            "a feed or a circling, whose direction places C1 to C4",
+            "Raise feed, or rotation_radius and rotation_rate.",
+        )
+    slope = velocity[0] * parameters.surface.curvatures[0] / speed
     place = parameters.rim_distance + parameters.rotation_radius
     start = np.array([atan(slope * place), 0.0, UPRIGHT, 0.0])
     store = np.empty((time.size, STATES))
     interval = float(time[1] - time[0])
     done, *counts = _integrate(start, interval, relative, constants, defects.as_flags(), store)
-    if done < float(time[-1]):
+    if done < float(time[-2]):
         raise SolverError(
             f"The listing's equations could not be followed beyond {done:.4g} s at a relative "
             f"tolerance of {relative:g}. Raise the tolerance; the impact law is not well posed."

@@ -7,6 +7,7 @@ from scipy.linalg import expm
 from robustpolish.brush import ListingDefects, listing_response, simulate_brush
 from robustpolish.errors import InvalidInputError, SolverError
 from robustpolish.models import air_bearing
+from robustpolish.synthesis import published_gain
 
 
 @pytest.fixture(scope="module")
@@ -78,27 +79,6 @@ def test_bad_input_is_named(brush) -> None:
         listing_response(A + 1e6 * np.eye(12), B1 + 1.0, np.eye(12), brush)
 
 
-# Printed controllers of appendix C, one 2 x 4 block per axis, columns (q_m, dq_m, q, dq), the
-# scaled ones with their T_L = T_R^-1, by which (10.60) maps them back.
-_C3_XY = [[-1.7760e6, 7.1658e2, 4.8323e3, -0.6122], [4.8322e3, -1.7826, -3.0898e4, 1.4777e2]]
-_C3_Z = [[-4.3132e6, 7.4990e2, 2.8127e5, -48.0846], [2.8169e5, 15.5677, -7.6372e5, 6.3364e2]]
-_C4_XY = [[-5.3415, -0.0758, 0.4234, -0.0556], [0.0564, -0.1047, -44.1852, -3.7897]]
-_C4_Z = [[-5.6772, -0.1203, -0.0041, -0.0811], [-0.0204, -0.1220, -16.1900, -0.1105]]
-_C5_XY = [[9.0544e7, 0.3096, 1.8918e5, -0.2062], [8.9506e6, -4.4892, -3.2651e6, -17.2076]]
-_C5_Z = [[2.1167e8, -18.0526, 6.5185e7, -13.4988], [5.6515e8, -46.9699, -5.1039e7, -36.6347]]
-_C6_X = [[-4.3912e-5, -0.1127, -0.0029, -0.5432], [0.0027, -2.2877, -0.9858, -191.9876]]
-_C6_Y = [[-4.1680e-5, -0.1095, -0.0019, -0.5654], [0.0035, -1.1354, -0.6822, -200.3145]]
-_C6_Z = [[3.9457e-5, -0.5892, -1.5791e-4, -0.3606], [6.6238e-4, -1.8623, -0.0011, -4.0172]]
-_T4 = [256, 1 / 128, 64, 1 / 16, 256, 1 / 128, 64, 1 / 16, 256, 3.9063e-3, 128, 1 / 128]
-_T6 = [4096, 0.125, 1024, 1, 4096, 0.125, 1024, 0.5, 8192, 0.125, 4096, 0.25]
-
-CONTROLLERS = {
-    "first": ("displacement", (_C3_XY, _C3_XY, _C3_Z), np.ones(12)),
-    "first_scaled": ("displacement", (_C4_XY, _C4_XY, _C4_Z), _T4),
-    "second": ("force", (_C5_XY, _C5_XY, _C5_Z), np.ones(12)),
-    "second_scaled": ("force", (_C6_X, _C6_Y, _C6_Z), _T6),
-}
-
 # Largest deviations in y and z [m]: tables 11.1, 11.3, 11.5 and 11.7.
 TABLES = {
     1: {
@@ -130,12 +110,9 @@ def _loop(row: str):
         for speed in (3, 7):
             loop[speed, speed], loop[speed, speed - 2] = -c_A / m_t, c_A / m_t
         return loop, plant.B1, 1.337
-    actuation, blocks, scaling = CONTROLLERS[row]
+    actuation = "displacement" if row.startswith("first") else "force"
     plant = air_bearing(actuation=actuation, load="printed")
-    gain = np.zeros((6, 12))
-    for axis, block in enumerate(blocks):
-        gain[2 * axis : 2 * axis + 2, 4 * axis : 4 * axis + 4] = block
-    return plant.A + plant.B2 @ (gain * np.asarray(scaling)), plant.B1, None
+    return plant.A + plant.B2 @ published_gain(row), plant.B1, None
 
 
 @pytest.mark.slow

@@ -76,3 +76,18 @@ def test_bad_arguments_are_named(name: str, value) -> None:
 def test_the_listing_refuses_what_it_does_not_have(name: str, value) -> None:
     with pytest.raises(InvalidInputError, match=name):
         simulate_brush("listing", **{"duration": 0.001, name: value})
+
+
+def test_the_listing_needs_a_moving_tool() -> None:
+    resting = BrushParameters(feed=0.0, rotation_rate=0.0)
+    with pytest.raises(InvalidInputError, match="at rest"):
+        simulate_brush("listing", duration=0.001, parameters=resting)
+    held = simulate_brush(duration=0.05, parameters=resting)
+    assert float(abs(held.elevation).max()) == 0.0
+    assert bool((held.tool_x == held.tool_x[0]).all())
+
+
+@pytest.mark.parametrize("samples", [1, 3, 7, 49, 1003])
+def test_any_number_of_samples_comes_back(samples: int) -> None:
+    for simulator, rate in (("physical", 20e3), ("listing", 1e5)):
+        assert simulate_brush(simulator, duration=samples / rate).sizes["time"] == samples + 1
