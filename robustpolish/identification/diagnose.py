@@ -43,7 +43,7 @@ LEAST_ODDS = 12.0
 MOST_EFFECTS = 4
 MOST_REFITS = 5
 _LINEAR = (Level(1.0), Level(0.1), FREE)
-_EXTENDED = (Level(0.1), Level(0.01), FREE)
+_EXTENDED = (Level(0.1), Level(0.01), Level(0.001), FREE)
 
 Progress = Callable[[str], None]
 
@@ -200,8 +200,13 @@ def _refit_with(candidate: Candidate, search: _Search) -> Stage | None:
     effect = candidate.effect
     model = search.stage.model.with_effect(effect.kind, effect.at, effect.values)
     setting = search.setting
-    stages = homotopy(model, setting, setting.trial, search.reference, _EXTENDED, 6)
+    stages = homotopy(model, setting, setting.trial, search.reference, _EXTENDED, _steps(setting))
     return best_stage(stages, setting) if stages else None
+
+
+def _steps(setting: Setting) -> int:
+    """Return the most steps of a stage: short records can afford more."""
+    return 15 if setting.record.samples < 4000 else 7
 
 
 def _judgement(stage: Stage, rivals: Sequence[tuple[Candidate, Stage]]) -> float:
@@ -309,7 +314,7 @@ def _conclude(search: _Search, model: MechanicalModel, base: Array, say: Progres
     setting, stage = search.setting, search.stage
     say("final fit")
     levels = (Level(0.01), FREE) if stage.reproducible else (Level(0.1), Level(0.01))
-    fits = homotopy(stage.model, setting, setting.everything, model, levels, 6)
+    fits = homotopy(stage.model, setting, setting.everything, model, levels, _steps(setting))
     final = fits[-1] if fits else stage.fit
     error = _whole_error(final.model, setting)
     if stage.reproducible and np.mean(np.log(error)) > np.mean(

@@ -74,9 +74,24 @@ def full_scale(model: MechanicalModel, states: Array) -> Array:
 def fitted_starts(
     model: MechanicalModel, pieces: Sequence[Piece], predictor: Predictor, scale: Array
 ) -> list[Piece]:
-    """Return the pieces with the starts that suit a model best, and their free-run errors."""
-    residuals = Residuals(model, pieces, predictor, [], True, full_scale(model, scale))
-    return list(fit(residuals, iterations=3, tolerance=1e-4).pieces)
+    """Return the pieces with the starts that suit a model best.
+
+    They are fitted to the first samples, then to more and more: over a long run of a lightly
+    damped or amplitude-dependent model a wrong start is a wrong phase, and many phases fit a
+    little.
+    """
+    found = []
+    for piece in pieces:
+        length = piece.record.samples
+        current = piece
+        for share in (1 / 16, 1 / 4, 1.0):
+            part = piece.record.part(0, max(int(share * length), min(length, 60)))
+            trial = [Piece(part, current.start)]
+            residuals = Residuals(model, trial, predictor, [], True, full_scale(model, scale))
+            fitted = fit(residuals, iterations=3, tolerance=1e-4)
+            current = Piece(piece.record, fitted.pieces[0].start)
+        found.append(current)
+    return found
 
 
 def free_errors(

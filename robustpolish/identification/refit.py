@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from robustpolish.effects import Effect
 from robustpolish.identification.evaluation import (
     FREE,
+    fitted_starts,
     free_errors,
     full_scale,
     guided_errors,
@@ -165,6 +166,8 @@ def homotopy(
     current = with_rest(model, pieces)
     for level in levels:
         predictor = Predictor(model, setting.dt, level, setting.scales, setting.amplitude)
+        if level.free and current[0].start.vector.size:
+            current = fitted_starts(model, current, predictor, setting.state_scale)
         free = [
             f
             for f in free_parameters(model, setting.scales.bandwidth, reference)

@@ -1,0 +1,115 @@
+"""Run the hidden cases and print the confusion table: ``python -m tests.hidden_effects.run``."""
+
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from robustpolish.identification import compare, diagnose
+
+from .cases import model_of, records
+from .catalogue import all_cases
+
+PAGE = Path(__file__).parents[2] / "docs" / "hidden_effects.md"
+
+
+def normal(kind, at):
+    """A place without ground and order."""
+    return kind, frozenset(at) - {"ground"}
+
+
+def judge(case, diagnosis):
+    """Whether verdict, kinds and places are right, pairs reported as alike counted as right."""
+    if diagnosis.verdict != case.verdict:
+        return False
+    if case.verdict != "missing_effect":
+        return not diagnosis.effects or case.verdict == "unexplained"
+    want = Counter(normal(kind, at) for kind, at, _ in case.effects)
+    got = Counter(normal(e.kind, e.at) for e in diagnosis.effects)
+    missing, extra = want - got, got - want
+    for pair in diagnosis.indistinguishable:
+        first, second = normal(pair.first.kind, pair.first.at), normal(
+            pair.second.kind, pair.second.at)
+        for a, b in ((first, second), (second, first)):
+            if missing[a] and extra[b]:
+                missing -= Counter([a])
+                extra -= Counter([b])
+    return not missing and not extra
+
+
+def run_case(case):
+    """Return one row: case, outcome, errors and time."""
+    (data, _), (unseen, noise) = records(case)
+    began = time.perf_counter()
+    diagnosis = diagnose(model_of(case), data)
+    seconds = time.perf_counter() - began
+    ratio = float("nan")
+    try:
+        errors = compare(diagnosis.model, unseen).outputs
+        ratio = float(np.max([errors[name].rmse / noise[name] for name in noise]))
+    except Exception as error:  # a failing comparison is a result of the case
+        print(f"  compare: {error}", file=sys.stderr)
+    return {
+        "case": case.name,
+        "truth": " + ".join(f"{k} at {', '.join(at)}" for k, at, _ in case.effects) or "nothing",
+        "verdict": diagnosis.verdict,
+        "found": " + ".join(f"{e.kind} at {', '.join(e.at)}" for e in diagnosis.effects) or "-",
+        "alike": "; ".join(f"{p.first} / {p.second}" for p in diagnosis.indistinguishable),
+        "right": judge(case, diagnosis),
+        "ratio": ratio,
+        "seconds": seconds,
+    }
+
+
+def table(rows):
+    """The page: a summary and a table."""
+    effects = [r for r, c in rows if c.verdict == "missing_effect"]
+    calm = [r for r, c in rows if c.verdict == "missing_effect" and not c.chaotic]
+    low = [r for r in calm if r["ratio"] <= 1.3]
+    quiet = [r for r, c in rows if c.verdict in ("adequate", "parameters")]
+    outside = [r for r, c in rows if c.verdict == "unexplained"]
+    lines = [
+        "# Hidden effects",
+        "",
+        "Seeded cases from an integrator of their own (tests/hidden_effects). The model sees one "
+        "noisy record and is then compared with a second, unseen one. Made by "
+        "`make hidden-effects`.",
+        "",
+        f"- kind and place right: {sum(r['right'] for r in effects)} of {len(effects)} cases with "
+        "effects (pairs count if they are reported as alike)",
+        f"- error on the unseen record at most 1.3 times the noise: {len(low)} of {len(calm)} "
+        "that are not chaotic",
+        f"- nothing missing, nothing named: {sum(r['right'] for r in quiet)} of {len(quiet)}",
+        f"- outsiders left unexplained: {sum(r['right'] for r in outside)} of {len(outside)}",
+        "",
+        "| case | truth | verdict | found | alike | right | error / noise | s |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for r, _ in rows:
+        lines.append(
+            f"| {r['case']} | {r['truth']} | {r['verdict']} | {r['found']} | {r['alike']} | "
+            f"{'yes' if r['right'] else '**no**'} | {r['ratio']:.2f} | {r['seconds']:.0f} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def main(names):
+    """Run all cases, or those whose names contain one of `names`; write the page for all."""
+    rows = []
+    for case in all_cases():
+        if names and not any(name in case.name for name in names):
+            continue
+        row = run_case(case)
+        rows.append((row, case))
+        print(f"{'ok ' if row['right'] else 'BAD'} {row['case']:40s} {row['verdict']:14s} "
+              f"{row['found']:50s} {row['ratio']:6.2f} {row['seconds']:6.1f} s", flush=True)
+    page = table(rows)
+    print(page)
+    if not names:
+        PAGE.write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
