@@ -106,7 +106,7 @@ def design_against_brush(
     >>> job = rp.design_against_brush(duration=0.05)
     >>> job.design.certificate.valid
     True
-    >>> bool(job.comparison.table["improvement"].sel(row="hinf", signal="y") > 90)
+    >>> bool(job.comparison.table["improvement"].sel(row="with control", signal="y") > 90)
     True
     """
     machine = AirBearingParameters() if parameters is None else parameters
@@ -126,7 +126,7 @@ def design_against_brush(
     disturbance = simulate_brush(simulator, run, duration)
     tell("Comparing the loops under the brush's forces ...")
     comparison = compare_controllers(
-        {norm: design}, disturbance, plant=plant, signals=("x", "y", "z")
+        {"with control": design}, disturbance, plant=plant, signals=("x", "y", "z")
     )
     measure = hinf_norm if norm == "hinf" else h2_norm
     return BrushDesign(

@@ -29,12 +29,12 @@ def brush_design_report(job: BrushDesign) -> Report:
 
 def verdict(job: BrushDesign) -> str:
     """Say in two sentences what was found."""
-    certificate, norm = job.design.certificate, job.design.norm
+    certificate = job.design.certificate
     proven = "certified" if certificate.valid else "NOT certified"
-    name = {"hinf": "H-infinity", "h2": "H2"}[norm]
-    improvement = job.comparison.table["improvement"].sel(row=norm)
+    name = {"hinf": "H-infinity", "h2": "H2"}[job.design.norm]
+    improvement = job.comparison.table["improvement"].sel(row="with control")
     gained = ", ".join(
-        f"{axis} by {float(improvement.sel(signal=axis)):.1f} %"
+        f"{axis} by {float(improvement.sel(signal=axis)):.2f} %"
         for axis in AXES
         if np.isfinite(improvement.sel(signal=axis))
     )
@@ -124,7 +124,7 @@ def _gained(job: BrushDesign) -> Section:
 
 
 def _effort(job: BrushDesign) -> Section:
-    response = job.comparison.responses[job.design.norm]
+    response = job.comparison.responses["with control"]
     largest_gain = np.linalg.norm(job.design.controller.D, 2)
     controls = tuple(name for name in job.plant.control_names if not name.endswith("_m"))
     unit = job.plant.units[controls[0]]

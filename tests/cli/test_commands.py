@@ -107,7 +107,7 @@ def test_design_prints_json_alone(tmp_path):
         run("design", "--duration", "0.02", "--json", "--report", str(report)).stdout
     )
     rows = {row["row"]: row for row in found["rows"]}
-    assert rows["hinf"]["improvement_percent"]["y"] >= 90
+    assert rows["with control"]["improvement_percent"]["y"] >= 90
     assert found["status"] in ("optimal", "suboptimal")
     assert report.exists()
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
