@@ -8,7 +8,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint docs bench hidden-effects clean
+.PHONY: help demo test test-slow lint docs bench hidden-effects clean clean-cache
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 18
@@ -45,5 +45,8 @@ bench: $(READY) ## Compare all synthesis methods on the benchmark plants
 hidden-effects: $(READY) ## Print the confusion table of the hidden-effect cases
 	$(BIN)/python -m tests.hidden_effects.run
 
-clean: ## Remove what the other targets made
+clean-cache: ## Forget compiled functions
+	find robustpolish tests -name '*.nb?' -delete
+
+clean: clean-cache ## Remove what the other targets made
 	rm -rf $(VENV) demo-results docs/_build .pytest_cache .ruff_cache .import_linter_cache

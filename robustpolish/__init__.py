@@ -11,8 +11,10 @@ from robustpolish.analysis import (
     modes,
     observability,
     prescale,
+    scale_system,
+    stability,
 )
-from robustpolish.brush import BrushParameters, simulate_brush
+from robustpolish.brush import BrushParameters, Surface, simulate_brush
 from robustpolish.closed_loop import (
     BrushDesign,
     ControllerComparison,
@@ -84,6 +86,7 @@ __all__ = [
     "RobustPolishWarning",
     "Sector",
     "SolverError",
+    "Surface",
     "air_bearing",
     "certify",
     "compare",
@@ -105,9 +108,11 @@ __all__ = [
     "read_measurement",
     "refit",
     "residual_analysis",
+    "scale_system",
     "simulate",
     "simulate_brush",
     "split_blocks",
+    "stability",
     "state_feedback",
     "static_output_feedback",
 ]

@@ -11,7 +11,7 @@ from robustpolish.cli.options import force_option, json_option, reports_errors, 
 from robustpolish.identification import compare as compare_model
 from robustpolish.identification import residual_analysis
 from robustpolish.models import MechanicalModel
-from robustpolish.report.saving import new_file
+from robustpolish.saving import new_file
 
 
 @click.command()

@@ -25,7 +25,7 @@ from robustpolish.report.brush_design import (
     save_brush_design,
     verdict,
 )
-from robustpolish.report.saving import new_file, new_folder
+from robustpolish.saving import new_file, new_folder
 
 DEFAULT_OUT = "robustpolish-results"
 

@@ -14,7 +14,7 @@ from robustpolish.identification.diagnose import diagnose as diagnose_model
 from robustpolish.models import MechanicalModel
 from robustpolish.report.diagnosis import diagnosis_report
 from robustpolish.report.html import render_html
-from robustpolish.report.saving import new_file
+from robustpolish.saving import new_file
 
 
 @click.command()

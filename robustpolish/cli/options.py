@@ -13,7 +13,7 @@ import click
 import numpy as np
 
 from robustpolish.errors import InvalidInputError, RobustPolishError
-from robustpolish.report.saving import write_file
+from robustpolish.saving import write_file
 
 F = TypeVar("F", bound=Callable[..., Any])
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import tempfile
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -25,6 +23,7 @@ from robustpolish.models.mechanical_parts import (
     Spring,
 )
 from robustpolish.models.mechanical_toml_lines import line_of
+from robustpolish.saving import write_file
 from robustpolish.validation import described, invalid, one_of
 
 Table = Mapping[str, Any]
@@ -215,7 +214,7 @@ def write_model(model: MechanicalModel, path: str | Path | None = None) -> str:
         lines += _entry("effect", table)
     text = "\n".join(lines).lstrip("\n") + "\n"
     if path is not None:
-        _write_whole(Path(path), text)
+        write_file(path, text, force=True)
     return text
 
 
@@ -265,19 +264,3 @@ def _value(value: Any) -> str:
     if isinstance(value, tuple | list):
         return "[" + ", ".join(_value(item) for item in value) + "]"
     return repr(float(value))
-
-
-def _write_whole(path: Path, text: str) -> None:
-    """Write a file so that nobody ever sees half of it."""
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-    except OSError as error:
-        shown = described(f"{path} ({error.strerror})")
-        raise invalid("path", shown, "a file that can be written", "Choose another.") from None
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(text)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise

@@ -3,7 +3,7 @@
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.report.saving import new_folder, write_file
+from robustpolish.saving import new_folder, write_file
 
 
 def test_a_folder_appears_at_the_end(tmp_path):

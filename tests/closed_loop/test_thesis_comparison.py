@@ -1,0 +1,63 @@
+"""Chapter 11 of the thesis, recomputed with the listings as printed."""
+
+import numpy as np
+import pytest
+
+from robustpolish.closed_loop import thesis_comparison
+from robustpolish.errors import InvalidInputError
+
+# Largest deviations in y and z [m]: tables 11.1, 11.3, 11.5 and 11.7.
+PRINTED = {
+    1: {
+        "without control": (0.0177, 1.9855e-4),
+        "first": (7.5486e-4, 7.1232e-6),
+        "first_scaled": (4.5467e-4, 8.0705e-6),
+        "second": (7.4643e-5, 2.4510e-5),
+        "second_scaled": (6.8915e-4, 9.7659e-6),
+    },
+    4: {
+        "without control": (0.0094, 1.5049e-4),
+        "first": (7.9841e-4, 1.2877e-5),
+        "first_scaled": (4.9490e-4, 1.2861e-5),
+        "second": (8.2640e-5, 4.6829e-5),
+        "second_scaled": (8.0809e-4, 1.9925e-5),
+    },
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("run", PRINTED)
+def test_tables_11_1_to_11_8(run):
+    """Largest deviations of q_m + q over 5 s, within 12 % but for one value per run.
+
+    The listing is chaotic once its contacts chatter: rounding decides which forces come when, and
+    a largest value may rest on a single one of them. Of nine realisations of run 4, eight give
+    0.79 to 0.84 times the y printed for C.5, and one, by a spike at 4.135 s, 1.005 times.
+    """
+    comparison = thesis_comparison(run)
+    deviation = comparison.table["deviation"]
+    ratios = np.array(
+        [
+            deviation.sel(row=row, signal=["y", "z"]).to_numpy() / printed
+            for row, printed in PRINTED[run].items()
+        ]
+    )
+    errors = np.sort(np.abs(ratios - 1).ravel())
+    assert errors[-2] < 0.12
+    assert errors[-1] < 0.30
+    x = deviation.sel(signal="x")
+    assert 5e-4 < float(x.sel(row="without control")) < 2e-3  # scatters with the solver
+    assert (x[1:] == 0).all()  # the gate on w(2): "100 %" in the tables
+
+
+def test_the_table_says_that_the_loads_differ():
+    comparison = thesis_comparison(4, ["second_scaled"], duration=0.02)
+    assert "not the same load" in str(comparison)
+    assert list(comparison.table["row"].to_numpy()) == ["without control", "second_scaled"]
+
+
+def test_bad_arguments_are_named():
+    with pytest.raises(InvalidInputError, match="run: got 2"):
+        thesis_comparison(2)
+    with pytest.raises(InvalidInputError, match="controllers: got 'ours'"):
+        thesis_comparison(1, ["ours"])
