@@ -6,8 +6,6 @@ from scipy.linalg import expm
 
 from robustpolish.brush import ListingDefects, listing_response, simulate_brush
 from robustpolish.errors import InvalidInputError, SolverError
-from robustpolish.models import air_bearing
-from robustpolish.synthesis import published_gain
 
 
 @pytest.fixture(scope="module")
