@@ -45,8 +45,14 @@ _PRICES = tuple(10.0**k for k in range(4, -10, -1))
 _COARSE = 0.5
 _STARTS = 2
 _ROUNDS = 15
-_DESCENTS = 4
-_SECONDS = 3.0
+_DESCENTS = 3
+# Iterations, not seconds, end a descent, so that a design can be repeated; seconds only bound it.
+_ITERATIONS = 150
+_SECONDS = 15.0
+# Starts below this share of the bound count as small.
+_SMALL = 0.5
+# Share by which a descent from a small gain has to be better to be preferred.
+_WORTHWHILE = 1e-3
 # A step that gains less than this share ends a search.
 _GAINED = 1e-5
 # The bound is kept by this share, so that rounding does not break it.
@@ -112,6 +118,13 @@ def minimise_bounded(
         F = _by_inequalities(engine, problem, start, gain, history)
         achieved = problem.achieved(F, engine.norm)
         if achieved < value:
+            best, value = F, achieved
+    # Small gains that cancel a disturbance are found from small gains only.
+    small = [F for F in starts if 0 < gain.size(F) < _SMALL * gain.bound]
+    for start in small[:_STARTS]:
+        F = _descended(engine, problem, start, gain, history, balanced=False)
+        achieved = problem.achieved(F, engine.norm)
+        if achieved < value * (1 - _WORTHWHILE):
             best, value = F, achieved
     if best is None or not math.isfinite(value):
         return None, False
@@ -201,12 +214,13 @@ def _descended(
     start: Matrix,
     gain: GainBound,
     history: list[dict[str, Any]],
+    balanced: bool = True,
 ) -> Matrix:
-    """Descend on the true norm, in states in which the loop of the last gain is balanced."""
+    """Descend on the true norm, if asked in states in which the last loop is balanced."""
     F, value = start, problem.achieved(start, engine.norm)
     deadline = time.monotonic() + min(_SECONDS, max(engine.remaining(), 0.0))
     for _ in range(_DESCENTS):
-        T, V = _coordinates(problem, F)
+        T, V = _coordinates(problem, F) if balanced else (np.eye(problem.nx), np.eye(problem.nu))
         q = problem.in_states(T)
         loop = Loop(
             A=q.A,
@@ -225,7 +239,7 @@ def _descended(
         held = Requirement(GainMeasure(gain.left @ V, back @ gain.right), gain.bound)
         gains = AffineGain.masked(np.ones(F.shape, dtype=bool))
         theta = gains.coordinates(np.linalg.solve(V, F @ T))
-        descent = minimax(Problem(gains, measure, (held,)), theta, deadline)
+        descent = minimax(Problem(gains, measure, (held,)), theta, deadline, _ITERATIONS)
         new = gain.inside(V @ gains.gain(descent.point) @ back)
         achieved = problem.achieved(new, engine.norm)
         history.append(

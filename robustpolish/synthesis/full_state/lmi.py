@@ -78,7 +78,8 @@ def minimise_norm(
         if answer.achieved > claimed * (1 + options.slack):
             # The solver went so near the edge that its gain is wrong: stay further inside.
             tolerance = min(30 * tolerance, 0.1 * options.slack)
-        agreed = agreed or abs(claimed / answer.achieved - 1) < 5 * options.slack
+        near = best.achieved if best is not None and options.norm == "h2" else claimed
+        agreed = agreed or abs(near / answer.achieved - 1) < 5 * options.slack
         if best is None or answer.achieved < best.achieved:
             best = answer
         if settled:
@@ -87,7 +88,7 @@ def minimise_norm(
         return None, history
     if options.norm == "h2":
         # The smallest bound of (10.28) for this gain, without noise, is the Gramian's.
-        return replace(best, claimed=best.achieved, sharp=settled), history
+        return replace(best, claimed=best.achieved, sharp=settled or agreed), history
     estimate = claimed if 0.5 * best.achieved < claimed < best.achieved else best.achieved
     answer = tamed(p, options, frame, best, estimate, history)
     near = answer.achieved <= estimate * (1 + 5 * options.slack)

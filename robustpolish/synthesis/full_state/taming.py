@@ -14,7 +14,6 @@ from robustpolish.synthesis.full_state.frames import Frame
 from robustpolish.synthesis.full_state.problem import StateFeedbackProblem
 from robustpolish.synthesis.full_state.programs import (
     EASED_TOLERANCE,
-    SOLVER_TOLERANCE,
     Demand,
     LmiAnswer,
     LmiOptions,
@@ -87,8 +86,8 @@ def _least_effort(
     gain = (float(np.linalg.norm(best.F, 2)) or None) if options.slack > _COARSE else None
     plain = frame.without_congruence()
     attempts = (
-        (frame, 2, SOLVER_TOLERANCE),
-        (plain, 2, EASED_TOLERANCE),
+        (frame, 2, EASED_TOLERANCE),
+        (plain, 2, 10 * EASED_TOLERANCE),
         (plain, 0, max(10 * options.slack, EASED_TOLERANCE)),
     )
     limit = base
