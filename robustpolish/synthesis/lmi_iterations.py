@@ -35,7 +35,7 @@ def stabilising_gain(
     Parameters
     ----------
     loop : Loop
-        Scaled; D22 is ignored, as the descent that follows accounts for it.
+        Scaled.
     mask : ndarray of bool, shape (nu, ny)
         Entries of K that are free; the last program alone respects it.
     deadline : float
@@ -54,7 +54,7 @@ def stabilising_gain(
         The last gain that a program proposed, stabilising or not: a start for a
         descent. None if the programs failed.
     """
-    A, B, C = _continuous(loop, decay)
+    A, B, C, D = _continuous(loop, decay)
     n = len(A)
     left, right = linalg.null_space(B.T), linalg.null_space(C)
     P0 = Q0 = np.eye(n)
@@ -79,8 +79,8 @@ def stabilising_gain(
         P0, Q0 = solution.value(P), solution.value(Q)
         gain = _gain(A, B, C, P0, mask, backend, remaining)
         if gain is not None and np.linalg.eigvals(A + B @ gain @ C).real.max() < 0:
-            return gain
-    return gain
+            break
+    return None if gain is None else _behind(gain, D, mask)
 
 
 def _gain(
@@ -113,16 +113,26 @@ def _gain(
     return None if solution.x is None else solution.value(K)
 
 
-def _continuous(loop: Loop, decay: float) -> tuple[Matrix, Matrix, Matrix]:
-    """Return A, B, C whose stability implies that of the loop with the decay asked for.
+def _continuous(loop: Loop, decay: float) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """Return A, B, C, D from u to y whose stability implies that of the loop with its decay.
 
-    A discrete loop is mapped by z = (1 + s)/(1 - s); u and y stay u and y up to a feedthrough
-    that only moves the start.
+    A discrete loop is mapped by z = (1 + s)/(1 - s), which leaves u and y as they are.
     """
-    A, B, C = loop.A, loop.B2, loop.C2
+    A, B, C, D = loop.A, loop.B2, loop.C2, loop.D22
     eye = np.eye(len(A))
     if not loop.discrete:
         size = float(np.linalg.norm(A, 2)) or 1.0
-        return A + decay * size * eye, B, C
-    shifted = A / (1 - decay) + eye
-    return np.linalg.solve(shifted, A / (1 - decay) - eye), 2 * np.linalg.solve(shifted, B), C
+        return A + decay * size * eye, B, C, D
+    A, B = A / (1 - decay), B / (1 - decay)
+    shifted = A + eye
+    moved = np.linalg.solve(shifted, B)
+    seen = np.linalg.solve(shifted.T, C.T).T
+    return np.linalg.solve(shifted, A - eye), np.sqrt(2) * moved, np.sqrt(2) * seen, D - C @ moved
+
+
+def _behind(gain: Matrix, D: Matrix, mask: NDArray[np.bool_]) -> Matrix:
+    """Return the gain that acts on y = y0 + D u as `gain` does on y0; a start only, with a mask."""
+    if not D.any() or not mask.all():
+        return gain
+    inner = np.eye(len(gain)) + gain @ D
+    return np.linalg.solve(inner, gain) if np.linalg.cond(inner) < 1e12 else gain

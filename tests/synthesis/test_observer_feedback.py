@@ -30,8 +30,8 @@ def regular_plant(n=3, seed=0, d22=0.0):
 
 
 def lqg_norm(plant):
-    X, _, F = control.care(plant.A, plant.B2, plant.C1.T @ plant.C1, plant.D12.T @ plant.D12)
-    Y, _, L = control.care(plant.A.T, plant.C2.T, plant.B1 @ plant.B1.T, np.eye(1))
+    _X, _, F = control.care(plant.A, plant.B2, plant.C1.T @ plant.C1, plant.D12.T @ plant.D12)
+    _Y, _, L = control.care(plant.A.T, plant.C2.T, plant.B1 @ plant.B1.T, np.eye(1))
     return float(h2_norm(plant.closed_loop(observer_controller(plant, -F, L.T))))
 
 
@@ -70,7 +70,6 @@ def test_any_strictly_proper_controller_is_an_observer():
 
 
 def test_hinf_is_near_the_infimum_of_full_order_control():
-    # An integrator with noise: the central controllers' infimum is 2.414 (1 + sqrt(2)).
     plant = GeneralizedPlant.from_matrices(
         [[1.0]],
         [[1.0, 0.0]],
@@ -81,7 +80,7 @@ def test_hinf_is_near_the_infimum_of_full_order_control():
         D21=[[0.0, 1.0]],
     )
     design = observer_feedback(plant, time_limit=5)
-    # X = Y = x at gamma: 2 x - x^2 (1 - g^-2) + 1 = 0, and x = g at the optimum.
+    # X = Y = x with 2 x - x^2 (1 - g^-2) + 1 = 0, and x = g at the optimum: g^2 - 2 g - 2 = 0.
     roots = np.roots([1.0, -2.0, -2.0])
     assert design.certificate.achieved == pytest.approx(max(roots), rel=5e-3)
 
