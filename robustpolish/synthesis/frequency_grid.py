@@ -5,8 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import control
+import flint
 import numpy as np
 from numpy.typing import NDArray
+
+from robustpolish.synthesis import balls
 
 Vector = NDArray[np.float64]
 
@@ -40,27 +43,60 @@ def confirmation_grid(system: control.StateSpace, peak: float) -> Vector:
     return grid[grid <= nyquist]
 
 
-def largest_singular_values(system: control.StateSpace, frequencies: Vector) -> Vector:
-    """Return the largest singular value of the response at each frequency (rad/s).
+def largest_singular_values(
+    system: control.StateSpace, frequencies: Vector, precise: bool = False
+) -> Vector:
+    """Return the largest singular value of the response at each frequency.
 
-    Points that fall on a pole are infinite.
+    Parameters
+    ----------
+    system : control.StateSpace
+    frequencies : ndarray
+        In rad/s; infinity is allowed in continuous time.
+    precise : bool
+        Whether to solve for the response with 160 bits, which high gains need.
+
+    Returns
+    -------
+    ndarray
+        Infinite at a pole on the boundary.
     """
     A, B, C, D = (np.asarray(M) for M in (system.A, system.B, system.C, system.D))
     values = np.zeros(frequencies.size)
     if 0 in D.shape:
         return values
     nyquist = _nyquist(system)
+    solve = _solve_precisely if precise else np.linalg.solve
     for i, frequency in enumerate(frequencies):
         response = D.astype(complex)
         if np.isfinite(frequency):
-            s = np.exp(1j * np.pi * frequency / nyquist) if np.isfinite(nyquist) else 1j * frequency
+            angle = np.pi * frequency / nyquist
+            s = np.exp(1j * angle) if np.isfinite(nyquist) else 1j * frequency
             try:
-                response = response + C @ np.linalg.solve(s * np.eye(A.shape[0]) - A, B)
-            except np.linalg.LinAlgError:
+                states = solve(s * np.eye(A.shape[0]) - A, B.astype(complex))
+            except (np.linalg.LinAlgError, ZeroDivisionError):
                 values[i] = np.inf
                 continue
+            response = response + _product(C, states) if precise else response + C @ states
         values[i] = np.linalg.svd(response, compute_uv=False)[0]
     return values
+
+
+def _solve_precisely(A: Any, B: Any) -> Any:
+    with balls.precision(160):
+        return _complex_ball(A).solve(_complex_ball(B)).mid()
+
+
+def _product(C: Any, states: Any) -> Any:
+    """Multiply before rounding, for the terms may cancel."""
+    with balls.precision(160):
+        product = _complex_ball(C) * states
+        entries = [complex(float(z.real.mid()), float(z.imag.mid())) for z in product.entries()]
+    return np.array(entries).reshape(product.nrows(), product.ncols())
+
+
+def _complex_ball(M: Any) -> Any:
+    return flint.acb_mat(M.shape[0], M.shape[1], [complex(z) for z in M.ravel()])
 
 
 def _nyquist(system: control.StateSpace) -> float:

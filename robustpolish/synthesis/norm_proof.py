@@ -2,9 +2,9 @@
 
 A proof is a symmetric P > 0 that satisfies a strict matrix inequality, the bounded-real one
 for the H-infinity norm (Boyd et al., "Linear Matrix Inequalities in System and Control Theory",
-1994, section 2.7.3), the Gramian one for the H2 norm (section 6.3.2). P is found in doubles; nothing
-is assumed about how good it is, only the check counts. Discrete-time loops are mapped by the
-Cayley transformation, which keeps stability, the H-infinity norm and P itself.
+1994, section 2.7.3), the Gramian one for the H2 norm (section 6.3.2). P is found in doubles;
+nothing is assumed about how good it is, only the check counts. Discrete-time loops are mapped by
+the Cayley transformation, which keeps stability, the H-infinity norm and P itself.
 
 What makes P strict is a small shift of all poles to the right: the equation for A + alpha I leaves
 -2 alpha P, a margin in proportion to P. Solving again in the coordinates where P was found to be
@@ -357,8 +357,8 @@ def _precise_riccati(loop: LoopBalls, alpha: float, size: float) -> Ball | None:
         here, there = np.linalg.norm(balls.midpoint(Z)), np.linalg.norm(balls.midpoint(inverse))
         if not (np.isfinite(here) and np.isfinite(there)):
             return None
-        step = (Z * flint.arb(there / here).sqrt() + inverse / flint.arb(there / here).sqrt()).mid()
-        step = step * flint.arb(0.5)
+        weight = flint.arb(float(there / here)).sqrt()
+        step = ((Z * weight + inverse / weight) * flint.arb(0.5)).mid()
         change = np.linalg.norm(balls.midpoint(step - Z))
         Z = step
         if change <= 1e-25 * here:

@@ -41,10 +41,10 @@ def output_feedback(
 ) -> Design:
     r"""Design a dynamic controller u = K y from the measurements for the smallest norm.
 
-    The controller has at most as many states as the plant. Scaling of all signals, states and of time,
-    decoupled parts, D11 and D22, rank-deficient D12 and D21 and zeros on the
-    stability boundary are taken care of. Only what is computed afresh from the closed loop is believed,
-    and every design carries a proof of its stability and norm.
+    The controller has at most as many states as the plant. Scaling of signals, states and
+    time, decoupled parts, D11 and D22, rank-deficient D12 and D21 and zeros on the
+    stability boundary are taken care of. Only what is computed afresh from the closed
+    loop is believed, and every design carries a proof of its stability and norm.
 
     Parameters
     ----------
@@ -65,8 +65,8 @@ def output_feedback(
         How far above the best norm found, relative, a controller may lie to have a smaller
         gain or fewer states.
     time_limit : float
-        Seconds for the search. The certificate, up to about 2 s for 60 states, is computed within it
-        if possible, and in any case.
+        Seconds for the search. The certificate, up to about 2 s for 60 states, is computed
+        within them if possible, and in any case.
 
     Returns
     -------
@@ -188,7 +188,7 @@ def _solve_parts(
         keys.append(key)
         if key not in searched:
             share = deadline.share(1 / (len(parts) - i))
-            searched[key] = _search(_with_signals(P), settings, share)
+            searched[key] = _search(_with_signals(P), settings, diagnosis, share)
     # No part has to be much better than the one that decides the norm of the whole.
     enough = 0.01 * max((s.best for s in searched.values()), default=0.0)
     chosen = {key: _choose(search, settings, diagnosis, enough) for key, search in searched.items()}
@@ -242,17 +242,23 @@ def _padded(M: Any, shape: tuple[int, int]) -> Any:
     return M if M.shape == shape else np.zeros(shape)
 
 
-def _search(plant: GeneralizedPlant, settings: Settings, deadline: Deadline) -> PartSearch:
+def _search(
+    plant: GeneralizedPlant, settings: Settings, diagnosis: Diagnosis, deadline: Deadline
+) -> PartSearch:
     problem = SolverPlant.of(plant, mapped=settings.norm == "hinf")
     # The certificate of a loop with n states takes about 1e-6 n^3 seconds.
     reserve = min(0.4 * deadline.seconds, 1e-6 * (2 * plant.nx) ** 3)
     limit = Deadline(deadline.remaining - reserve)
-    return PartSearch(problem, run_engines(problem, settings, limit), limit, settings.norm)
+    regular = diagnosis.d12_full and diagnosis.d21_full
+    searches = run_engines(problem, settings, regular, limit)
+    return PartSearch(problem, searches, limit, settings.norm)
 
 
 def _choose(search: PartSearch, settings: Settings, diagnosis: Diagnosis, enough: float) -> Chosen:
+    # The H2 optimum is known exactly where the plant is regular, so that it is returned.
+    tolerance = settings.tolerance if settings.norm == "hinf" else min(settings.tolerance, 2e-5)
     chosen, reasons = choose(
-        search.problem, search.searches, settings.norm, settings.tolerance, enough, search.deadline
+        search.problem, search.searches, settings.norm, tolerance, enough, search.deadline
     )
     if chosen is not None:
         return chosen
@@ -295,7 +301,10 @@ def _overall(done: Sequence[Chosen], norm: Norm) -> Status:
     largest = max((c.certificate.achieved for c in done), default=0.0)
     counts = [c for c in done if norm == "h2" or c.certificate.achieved >= 0.99 * largest]
     found = {c.status for c in counts}
-    return next((status for status in _WORST_FIRST if status in found), "optimal")
+    for status in _WORST_FIRST:
+        if status in found:
+            return status
+    return "optimal"
 
 
 def _message(

@@ -89,11 +89,13 @@ def loop_norm(plant: PlantMatrices, K: Controller, norm: str = "hinf") -> float:
     loop = close(plant, K)
     if not all(np.isfinite(M).all() for M in loop):
         return np.inf
-    if loop.A.size and np.linalg.eigvals(loop.A).real.max() >= 0:
+    poles: Any = np.linalg.eigvals(loop.A) if loop.A.size else np.zeros(0)
+    margin = 1 - np.abs(poles) if plant.discrete else -poles.real
+    if margin.min(initial=1.0) <= 0:
         return np.inf
     if 0 in loop.D.shape:
         return 0.0
-    system = control.StateSpace(*loop)
+    system = control.StateSpace(*loop, plant.discrete)
     if norm == "h2":
         return float(h2_norm(system, tolerance=1e-3).value)
     found = hinf_norm(system, tolerance=1e-6, exact=False)

@@ -67,9 +67,10 @@ def choose(
     reasons: list[str] = []
     ranked = preferred(everything, tolerance, level)
     for trial in _trials(len(ranked)):
-        if trial and deadline.expired:
-            break
         candidate = ranked[trial]
+        if trial and deadline.expired:
+            # The last chance goes to the gentlest controller, the easiest one to prove.
+            candidate = min(everything, key=lambda c: c.gain)
         bound = max(limit, candidate.achieved)
         short = simplify(problem.matrices, candidate, bound, deadline, norm)
         for each in (short, candidate) if short is not candidate else (candidate,):
@@ -78,6 +79,8 @@ def choose(
                 owner = owners[id(candidate)]
                 status = _status(owner, searches, each, best)
                 return Chosen(*found, owner, each, status), reasons
+        if trial and deadline.expired:
+            break
     return None, reasons
 
 
@@ -94,7 +97,8 @@ def _certified(
     if K is None:
         reasons.append("the loop with D22 is not well posed")
         return None
-    claimed = problem.norm(max(candidate.claimed, candidate.achieved), norm)
+    promised = candidate.claimed if np.isfinite(candidate.claimed) else candidate.achieved
+    claimed = problem.norm(max(promised, candidate.achieved), norm)
     certificate = certify(problem.original, K, norm, claimed)
     loose = certificate.bound > (1 + 2e-3) * certificate.achieved
     if certificate.valid and not loose:

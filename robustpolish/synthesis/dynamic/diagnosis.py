@@ -1,4 +1,4 @@
-"""What is known about a plant before and after solving: can it be stabilised, is it regular?"""
+"""What is known about a plant: whether it can be stabilised, and whether it is regular."""
 
 from __future__ import annotations
 
@@ -156,12 +156,14 @@ def _fixed(
     n = A.shape[0]
     if n == 0:
         return []
+    values: Any
+    vectors: Any
     values, vectors = np.linalg.eig(A)
     size = np.linalg.norm(A, 2) + np.linalg.norm(B, 2)
     margin = 1 - np.abs(values) if plant.is_discrete else -values.real
     found = []
-    for i in np.flatnonzero((margin <= 1e-7 * size) & (values.imag >= 0)):
-        distance = _distance(A, B, complex(values[i])) / size
+    for i in np.flatnonzero((margin <= 1e-7 * size) & (values.imag >= 0)).tolist():
+        distance = float(_distance(A, B, complex(values[i])) / size)
         if distance < _SUSPECT:
             carries = plant.states[int(np.argmax(_participation(vectors, i)))]
             found.append(FixedMode(complex(values[i] / time), carries, lack, distance, False))

@@ -15,7 +15,7 @@ Matrix = NDArray[Any]
 
 
 class PlantMatrices(NamedTuple):
-    """A continuous-time plant with D22 = 0."""
+    """A plant with D22 = 0, continuous unless `discrete` says otherwise."""
 
     A: Matrix
     B1: Matrix
@@ -25,6 +25,7 @@ class PlantMatrices(NamedTuple):
     D11: Matrix
     D12: Matrix
     D21: Matrix
+    discrete: bool = False
 
 
 class Controller(NamedTuple):
@@ -53,7 +54,15 @@ class Loop(NamedTuple):
 def matrices(plant: GeneralizedPlant) -> PlantMatrices:
     """Return the matrices of `plant` without D22, which :func:`shift` accounts for."""
     return PlantMatrices(
-        plant.A, plant.B1, plant.B2, plant.C1, plant.C2, plant.D11, plant.D12, plant.D21
+        plant.A,
+        plant.B1,
+        plant.B2,
+        plant.C1,
+        plant.C2,
+        plant.D11,
+        plant.D12,
+        plant.D21,
+        plant.is_discrete,
     )
 
 

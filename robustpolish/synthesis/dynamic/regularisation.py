@@ -10,8 +10,8 @@ from robustpolish.synthesis.dynamic.matrices import PlantMatrices
 def regularise(plant: PlantMatrices, epsilon: float) -> PlantMatrices:
     """Price u and x, and disturb y and x, a little.
 
-    Appends epsilon times u and x to z, and epsilon times noise on y and x to w. Afterwards
-    D12 and D21 have full rank and no zeros lie on the imaginary axis, whatever the plant. Every norm
+    Appends epsilon times u and x to z, and epsilon times noise on y and x to w. Then D12
+    and D21 have full rank and no zeros lie on the imaginary axis, whatever the plant. The norm
     of a loop with the regularised plant bounds the norm with the true one from above.
 
     Parameters
@@ -37,4 +37,5 @@ def regularise(plant: PlantMatrices, epsilon: float) -> PlantMatrices:
         D11,
         np.vstack([P.D12, np.zeros((n, nu)), epsilon * np.eye(nu)]),
         np.hstack([P.D21, np.zeros((ny, n)), epsilon * np.eye(ny)]),
+        P.discrete,
     )

@@ -8,7 +8,6 @@ of the true loops, which alone are believed, no longer improve.
 
 from __future__ import annotations
 
-import time
 import numpy as np
 
 from robustpolish.synthesis.deadline import Deadline
@@ -77,7 +76,7 @@ def descend(plant: PlantMatrices, deadline: Deadline) -> Findings:
             ladder.converged = True
         if found.gain > _LARGEST_GAIN or ladder.converged:
             break
-        if quiet >= 6 or (quiet >= 2 and not _deeper_helps(plant, gamma)):
+        if quiet >= 6 or (quiet >= 2 and not deeper_helps(plant, gamma)):
             ladder.converged = True
             break
     if waiting is not None:
@@ -139,7 +138,7 @@ def _is_falling(ladder: Findings) -> bool:
     return len(norms) > 4 and min(norms) < _FALLING * min(norms[:-4])
 
 
-def _deeper_helps(plant: PlantMatrices, gamma: float) -> bool:
+def deeper_helps(plant: PlantMatrices, gamma: float) -> bool:
     """Look far down the ladder, lest a plateau be taken for the bottom."""
     return any(
         attempt(normalise(regularise(plant, epsilon)), 0.97 * gamma).feasible

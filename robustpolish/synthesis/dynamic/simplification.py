@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from scipy import linalg
 
 from robustpolish.synthesis.deadline import Deadline
 from robustpolish.synthesis.dynamic.candidates import Candidate, examine
-from robustpolish.synthesis.dynamic.matrices import Controller, Matrix, PlantMatrices
+from robustpolish.synthesis.dynamic.matrices import Controller, PlantMatrices
 
 
 def simplify(
@@ -71,7 +72,7 @@ def _reductions(K: Controller, norm: str) -> Iterator[Controller]:
         )
 
 
-def _weakest(K: Controller, values: Matrix) -> complex | None:
+def _weakest(K: Controller, values: Any) -> complex | None:
     """Return the eigenvalue whose mode adds least to the controller's response."""
     _, vectors = np.linalg.eig(K.A)
     try:

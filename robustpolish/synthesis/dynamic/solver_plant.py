@@ -70,7 +70,9 @@ class SolverPlant:
         if shifted is None:
             return None
         found = self.scaled.controller(control.StateSpace(*shifted, remove_useless_states=False))
-        final: Controller | None = Controller(found.A, found.B, found.C, found.D)
+        final: Controller | None = Controller(
+            *map(np.asarray, (found.A, found.B, found.C, found.D))
+        )
         if self.original.is_discrete and not self.scaled.original.is_discrete:
             final = to_discrete(final, self.feedback, self.original.D22)
         if final is None or not all(np.isfinite(M).all() for M in final):

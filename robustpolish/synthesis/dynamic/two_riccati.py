@@ -89,8 +89,7 @@ def lowest_gamma(normal: NormalisedPlant) -> float:
 def attempt(normal: NormalisedPlant, gamma: float) -> Attempt:
     """Solve both Riccati equations at `gamma`."""
     P = normal.plant
-    nw, ny = P.B1.shape[1], P.C2.shape[0]
-    nz, nu = P.C1.shape[0], P.B2.shape[1]
+    nw, nz = P.B1.shape[1], P.C1.shape[0]
     if gamma <= lowest_gamma(normal):
         return Attempt(False, None)
     X = _half(P.A, np.hstack([P.B1, P.B2]), P.C1, np.hstack([P.D11, P.D12]), nw, gamma)

@@ -1,0 +1,47 @@
+"""Who solves the matrix inequalities, and until when."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robustpolish.synthesis.deadline import Deadline
+from robustpolish.synthesis.limited import run_limited
+from robustpolish.synthesis.semidefinite import SemidefiniteProgram, SemidefiniteSolution
+
+# An interior-point iteration on more unknowns takes too long for the clock to be looked at.
+_QUICK_UNKNOWNS = 500
+
+
+@dataclass(frozen=True)
+class LmiOptions:
+    """A backend, its solver and a deadline.
+
+    Attributes
+    ----------
+    backend : {"cvxpy", "picos"}
+    solver : str or None
+    deadline : Deadline
+    accuracy : float
+        Relative tolerance handed to the solver.
+    """
+
+    backend: str
+    solver: str | None
+    deadline: Deadline
+    accuracy: float = 1e-9
+
+    def solve(self, program: SemidefiniteProgram) -> SemidefiniteSolution:
+        """Solve a program within the time that is left; without an answer its x is None."""
+        seconds = self.deadline.remaining
+        if seconds <= 0:
+            return SemidefiniteSolution(None, "no time left", 0.0)
+
+        def call() -> SemidefiniteSolution:
+            return program.solve(
+                self.backend, solver=self.solver, tolerance=self.accuracy, time_limit=seconds
+            )
+
+        unknowns = program.conic_form().objective.size
+        if self.backend == "cvxpy" and self.solver is None and unknowns <= _QUICK_UNKNOWNS:
+            return call()
+        return run_limited(call, seconds) or SemidefiniteSolution(None, "time limit", seconds)
