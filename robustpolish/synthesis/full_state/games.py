@@ -101,7 +101,6 @@ def minimise_hinf(
     problem: StateFeedbackProblem,
     tolerance: float,
     out_of_time: Callable[[], bool],
-    judge: StateFeedbackProblem | None = None,
 ) -> tuple[Matrix | None, float, float]:
     """Bisect on gamma, believing only the norms of loops.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -57,18 +57,52 @@ def minimise_norm(
     """
     p = problem.compressed()
     first = p.achieved(start, options.norm)
-    frame = older = Frame.plain(p, first if 0 < first < math.inf else 1.0)
-    best: LmiAnswer | None = None
+    frame = Frame.plain(p, first if 0 < first < math.inf else 1.0)
     history: list[dict[str, Any]] = []
-    settled = agreed = False
+    result = _rounds(p, options, frame, history)
+    if (result is None or not result.agreed) and options.remaining() > 0:
+        approached = _approached(p, options, frame, history)
+        other = _rounds(p, options, approached, history)
+        if result is None or (other is not None and other.better_than(result)):
+            result = other
+    if result is None:
+        return None, history
+    best = result.best
+    if options.norm == "h2":
+        # The smallest bound of (10.28) for this gain, without noise, is the Gramian's.
+        return replace(best, claimed=best.achieved, sharp=result.agreed), history
+    claimed = result.claimed
+    estimate = claimed if 0.5 * best.achieved < claimed < best.achieved else best.achieved
+    answer = tamed(p, options, result.frame, best, estimate, history)
+    near = answer.achieved <= estimate * (1 + 5 * options.slack)
+    return replace(answer, sharp=near and result.agreed), history
+
+
+@dataclass(frozen=True, eq=False)
+class _Result:
+    """The best answer of several rounds, the next frame, the last claim, and whether to trust."""
+
+    best: LmiAnswer
+    frame: Frame
+    claimed: float
+    agreed: bool
+
+    def better_than(self, other: _Result) -> bool:
+        return self.best.achieved < other.best.achieved or (self.agreed and not other.agreed)
+
+
+def _rounds(
+    p: StateFeedbackProblem, options: LmiOptions, frame: Frame, history: list[dict[str, Any]]
+) -> _Result | None:
+    """Solve again and again, each time in the coordinates that the last answer suggests."""
+    older = frame
+    best: LmiAnswer | None = None
+    agreed = False
     claimed, tolerance = math.inf, SOLVER_TOLERANCE
     for number, noise in enumerate(_NOISE, start=1):
         if options.remaining() <= 0:
             break
         solved = _solve_somehow(p, options, frame, older, noise, tolerance, history)
-        if solved is None and number == 1:
-            frame = older = _approached(p, options, frame, history)
-            solved = _solve_somehow(p, options, frame, older, noise, tolerance, history)
         history[-1]["step"] = f"inequalities, round {number}"
         if solved is None:
             break
@@ -79,20 +113,14 @@ def minimise_norm(
             # The solver went so near the edge that its gain is wrong: stay further inside.
             tolerance = min(30 * tolerance, 0.1 * options.slack)
         near = best.achieved if best is not None and options.norm == "h2" else claimed
-        agreed = agreed or abs(near / answer.achieved - 1) < 5 * options.slack
+        agreed = agreed or settled or abs(near / answer.achieved - 1) < 5 * options.slack
         if best is None or answer.achieved < best.achieved:
             best = answer
         if settled:
             break
     if best is None or not math.isfinite(best.achieved):
-        return None, history
-    if options.norm == "h2":
-        # The smallest bound of (10.28) for this gain, without noise, is the Gramian's.
-        return replace(best, claimed=best.achieved, sharp=settled or agreed), history
-    estimate = claimed if 0.5 * best.achieved < claimed < best.achieved else best.achieved
-    answer = tamed(p, options, frame, best, estimate, history)
-    near = answer.achieved <= estimate * (1 + 5 * options.slack)
-    return replace(answer, sharp=near and agreed), history
+        return None
+    return _Result(best, frame, claimed, agreed)
 
 
 def _solve_somehow(
