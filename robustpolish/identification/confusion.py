@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from robustpolish.effects import Effect, lookup
+from collections.abc import Sequence
 
+from robustpolish.effects import Effect, lookup
+from robustpolish.identification.diagnosis import Confusion, FoundEffect
+
+_DRY = ("coulomb_friction", "stribeck_friction")
 _EXPERIMENTS: dict[frozenset[str], str] = {
     frozenset({"sensor_offset", "constant_force"}): "Start the record at rest, before the "
     "force acts: an offset is there from the first sample, a force moves the machine.",
@@ -16,6 +20,26 @@ _EXPERIMENTS: dict[frozenset[str], str] = {
     "a third of it: a cubic spring changes with the square, a clearance matters less and less.",
     frozenset({"input_gain", "sensor_gain"}): "Load with a known weight, or add a known mass.",
 }
+
+
+def asymmetries(found: Sequence[FoundEffect]) -> list[Confusion]:
+    """Return the constant forces that friction of unlike size in the two directions would be.
+
+    Only the friction in each direction plus or minus the force shows while something slides.
+    """
+    pairs = []
+    for force in found:
+        for friction in found:
+            if (
+                force.kind == "constant_force"
+                and friction.kind in _DRY
+                and (force.at[0] in friction.at)
+            ):
+                size = force.parameters["force"].value
+                lopsided = Effect("coulomb_friction", friction.at, {"asymmetry": -size})
+                here = Effect(force.kind, force.at, {"force": size})
+                pairs.append(Confusion(here, lopsided, experiment(here, lopsided)))
+    return pairs
 
 
 def experiment(first: Effect, second: Effect) -> str:

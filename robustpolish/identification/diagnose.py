@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from robustpolish.effects import Effect
-from robustpolish.identification.confusion import experiment
+from robustpolish.identification.confusion import asymmetries, experiment
 from robustpolish.identification.diagnosis import (
     Confusion,
     Diagnosis,
@@ -20,7 +20,7 @@ from robustpolish.identification.diagnosis import (
 )
 from robustpolish.identification.evaluation import FREE, free_errors
 from robustpolish.identification.gains import WrongGain, wrong_gains
-from robustpolish.identification.holds import with_holds
+from robustpolish.identification.holds import null_score, with_holds
 from robustpolish.identification.ledger import Ledger
 from robustpolish.identification.observer import Level, force_sites
 from robustpolish.identification.parameters import effect_unit, unit_of
@@ -34,6 +34,7 @@ from robustpolish.identification.refit import (
     standard_errors,
 )
 from robustpolish.identification.screening import Candidate, Screening, screen
+from robustpolish.identification.verdict import choose_verdict
 from robustpolish.models.mechanical import MechanicalModel
 
 Array = NDArray[np.float64]
@@ -56,6 +57,7 @@ class _Search:
     reference: MechanicalModel
     stage: Stage
     ledger: Ledger
+    guided: MechanicalModel
     candidates: list[RankedCandidate] = field(default_factory=list)
     confusions: list[Confusion] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
@@ -104,15 +106,16 @@ def diagnose(
     say("refit of the model's own parameters")
     stages = homotopy(model, setting, setting.trial, model, _LINEAR)
     stage = best_stage(stages, setting)
-    search = _Search(setting, model, stage, ledger)
+    search = _Search(setting, model, stage, ledger, stages[min(1, len(stages) - 1)].model)
     search.ledger = ledger.add(
         "refit", _by_output(model, _whole_error(stage.model, setting), setting)
     )
-    for found in wrong_gains(model, search.stage.model):
-        _add_gain(search, found, say)
     while len(search.stage.model.effects) - len(model.effects) < MOST_EFFECTS:
         if not _add_one(search, say):
             break
+    # only now: as long as something is missing, a fit bends masses and springs alike
+    for found in wrong_gains(model, search.stage.model):
+        _add_gain(search, found, say)
     return _conclude(search, model, base, say)
 
 
@@ -135,7 +138,9 @@ def _add_one(search: _Search, say: Progress) -> bool:
     setting, stage = search.setting, search.stage
     number = len(stage.model.effects) - len(search.reference.effects) + 1
     say(f"screening for effect {number}")
-    screening = screen(stage.model, setting.screened, setting.scales, setting.amplitude)
+    screening = screen(
+        _least_distorted(search), setting.screened, setting.scales, setting.amplitude
+    )
     search.screening = screening
     hopeful = _hopeful(screening.candidates)
     refits: list[tuple[Candidate, Stage]] = []
@@ -146,21 +151,29 @@ def _add_one(search: _Search, say: Progress) -> bool:
             refits.append((candidate, fitted))
     ranked = sorted(refits, key=lambda item: _judgement(item[1], refits))
     _remember(search, ranked, screening.candidates, number)
-    winner = _winner(ranked, search)
-    if winner is None:
+    earned = _first_earned(_in_turn(ranked, search), search)
+    if earned is None:
         return False
-    candidate, fitted = winner
-    remark = _objection(candidate, fitted, search)
-    if remark:
-        search.reasons.append(f"{candidate.effect} was not added: {remark}.")
-        return False
-    _note_confusions(search, winner, ranked)
+    candidate, fitted = earned
+    _note_confusions(search, earned, ranked)
     search.stage = fitted
     search.ledger = search.ledger.add(
         candidate.effect.kind,
         _by_output(fitted.model, _whole_error(fitted.model, setting), setting),
     )
     return True
+
+
+def _least_distorted(search: _Search) -> MechanicalModel:
+    """Return the model from which to screen.
+
+    A free-run fit bends the model's numbers to what is missing; one that is led by the data
+    leaves that to the free force. The likelihood tells which is nearer.
+    """
+    if search.stage.model.effects != search.guided.effects:
+        return search.stage.model
+    pair = (search.stage.model, search.guided)
+    return min(pair, key=lambda model: null_score(model, search.setting))
 
 
 def _add_gain(search: _Search, found: WrongGain, say: Progress) -> None:
@@ -198,7 +211,7 @@ def _hopeful(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 def _refit_with(candidate: Candidate, search: _Search) -> Stage | None:
     effect = candidate.effect
-    model = search.stage.model.with_effect(effect.kind, effect.at, effect.values)
+    model = _least_distorted(search).with_effect(effect.kind, effect.at, effect.values)
     setting = search.setting
     stages = homotopy(model, setting, setting.trial, search.reference, _EXTENDED, _steps(setting))
     return best_stage(stages, setting) if stages else None
@@ -222,17 +235,33 @@ def _tolerance(setting: Setting) -> float:
     return float(np.clip(40 / held, 0.003, 0.03))
 
 
-def _winner(
+def _in_turn(
     ranked: Sequence[tuple[Candidate, Stage]], search: _Search
-) -> tuple[Candidate, Stage] | None:
-    """Return the best candidate; among equals the one with the fewest parameters."""
+) -> list[tuple[Candidate, Stage]]:
+    """Return the candidates by error; among equals the one with the fewest parameters first."""
     if not ranked:
-        return None
+        return []
     rivals = list(ranked)
-    best = _judgement(rivals[0][1], rivals)
-    limit = best + _tolerance(search.setting)
-    equals = [item for item in rivals if _judgement(item[1], rivals) <= limit]
-    return min(equals, key=lambda item: (_size(item[0].effect), _judgement(item[1], rivals)))
+    limit = _judgement(rivals[0][1], rivals) + _tolerance(search.setting)
+
+    def order(item: tuple[Candidate, Stage]) -> tuple[bool, int, float]:
+        error = _judgement(item[1], rivals)
+        equal = error <= limit
+        return (not equal, _size(item[0].effect) if equal else 0, error)
+
+    return sorted(rivals, key=order)
+
+
+def _first_earned(
+    candidates: Sequence[tuple[Candidate, Stage]], search: _Search
+) -> tuple[Candidate, Stage] | None:
+    """Return the first candidate that earns its place."""
+    for candidate, fitted in candidates:
+        remark = _objection(candidate, fitted, search)
+        if not remark:
+            return candidate, fitted
+        search.reasons.append(f"{candidate.effect} was not added: {remark}.")
+    return None
 
 
 def _size(effect: Effect) -> int:
@@ -328,7 +357,11 @@ def _conclude(search: _Search, model: MechanicalModel, base: Array, say: Progres
     if added or len(ledger.entries) > 1:
         last = replace(ledger.entries[-1], nrmse=_by_output(model, error, setting))
         ledger = replace(ledger, entries=(*ledger.entries[:-1], last))
-    verdict, reasons, floor = _verdict(search, base, error, bool(added))
+    refit = search.ledger.entries[1].nrmse
+    refitted = np.array([refit[name] for name in names]) * np.std(setting.record.Y, axis=0)
+    verdict, reasons, floor = choose_verdict(
+        setting, stage, search.screening, base, refitted, error, bool(added)
+    )
     ledger = replace(ledger, noise_floor=dict(zip(names, floor.tolist(), strict=True)))
     errors = standard_errors(final, setting.record)
     values = {
@@ -336,6 +369,7 @@ def _conclude(search: _Search, model: MechanicalModel, base: Array, say: Progres
         for key in errors
     }
     found = tuple(_found(final.model, len(model.effects) + i, errors) for i in range(len(added)))
+    search.confusions += asymmetries(found)
     motion = search.screening.motion if search.screening else None
     _, sites = force_sites(model)
     return Diagnosis(
@@ -356,49 +390,3 @@ def _found(model: MechanicalModel, index: int, errors: dict[str, float]) -> Foun
         unit = effect_unit(model, added.kind, effect.at, p.name)
         parameters[p.name] = Value(effect.values[p.name], errors.get(key, 0.0), unit)
     return FoundEffect(effect.kind, effect.at, parameters)
-
-
-def _verdict(
-    search: _Search, base: Array, error: Array, added: bool
-) -> tuple[str, list[str], Array]:
-    """Choose the verdict; return it with reasons and the noise floor over the deviations."""
-    setting = search.setting
-    size = np.std(setting.record.Y, axis=0)
-    white = setting.scales.noise
-    quiet = _noise_like(search)
-    excess = float(np.max(error / white))
-    if not search.stage.reproducible:
-        excess = float(np.max(search.stage.guided / white))
-    at_floor = excess < 1.25 or quiet
-    floor = np.where(at_floor, np.maximum(error, 0), np.minimum(white, error))
-    floor = np.minimum(floor, error) / size
-    refit = np.array([search.ledger.entries[1].nrmse[n] for n in search.reference.output_names])
-    refit = refit * size
-    if added:
-        share = _explained(refit, error, white)
-        if at_floor or share > 0.7:
-            return (
-                "missing_effect",
-                [f"The effects explain {100 * share:.0f} % of the error."],
-                floor,
-            )
-        why = f"What was found explains {100 * share:.0f} % of the error only."
-        return "unexplained", [why], floor
-    if not at_floor:
-        return "unexplained", ["No effect of the catalogue makes the error fall visibly."], floor
-    if np.any(base > 1.1 * error):
-        return "parameters", [], floor
-    return "adequate", [], floor
-
-
-def _explained(before: Array, after: Array, noise: Array) -> float:
-    """Return the share of the error's power above the noise that went away."""
-    excess = np.sum((before**2 - noise**2) / noise**2)
-    left = np.sum(np.maximum(after**2 - noise**2, 0) / noise**2)
-    return float(1 - left / excess) if excess > 0 else 1.0
-
-
-def _noise_like(search: _Search) -> bool:
-    """Return whether the last screening found coloured noise, and no missing force."""
-    s = search.screening
-    return s is not None and s.level.force <= 0.002

@@ -37,12 +37,13 @@ def with_holds(model: MechanicalModel, setting: Setting) -> MechanicalModel:
         for name in names:
             held = held.with_effect("input_hold", (name,), {"order": order})
         tried[order] = held
-    scores = {order: _score(candidate, setting) for order, candidate in tried.items()}
+    scores = {order: null_score(candidate, setting) for order, candidate in tried.items()}
     best = min(scores, key=lambda order: scores[order])
     return tried[best] if scores[1.0] - scores[best] > 2 * _LEAST_ODDS else model
 
 
-def _score(model: MechanicalModel, setting: Setting) -> float:
+def null_score(model: MechanicalModel, setting: Setting) -> float:
+    """Return the information criterion of a model without more effects, at its best level."""
     from robustpolish.identification.missing_force import smooth
     from robustpolish.identification.screening import Filtered, following
 

@@ -8,6 +8,7 @@ damped systems from a distant start end in wrong minima; these do not.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -39,6 +40,7 @@ from robustpolish.models.mechanical import MechanicalModel
 
 Array = NDArray[np.float64]
 _TRIAL = 3500
+_WINDOWS = 25
 _SCREENED = 9000
 HOMOTOPY = (Level(1.0), Level(0.1), Level(0.01), FREE)
 
@@ -84,13 +86,39 @@ def prepare(model: MechanicalModel, record: Record) -> Setting:
     amplitude = amplitude_of(model, record, scales.bandwidth)
     motion = motion_along(model.without_effects(), record, scales, amplitude)
     parts = split(record.samples, decays=not model.inputs)
+    length = record.samples
+    if drifts(model, record.samples * record.dt):
+        length = max(60, record.samples // _WINDOWS)
+
+    def pieces(ranges: Sequence[tuple[int, int]]) -> list[Piece]:
+        return pieces_of(model, record, _windows(ranges, length), motion)
+
     return Setting(
         record, scales, amplitude, state_scale(model, motion),
-        pieces_of(model, record, parts.estimation, motion),
-        pieces_of(model, record, [(a, min(b, a + _TRIAL)) for a, b in parts.estimation], motion),
-        pieces_of(model, record, parts.held_out, motion),
-        pieces_of(model, record, [(0, record.samples)], motion),
+        pieces(parts.estimation), pieces([(a, min(b, a + _TRIAL)) for a, b in parts.estimation]),
+        pieces(parts.held_out), pieces([(0, record.samples)]),
     )  # fmt: skip
+
+
+def drifts(model: MechanicalModel, length: float) -> bool:
+    """Return whether the linear part integrates over a record of `length` seconds.
+
+    The free run of such a model forgets nothing, so that it is judged in windows.
+    """
+    if not model.free:
+        return False
+    A = np.asarray(model.state_space().A, dtype=float)
+    return bool(np.min(np.abs(np.linalg.eigvals(A))) * length < 1)
+
+
+def _windows(ranges: Sequence[tuple[int, int]], length: int) -> list[tuple[int, int]]:
+    """Cut sample ranges into windows of about a length."""
+    found = []
+    for begin, end in ranges:
+        count = max(1, round((end - begin) / length))
+        marks = np.linspace(begin, end, count + 1).astype(int)
+        found += [(int(a), int(b)) for a, b in itertools.pairwise(marks)]
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,23 +7,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from robustpolish.effects import Effect, EffectKind, Motion, Shape, kinds
-from robustpolish.identification.chains import connected
+from robustpolish.effects import Effect, kinds
+from robustpolish.identification.candidates import Columns, columns_at, places
 from robustpolish.identification.missing_force import (
     LinearObserver,
     Smoothed,
     known_forces,
     smooth,
 )
-from robustpolish.identification.observer import Level, Scales, force_sites
+from robustpolish.identification.observer import Level, Scales
 from robustpolish.identification.parameters import GAIN_PRIOR, MASS_PRIOR
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.simulation.nonlinear import raw_outputs, signals
-from robustpolish.simulation.nonlinear_system import context_of, port_pairs, port_row, port_rows
+from robustpolish.simulation.nonlinear_system import port_row
 
 Array = NDArray[np.float64]
 
@@ -72,18 +71,6 @@ class Screening:
     order: int
     motion: Smoothed
     levels: dict[Level, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
-class _Columns:
-    """Candidate columns: forces along rows, or additions to outputs."""
-
-    kind: EffectKind
-    at: tuple[str, ...]
-    shape: Shape
-    rows: Array | None
-    pairs: list[tuple[str, ...]]
-    values: Array
 
 
 class Filtered:
@@ -142,7 +129,7 @@ class Filtered:
         rest = self.e - self.N.T @ beta - X.T @ c
         return rest.reshape(self.errors.shape) * self.sigma, c
 
-    def respond(self, entry: _Columns) -> Array:
+    def respond(self, entry: Columns) -> Array:
         """Return the innovations that an entry's columns leave."""
         if entry.rows is None:
             return self.observer.respond_outputs(entry.values)
@@ -160,7 +147,7 @@ class Filtered:
                 if resonates(a):
                     total = np.inf
                     break
-                white = lfilter(a, [1.0], e) if order else e
+                white = np.asarray(lfilter(a, [1.0], e)) if order else e
                 total += samples * np.log(max(float(np.mean(white**2)), 1e-300))
             found[order] = total + (coefficients + order * rest.shape[1]) * np.log(samples)
         return found
@@ -170,8 +157,8 @@ def resonates(a: Array) -> bool:
     """Return whether a noise model has a lightly damped mode: that is a machine, not a sensor."""
     roots = np.roots(a)
     roots = roots[(np.abs(roots) > 0.3) & (np.abs(roots.imag) > 1e-3)]
-    s = np.log(roots)
-    return bool(np.any(-s.real / np.abs(s) < 0.35))
+    s = np.log(roots.astype(complex))
+    return bool(np.any(-np.real(s) / np.abs(s) < 0.35))
 
 
 def autoregression(e: Array, order: int) -> Array:
@@ -261,102 +248,6 @@ def _effect_columns(
     return found
 
 
-def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
-    """Return where a kind of effect can act in a model."""
-    free, all_names = model.free, model.dof_names
-    if kind.domain == "input":
-        return [(i.name,) for i in model.inputs if i.imposes is None]
-    if kind.domain == "output":
-        return [(o.name,) for o in model.outputs]
-    if kind.domain == "dof":
-        return [(name,) for name in free]
-    if kind.domain == "axes":
-        return _axes(model)
-    _, sites = force_sites(model)
-    found: list[tuple[str, ...]] = []
-    for name in all_names:
-        if name in free or (name, "ground") in sites:
-            found.append((name, "ground"))
-    found += [s.between for s in model.springs if "ground" not in s.between]
-    found += [d.between for d in model.dampers if "ground" not in d.between]
-    found += [s for s in sites if "ground" not in s]
-    for i, a in enumerate(all_names):
-        found += [(b, a) for b in all_names[i + 1 :] if a in free or b in free]
-    unique: dict[frozenset[str], tuple[str, ...]] = {}
-    for pair in found:
-        unique.setdefault(frozenset(pair), (pair[0], pair[1]))
-    if "spring_stiffness" in kind.context:
-        springs = {frozenset(s.between) for s in model.springs}
-        return [pair for key, pair in unique.items() if key in springs]
-    return list(unique.values())
-
-
-def _axes(model: MechanicalModel) -> list[tuple[str, ...]]:
-    """Return pairs of coordinates that can be two axes of one body: of different chains, if any."""
-    groups = connected(model)
-    free = model.free
-    joined = {frozenset(p.between) for p in (*model.springs, *model.dampers)}
-    pairs: list[tuple[str, ...]] = [(a, b) for i, a in enumerate(free) for b in free[i + 1 :]]
-    pairs = [pair for pair in pairs if frozenset(pair) not in joined]
-    if len(groups) > 1:
-        pairs = [p for p in pairs if not any(set(p) <= group for group in groups)]
-    return pairs
-
-
-def _columns(
-    model: MechanicalModel,
-    kind: EffectKind,
-    at: tuple[str, ...],
-    motion: Smoothed,
-    time: Array,
-    dt: float,
-) -> list[_Columns]:
-    """Return the candidate columns of a kind at a place, none if it is there already."""
-    if any(e.kind == kind.kind and set(e.at) == set(at) for e in model.effects):
-        return []
-    if kind.domain in ("input", "output"):
-        return _signal_columns(model, kind, at, motion, time)
-    effect = Effect(kind.kind, at)
-    rows = port_rows(model, effect)
-    q, v = rows @ motion.q, rows @ motion.v
-    if not q.any():
-        return []
-    _, sites = force_sites(model)
-    force = None
-    if kind.domain == "dof" and (at[0], "ground") in sites:
-        force = motion.force[sites.index((at[0], "ground"))][None]
-    context = context_of(model, at, dt / 4)
-    pairs = port_pairs(effect)
-    return [
-        _Columns(kind, at, shape, rows, pairs, shape.columns)
-        for shape in kind.shapes(Motion(time, q, v, context, force))
-    ]
-
-
-def _signal_columns(
-    model: MechanicalModel, kind: EffectKind, at: tuple[str, ...], motion: Smoothed, time: Array
-) -> list[_Columns]:
-    """Return the columns of an effect on an input or an output."""
-    found = []
-    if kind.domain == "input":
-        m = model.matrices
-        j = m.force_inputs.index(at[0])
-        u = motion.inputs[:, j]
-        du = CubicSpline(time, u)(time, 1)
-        ends = [(name, "ground") for name in model.dof_names]
-        for shape in kind.shapes(Motion(time, u[None], du[None])):
-            forces = m.B[:, j][None, :, None] * shape.columns
-            found.append(_Columns(kind, at, shape, np.eye(len(m.B)), ends, forces))
-        return found
-    i = model.output_names.index(at[0])
-    y = motion.outputs[:, i]
-    for shape in kind.shapes(Motion(time, y[None], np.gradient(y, time)[None])):
-        full = np.zeros((len(shape.columns), len(model.outputs), len(time)))
-        full[:, i] = shape.columns[:, 0]
-        found.append(_Columns(kind, at, shape, None, [], full))
-    return found
-
-
 def screen(
     model: MechanicalModel,
     record: Record,
@@ -394,10 +285,10 @@ def screen(
     if allowed is None:
         tried_at = [(kind, at) for kind in kinds().values() for at in places(model, kind)]
     entries = [
-        c for kind, at in tried_at for c in _columns(model, kind, at, motion, time, record.dt)
+        c for kind, at in tried_at for c in columns_at(model, kind, at, motion, time, record.dt)
     ]
     coarse = dict.fromkeys([best_level, Level(0.3), Level(0.01)])
-    rough: list[tuple[float, _Columns]] = []
+    rough: list[tuple[float, Columns]] = []
     for entry in entries:
         scores = [_try(filtered[level], entry, (0,))[0][0] for level in coarse]
         rough.append((min(scores), entry))
@@ -430,7 +321,7 @@ def following(model: MechanicalModel, record: Record, scales: Scales) -> Level:
     return best
 
 
-def _try(f: Filtered, entry: _Columns, orders: Sequence[int]) -> tuple[dict[int, float], Array]:
+def _try(f: Filtered, entry: Columns, orders: Sequence[int]) -> tuple[dict[int, float], Array]:
     """Return the information criterion with an entry's columns, and their coefficients."""
     raw = f.respond(entry)
     bad = dict.fromkeys(orders, np.inf)
@@ -450,7 +341,7 @@ def _try(f: Filtered, entry: _Columns, orders: Sequence[int]) -> tuple[dict[int,
     return scores, c
 
 
-def _finalists(rough: list[tuple[float, _Columns]], count: int) -> list[_Columns]:
+def _finalists(rough: list[tuple[float, Columns]], count: int) -> list[Columns]:
     """Return the best shape of each effect and place, the best places first."""
     seen: dict[tuple[str, tuple[str, ...]], int] = {}
     chosen = []
@@ -466,7 +357,7 @@ def _finalists(rough: list[tuple[float, _Columns]], count: int) -> list[_Columns
 
 
 def _candidate(
-    entry: _Columns,
+    entry: Columns,
     score: float,
     level: Level,
     tried: dict[Level, tuple[dict[int, float], Array]],

@@ -73,7 +73,7 @@ def _phi(A: Array, B: Array, h: float) -> tuple[Array, Array, Array, Array]:
     big[n : n + m, n + m : n + 2 * m] = np.eye(m)
     big[n + m : n + 2 * m, n + 2 * m :] = np.eye(m)
     exponential = np.real(expm(big)[:n])
-    E = exponential[:, :n] * (weights[:, None] / weights)
+    E: Array = exponential[:, :n] * (weights[:, None] / weights)
     phis = [exponential[:, n + k * m : n + (k + 1) * m] * weights[:, None] * size for k in range(3)]
     return E, phis[0], phis[1], phis[2]
 

@@ -10,12 +10,32 @@ import numpy as np
 CODES = {
     name: code
     for code, name in enumerate(
-        "coulomb_friction stribeck_friction elastic_coulomb_friction lugre_friction "
-        "quadratic_damping displacement_dependent_damping bouc_wen_hysteresis cubic_stiffness "
-        "quadratic_stiffness backlash contact_stop pendulum_gravity constant_force "
-        "harmonic_force unbalance parametric_stiffness gyroscopic_coupling cross_stiffness "
-        "attached_resonator drifting_stiffness fifth_power_stiffness random_walk_force "
-        "fading_damping saturating_spring".split()
+        [
+            "coulomb_friction",
+            "stribeck_friction",
+            "elastic_coulomb_friction",
+            "lugre_friction",
+            "quadratic_damping",
+            "displacement_dependent_damping",
+            "bouc_wen_hysteresis",
+            "cubic_stiffness",
+            "quadratic_stiffness",
+            "backlash",
+            "contact_stop",
+            "pendulum_gravity",
+            "constant_force",
+            "harmonic_force",
+            "unbalance",
+            "parametric_stiffness",
+            "gyroscopic_coupling",
+            "cross_stiffness",
+            "attached_resonator",
+            "drifting_stiffness",
+            "fifth_power_stiffness",
+            "random_walk_force",
+            "fading_damping",
+            "saturating_spring",
+        ]
     )
 }
 
@@ -48,8 +68,9 @@ def _force(code, p, t, a, b, q, v, z, dz, f):
     elif code == 5:
         g = -p[0] * d * d * s
     elif code == 6:  # z is dimensionless, p: stiffness, yield displacement, n
-        dz[0] = (s - 0.5 * abs(s) * abs(z[0]) ** (p[2] - 1) * z[0]
-                 - 0.5 * s * abs(z[0]) ** p[2]) / p[1]
+        dz[0] = (
+            s - 0.5 * abs(s) * abs(z[0]) ** (p[2] - 1) * z[0] - 0.5 * s * abs(z[0]) ** p[2]
+        ) / p[1]
         g = -p[0] * p[1] * z[0]
     elif code == 7:
         g = -p[0] * d**3
@@ -58,10 +79,7 @@ def _force(code, p, t, a, b, q, v, z, dz, f):
     elif code == 9:  # p: gap, stiffness of the spring that is already there
         g = p[1] * (d if abs(d) < p[0] else p[0] * np.sign(d))
     elif code == 10:
-        if p[0] > 0:
-            g = -p[1] * max(d - p[0], 0.0)
-        else:
-            g = -p[1] * min(d - p[0], 0.0)
+        g = -p[1] * max(d - p[0], 0.0) if p[0] > 0 else -p[1] * min(d - p[0], 0.0)
     elif code == 11:
         g = -p[0] * np.sin(d)
     elif code == 12:
@@ -107,8 +125,18 @@ def _rates(t, u, q, v, z, M, C, K, B, codes, places, params, acc, dz, f):
     f[:] = 0.0
     dz[:] = 0.0
     for i in range(codes.size):
-        _force(codes[i], params[i], t, places[i, 0], places[i, 1], q, v,
-               z[2 * i : 2 * i + 2], dz[2 * i : 2 * i + 2], f)
+        _force(
+            codes[i],
+            params[i],
+            t,
+            places[i, 0],
+            places[i, 1],
+            q,
+            v,
+            z[2 * i : 2 * i + 2],
+            dz[2 * i : 2 * i + 2],
+            f,
+        )
     for i in range(M.size):
         total = f[i]
         for j in range(M.size):
@@ -146,14 +174,45 @@ def integrate(M, C, K, B, U, dt, oversample, codes, places, params, q0, v0):
             tj = t + j * h
             _rates(tj, u0, q, v, z, M, C, K, B, codes, places, params, a1, d1, f)
             v2 = v + h / 2 * a1
-            _rates(tj + h / 2, uh, q + h / 2 * v, v2, z + h / 2 * d1, M, C, K, B, codes,
-                   places, params, a2, d2, f)
+            _rates(
+                tj + h / 2,
+                uh,
+                q + h / 2 * v,
+                v2,
+                z + h / 2 * d1,
+                M,
+                C,
+                K,
+                B,
+                codes,
+                places,
+                params,
+                a2,
+                d2,
+                f,
+            )
             v3 = v + h / 2 * a2
-            _rates(tj + h / 2, uh, q + h / 2 * v2, v3, z + h / 2 * d2, M, C, K, B, codes,
-                   places, params, a3, d3, f)
+            _rates(
+                tj + h / 2,
+                uh,
+                q + h / 2 * v2,
+                v3,
+                z + h / 2 * d2,
+                M,
+                C,
+                K,
+                B,
+                codes,
+                places,
+                params,
+                a3,
+                d3,
+                f,
+            )
             v4 = v + h * a3
-            _rates(tj + h, u1, q + h * v3, v4, z + h * d3, M, C, K, B, codes, places, params,
-                   a4, d4, f)
+            _rates(
+                tj + h, u1, q + h * v3, v4, z + h * d3, M, C, K, B, codes, places, params, a4, d4, f
+            )
             q = q + h / 6 * (v + 2 * v2 + 2 * v3 + v4)
             v = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
             z = z + h / 6 * (d1 + 2 * d2 + 2 * d3 + d4)

@@ -30,8 +30,10 @@ def judge(case, diagnosis):
     got = Counter(normal(e.kind, e.at) for e in diagnosis.effects)
     missing, extra = want - got, got - want
     for pair in diagnosis.indistinguishable:
-        first, second = normal(pair.first.kind, pair.first.at), normal(
-            pair.second.kind, pair.second.at)
+        first, second = (
+            normal(pair.first.kind, pair.first.at),
+            normal(pair.second.kind, pair.second.at),
+        )
         for a, b in ((first, second), (second, first)):
             if missing[a] and extra[b]:
                 missing -= Counter([a])
@@ -103,8 +105,11 @@ def main(names):
             continue
         row = run_case(case)
         rows.append((row, case))
-        print(f"{'ok ' if row['right'] else 'BAD'} {row['case']:40s} {row['verdict']:14s} "
-              f"{row['found']:50s} {row['ratio']:6.2f} {row['seconds']:6.1f} s", flush=True)
+        print(
+            f"{'ok ' if row['right'] else 'BAD'} {row['case']:40s} {row['verdict']:14s} "
+            f"{row['found']:50s} {row['ratio']:6.2f} {row['seconds']:6.1f} s",
+            flush=True,
+        )
     page = table(rows)
     print(page)
     if not names:

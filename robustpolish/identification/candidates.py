@@ -1,0 +1,126 @@
+"""Where effects can act, and the forces they would make along a known motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from robustpolish.effects import Effect, EffectKind, Motion, Shape
+from robustpolish.identification.chains import connected
+from robustpolish.identification.missing_force import Smoothed
+from robustpolish.identification.observer import force_sites
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.simulation.nonlinear_system import context_of, port_pairs, port_rows
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Candidate columns: forces along rows, or additions to outputs."""
+
+    kind: EffectKind
+    at: tuple[str, ...]
+    shape: Shape
+    rows: Array | None
+    pairs: list[tuple[str, ...]]
+    values: Array
+
+
+def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
+    """Return where a kind of effect can act in a model."""
+    free, all_names = model.free, model.dof_names
+    if kind.domain == "input":
+        return [(i.name,) for i in model.inputs if i.imposes is None]
+    if kind.domain == "output":
+        return [(o.name,) for o in model.outputs]
+    if kind.domain == "dof":
+        return [(name,) for name in free]
+    if kind.domain == "axes":
+        return _axes(model)
+    _, sites = force_sites(model)
+    found: list[tuple[str, ...]] = []
+    for name in all_names:
+        if name in free or (name, "ground") in sites:
+            found.append((name, "ground"))
+    found += [s.between for s in model.springs if "ground" not in s.between]
+    found += [d.between for d in model.dampers if "ground" not in d.between]
+    found += [s for s in sites if "ground" not in s]
+    for i, a in enumerate(all_names):
+        found += [(b, a) for b in all_names[i + 1 :] if a in free or b in free]
+    unique: dict[frozenset[str], tuple[str, ...]] = {}
+    for pair in found:
+        unique.setdefault(frozenset(pair), (pair[0], pair[1]))
+    if "spring_stiffness" in kind.context:
+        springs = {frozenset(s.between) for s in model.springs}
+        return [pair for key, pair in unique.items() if key in springs]
+    return list(unique.values())
+
+
+def _axes(model: MechanicalModel) -> list[tuple[str, ...]]:
+    """Return pairs of coordinates that can be two axes of one body: of different chains, if any."""
+    groups = connected(model)
+    free = model.free
+    joined = {frozenset(p.between) for p in (*model.springs, *model.dampers)}
+    pairs: list[tuple[str, ...]] = [(a, b) for i, a in enumerate(free) for b in free[i + 1 :]]
+    pairs = [pair for pair in pairs if frozenset(pair) not in joined]
+    if len(groups) > 1:
+        pairs = [p for p in pairs if not any(set(p) <= group for group in groups)]
+    return pairs
+
+
+def columns_at(
+    model: MechanicalModel,
+    kind: EffectKind,
+    at: tuple[str, ...],
+    motion: Smoothed,
+    time: Array,
+    dt: float,
+) -> list[Columns]:
+    """Return the candidate columns of a kind at a place, none if it is there already."""
+    if any(e.kind == kind.kind and set(e.at) == set(at) for e in model.effects):
+        return []
+    if kind.domain in ("input", "output"):
+        return _signal_columns(model, kind, at, motion, time)
+    effect = Effect(kind.kind, at)
+    rows = port_rows(model, effect)
+    q, v = rows @ motion.q, rows @ motion.v
+    if not q.any():
+        return []
+    _, sites = force_sites(model)
+    force = None
+    if kind.domain == "dof" and (at[0], "ground") in sites:
+        force = motion.force[sites.index((at[0], "ground"))][None]
+    context = context_of(model, at, dt / 4)
+    pairs = port_pairs(effect)
+    return [
+        Columns(kind, at, shape, rows, pairs, shape.columns)
+        for shape in kind.shapes(Motion(time, q, v, context, force))
+    ]
+
+
+def _signal_columns(
+    model: MechanicalModel, kind: EffectKind, at: tuple[str, ...], motion: Smoothed, time: Array
+) -> list[Columns]:
+    """Return the columns of an effect on an input or an output."""
+    found = []
+    if kind.domain == "input":
+        m = model.matrices
+        j = m.force_inputs.index(at[0])
+        u = motion.inputs[:, j]
+        du = CubicSpline(time, u)(time, 1)
+        ends = [(name, "ground") for name in model.dof_names]
+        for shape in kind.shapes(Motion(time, u[None], du[None])):
+            forces = m.B[:, j][None, :, None] * shape.columns
+            found.append(Columns(kind, at, shape, np.eye(len(m.B)), ends, forces))
+        return found
+    i = model.output_names.index(at[0])
+    y = motion.outputs[:, i]
+    for shape in kind.shapes(Motion(time, y[None], np.gradient(y, time)[None])):
+        full = np.zeros((len(shape.columns), len(model.outputs), len(time)))
+        full[:, i] = shape.columns[:, 0]
+        found.append(Columns(kind, at, shape, None, [], full))
+    return found
