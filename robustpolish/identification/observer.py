@@ -132,7 +132,7 @@ def observer_gain(system: NonlinearSystem, dt: float, level: Level, scales: Scal
     S = system.C @ P @ system.C.T + R
     predictor = np.linalg.solve(S, (m.full @ P @ system.C.T + into @ through.T).T).T
     corrector = np.linalg.solve(m.full, predictor)
-    return Gain(np.asarray(corrector), np.asarray(predictor), S, P)
+    return Gain(corrector.astype(float), predictor.astype(float), S, P)
 
 
 def riccati(F: Array, C: Array, Q: Array, R: Array, N: Array) -> Array:

@@ -17,7 +17,7 @@ from robustpolish.simulation.nonlinear_system import NonlinearSystem, build_syst
 from robustpolish.validation import described, invalid, matrix
 
 Array = NDArray[np.float64]
-_MOST_SUBSTEPS = 60
+_MOST_SUBSTEPS = 32
 
 
 class NonlinearResponse(NamedTuple):
@@ -208,6 +208,8 @@ def needed_substeps(model: MechanicalModel, dt: float, amplitude: float) -> int:
             effect.values, amplitude, min(omega, 1 / dt) * amplitude
         )
         inverse = np.sum(port_rows(model, effect)[:, m.free] ** 2 / np.diag(m.M)[m.free])
-        fastest = max(fastest, np.sqrt(abs(stiffness) * inverse), abs(damping) * inverse, rate)
+        fastest = max(
+            fastest, np.sqrt(abs(stiffness) * inverse), abs(damping) * inverse, 0.3 * rate
+        )
         least = max(least, 4 if effect.definition.sharp else 2)
     return int(np.clip(np.ceil(2.0 * dt * fastest), least, _MOST_SUBSTEPS))

@@ -63,7 +63,7 @@ def _phi(A: Array, B: Array, h: float) -> tuple[Array, Array, Array, Array]:
     if n == 0:
         empty = np.zeros((0, m))
         return np.zeros((0, 0)), empty, empty, empty
-    weights = np.diag(matrix_balance(A, permute=False)[1])
+    weights = np.asarray(np.diag(matrix_balance(A, permute=False)[1]), dtype=np.float64)
     scaled = B * h / weights[:, None]
     size = np.max(np.abs(scaled), axis=0, initial=0.0)
     size[size == 0] = 1.0
@@ -72,8 +72,8 @@ def _phi(A: Array, B: Array, h: float) -> tuple[Array, Array, Array, Array]:
     big[:n, n : n + m] = scaled / size
     big[n : n + m, n + m : n + 2 * m] = np.eye(m)
     big[n + m : n + 2 * m, n + 2 * m :] = np.eye(m)
-    exponential = np.real(expm(big)[:n])
-    E: Array = exponential[:, :n] * (weights[:, None] / weights)
+    exponential: Array = np.array(expm(big)[:n], dtype=float)
+    E = exponential[:, :n] * (weights[:, None] / weights)
     phis = [exponential[:, n + k * m : n + (k + 1) * m] * weights[:, None] * size for k in range(3)]
     return E, phis[0], phis[1], phis[2]
 
