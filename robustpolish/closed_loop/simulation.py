@@ -9,6 +9,7 @@ import xarray as xr
 from robustpolish.models import GeneralizedPlant
 from robustpolish.simulation import linear_response
 from robustpolish.synthesis.design import Design
+from robustpolish.synthesis.pricing import NOISE_PREFIX
 from robustpolish.validation import described, invalid
 
 
@@ -24,7 +25,8 @@ def simulate(
         state-space system is simulated as it is.
     disturbance : xarray.Dataset
         One variable over `time` (s, uniform) for every disturbance w, by name, such as the
-        forces of :func:`robustpolish.simulate_brush`; other variables are ignored.
+        forces of :func:`robustpolish.simulate_brush`; other variables are ignored. Measurement
+        noise that a synthesis added to w, "noise_...", is zero unless it is given.
 
     Returns
     -------
@@ -101,6 +103,8 @@ def _loop(
 
 
 def _column(disturbance: xr.Dataset, name: str, unit: str | None) -> np.ndarray:
+    if name not in disturbance and name.startswith(NOISE_PREFIX):
+        return np.zeros(disturbance.sizes["time"])
     if name not in disturbance:
         raise invalid(
             "disturbance",

@@ -24,6 +24,10 @@ def _weights(argument: str, weight: ArrayLike | None, count: int, unit: str) -> 
     return weights
 
 
+NOISE_PREFIX = "noise_"
+"""What the names of added measurement noise begin with."""
+
+
 def priced(plant: GeneralizedPlant, weight: ArrayLike | None) -> GeneralizedPlant:
     """Append weighted controls to the performance outputs.
 
@@ -103,7 +107,7 @@ def noisy(plant: GeneralizedPlant, noise: ArrayLike | None) -> GeneralizedPlant:
     columns[plant.nz + heard, np.arange(heard.size)] = sizes[heard]
     B = np.hstack([on_x[:, :nw], np.zeros((plant.nx, heard.size)), on_x[:, nw:]])
     D = np.hstack([direct[:, :nw], columns, direct[:, nw:]])
-    names = [f"noise_{plant.measurement_names[i]}" for i in heard]
+    names = [NOISE_PREFIX + plant.measurement_names[i] for i in heard]
     whole = control.StateSpace(
         system.A,
         B,
