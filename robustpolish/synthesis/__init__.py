@@ -1,6 +1,11 @@
 """Controllers with certificates: one method per file, and the certificate that judges them all."""
 
 from robustpolish.synthesis.certificate import Certificate, certify
+from robustpolish.synthesis.compare_methods import (
+    MethodComparison,
+    MethodResult,
+    compare_methods,
+)
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.given_controller import given_controller
 from robustpolish.synthesis.mixed_output_feedback import mixed_output_feedback
@@ -18,9 +23,12 @@ __all__ = [
     "Design",
     "Disk",
     "HalfPlane",
+    "MethodComparison",
+    "MethodResult",
     "PassiveElement",
     "Sector",
     "certify",
+    "compare_methods",
     "given_controller",
     "mixed_output_feedback",
     "observer_controller",

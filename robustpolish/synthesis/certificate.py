@@ -7,14 +7,14 @@ computed from it, and a matrix proves both stability and the bound on the norm.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.analysis import h2_norm, hinf_norm
+from robustpolish.analysis import HinfNorm, h2_norm, hinf_norm
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.frequency_grid import confirmation_grid, largest_singular_values
 from robustpolish.synthesis.norm_proof import (
@@ -30,9 +30,11 @@ from robustpolish.synthesis.norm_proof import (
 from robustpolish.validation import described, invalid, matrix, one_of, positive
 
 Norm = Literal["hinf", "h2"]
-# How far above the computed norm the proven bound may lie, tried in this order.
 # Up to so many states a norm that doubles cannot settle is computed in higher precision.
 _PRECISE_STATES = 24
+# How much, relative, the norm may change when the loop's matrices are rounded to doubles.
+_ROUNDING = 1e-2
+# How far above the computed norm the proven bound may lie, tried in this order.
 _PROOF_SLACK = (1e-5, 2e-4, 9e-4)
 
 
@@ -45,14 +47,16 @@ class Certificate:
     norm : {"hinf", "h2"}
         The norm that is certified.
     valid : bool
-        True only if the loop is proven stable, the norm proven to lie below `bound`, the
-        norm confirmed on a frequency grid, and the claim, if any, kept.
+        True only if the loop is proven stable, the norm proven to lie below `bound` and
+        confirmed on a frequency grid, if rounding the loop's matrices to doubles changes it
+        by less than 1 %, and if the claim, if any, is kept.
     reasons : tuple of str
         Why it is not valid; empty if it is.
     stable : bool
         Whether all closed-loop poles are stable.
     achieved : float
-        The norm from w to z, computed from the loop; infinite if unstable.
+        The norm from w to z, computed from the loop, exact or with matrices rounded to
+        doubles, whichever is larger; infinite if unstable.
     claimed : float or None
         The bound that a solver claimed.
     gap : float or None
@@ -148,7 +152,7 @@ def certify(
         claimed = positive("claimed", claimed, zero=True)
     positive("tolerance", tolerance, zero=True)
     K = _as_system(plant, controller)
-    plant.closed_loop(K)  # checks shapes, sampling times and that the loop is well posed
+    rounded = plant.closed_loop(K)  # checks shapes, times and that the loop is well posed
     reasons: list[str] = []
     try:
         loop = enclose_loop(plant, K)
@@ -166,7 +170,7 @@ def certify(
     if not stable:
         reasons.append(f"the loop is unstable: {_worst(poles, plant.is_discrete)}")
     elif norm == "hinf":
-        achieved, peak = _hinf(system, rounding_level(loop), reasons)
+        achieved, peak = _hinf(system, rounded, rounding_level(loop), reasons)
     else:
         achieved = _h2(system, reasons)
     proof, bound = None, np.inf
@@ -218,7 +222,7 @@ def _poles(
     A = np.asarray(system.A)
     poles: Any = np.linalg.eigvals(A).astype(complex) if A.size else np.zeros(0, complex)
     if dt:
-        with np.errstate(divide="ignore"):  # a pole at zero is infinitely fast
+        with np.errstate(divide="ignore", invalid="ignore"):  # a pole at zero: infinitely fast
             rate = np.log(poles) / (1.0 if dt is True else float(dt))
     else:
         rate = poles
@@ -236,35 +240,54 @@ def _worst(poles: NDArray[np.complex128], discrete: bool) -> str:
 
 
 def _hinf(
-    system: control.StateSpace, level: float, reasons: list[str]
+    system: control.StateSpace,
+    rounded: control.StateSpace,
+    level: float,
+    reasons: list[str],
 ) -> tuple[float, float | None]:
-    """Compute the norm and confirm it on a grid that is dense around its peak."""
-    value, peak, largest, where = _norm_and_grid(system, precise=False)
-    if not _agree(value, largest, level) and system.nstates <= _PRECISE_STATES:
-        value, peak, largest, where = _norm_and_grid(system, precise=True)
+    """Compute the norm, confirm it on a grid that is dense around its peak, and round the loop."""
+    result, gains, grid = _norm_and_grid(system, precise=False)
+    precise = system.nstates <= _PRECISE_STATES and not (
+        result.upper <= result.value * (1 + 1e-3) and _agree(result.value, gains, level)
+    )
+    if precise:
+        result, gains, grid = _norm_and_grid(system, precise=True)
+    value = float(result.value)
     if not np.isfinite(value):
-        reasons.append("the H-infinity norm could not be computed")
+        reasons.append(f"the H-infinity norm could not be computed: {result.reason}")
         return np.inf, None
-    if not _agree(value, largest, level):
+    largest = float(gains.max(initial=0.0))
+    if not _agree(value, gains, level):
         reasons.append(f"the frequency response reaches {largest:.6g}, the norm was {value:.6g}")
-    return (largest, where) if largest > value else (value, peak)
+    other = largest_singular_values(rounded, grid, precise)
+    if not abs(other.max(initial=0.0) - largest) <= _ROUNDING * largest + level:
+        reasons.append(
+            "the loop does not bear rounding: with its matrices in doubles its norm is "
+            f"{float(other.max(initial=0.0)):.6g} instead of {largest:.6g}"
+        )
+    # What rounding adds counts as well: no machine keeps the matrices exactly.
+    for seen in (gains, other):
+        if seen.max(initial=0.0) > value * (1 + 1e-9):
+            value, where = float(seen.max()), float(grid[int(np.argmax(seen))])
+            result = replace(result, frequency=where)
+    return value, float(result.frequency)
 
 
-def _norm_and_grid(system: control.StateSpace, precise: bool) -> tuple[float, float, float, float]:
-    """Return norm and peak frequency, then the largest value on the grid and its frequency."""
+def _norm_and_grid(
+    system: control.StateSpace, precise: bool
+) -> tuple[HinfNorm, NDArray[np.float64], NDArray[np.float64]]:
+    """Return the norm, the largest singular values on a grid, and the grid."""
     # A proof in balls follows, so that none is needed here.
     result = hinf_norm(system, exact=precise)
-    if not result.stable or not np.isfinite(result.value):
-        return np.inf, np.nan, np.nan, np.nan
+    if not np.isfinite(result.value):
+        return result, np.zeros(0), np.zeros(0)
     grid = confirmation_grid(system, float(result.frequency))
-    gains = largest_singular_values(system, grid, precise)
-    largest = float(gains.max(initial=0.0))
-    where = float(grid[int(np.argmax(gains))]) if gains.size else 0.0
-    return float(result.value), float(result.frequency), largest, where
+    return result, largest_singular_values(system, grid, precise), grid
 
 
-def _agree(value: float, largest: float, level: float) -> bool:
-    return bool(abs(largest - value) <= 1e-3 * value + level)
+def _agree(value: float, gains: NDArray[np.float64], level: float) -> bool:
+    """Tell whether the largest gain on the grid is the norm."""
+    return bool(abs(gains.max(initial=0.0) - value) <= 5e-4 * value + level)
 
 
 def _h2(system: control.StateSpace, reasons: list[str]) -> float:

@@ -20,10 +20,10 @@ from typing import Any, Literal
 import flint
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
 
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis import balls
+from robustpolish.synthesis.balancing import balancing_scale
 from robustpolish.synthesis.balls import Ball
 from robustpolish.synthesis.riccati import solve_lyapunov, solve_riccati
 
@@ -126,8 +126,7 @@ def _state_scale(A: Matrix, B: Matrix, C: Matrix) -> Matrix:
     bordered = np.zeros((n + 1, n + 1))
     bordered[:n, :n] = A
     bordered[:n, n], bordered[n, :n] = np.linalg.norm(B, axis=1), np.linalg.norm(C, axis=0)
-    _, (scale, _) = linalg.matrix_balance(bordered, separate=True, permute=False)
-    return scale[:n]
+    return balancing_scale(bordered)[:n]
 
 
 def cayley(loop: LoopBalls) -> LoopBalls:

@@ -73,7 +73,8 @@ def output_feedback(
     Design
         Its status is "optimal" if the norm had settled; "infimum_not_attained" if ever larger gains
         were still improving it; "suboptimal" or "time_limit" otherwise. ``details`` hold
-        the ``diagnosis`` and the findings of every part.
+        the ``diagnosis``, the ``claim`` of the method, which may be false, and per part
+        the states (``parts``) and norms (``part_norms``).
 
     Raises
     ------
@@ -141,7 +142,7 @@ def output_feedback(
                 "diagnosis": diagnosis,
                 "parts": tuple(part.states for part in parts),
                 "part_norms": tuple(c.certificate.achieved if c else None for c in chosen),
-                "claims": tuple(c.certificate.claimed if c else None for c in chosen),
+                "claim": _joined([c.claim for c in done], norm),
             }
         ),
     )
@@ -177,6 +178,7 @@ def _solve_parts(
     """Solve every decoupled part within its share of the time; identical ones once."""
     searched: dict[tuple[bytes, ...], PartSearch] = {}
     keys: list[tuple[bytes, ...] | None] = []
+    weights = [p.plant.nx**2 + 1 if p.plant.nu and p.plant.ny else 0 for p in parts]
     for i, part in enumerate(parts):
         P = part.plant
         if not (P.nu and P.ny):
@@ -187,7 +189,7 @@ def _solve_parts(
         key = tuple(M.tobytes() + str(M.shape).encode() for M in map(np.array, _matrices(system)))
         keys.append(key)
         if key not in searched:
-            share = deadline.share(1 / (len(parts) - i))
+            share = deadline.share(weights[i] / sum(weights[i:]))
             searched[key] = _search(_with_signals(P), settings, diagnosis, share)
     # No part has to be much better than the one that decides the norm of the whole.
     enough = 0.01 * max((s.best for s in searched.values()), default=0.0)
@@ -286,7 +288,7 @@ def _certificate(
         for part, c in zip(parts, chosen, strict=True)
         if c is not None or (part.plant.nw and part.plant.nz)
     ]
-    claimed = float(max(claims, default=0.0) if norm == "hinf" else np.linalg.norm(claims))
+    claimed = _joined(claims, norm)
     certificate = certify(plant, controller, norm, claimed)
     if not certificate.valid:
         raise SolverError(
@@ -294,6 +296,11 @@ def _certificate(
             + "; ".join(certificate.reasons)
         )
     return certificate
+
+
+def _joined(norms: Sequence[float], norm: Norm) -> float:
+    """Return the norm of a whole from those of its decoupled parts."""
+    return float(max(norms, default=0.0) if norm == "hinf" else np.linalg.norm(norms))
 
 
 def _overall(done: Sequence[Chosen], norm: Norm) -> Status:

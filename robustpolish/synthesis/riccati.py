@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from robustpolish.synthesis.balancing import balancing_scale
+
 Matrix = NDArray[Any]
 
 
@@ -45,6 +47,8 @@ def solve_riccati(A: Matrix, R: Matrix, Q: Matrix) -> RiccatiSolution | None:
     n = A.shape[0]
     if n == 0:
         return RiccatiSolution(np.zeros((0, 0)), 1.0, 1.0)
+    if not (np.isfinite(A).all() and np.isfinite(R).all() and np.isfinite(Q).all()):
+        return None
     scale, weight = symplectic_scaling(A, R, Q)
     column, row = scale[None, :], 1 / scale[:, None]
     H = np.block(
@@ -98,8 +102,7 @@ def symplectic_scaling(A: Matrix, R: Matrix, Q: Matrix) -> tuple[Matrix, float]:
     n = A.shape[0]
     size = np.abs(np.block([[A, R], [Q, A.T]]))
     np.fill_diagonal(size, 0)
-    _, (factors, _) = linalg.matrix_balance(size, separate=True, permute=False)
-    logs = np.log2(factors)
+    logs = np.log2(balancing_scale(size))
     scale = np.exp2(np.round((logs[:n] - logs[n:]) / 2))
     r = np.abs(R / scale[:, None] / scale[None, :]).max()
     q = np.abs(Q * scale[:, None] * scale[None, :]).max()
@@ -111,6 +114,8 @@ def solve_lyapunov(A: Matrix, Q: Matrix) -> Matrix | None:
     """Return X of A'X + XA + Q = 0 for a stable A; None if the equation is singular."""
     if A.shape[0] == 0:
         return np.zeros((0, 0))
+    if not (np.isfinite(A).all() and np.isfinite(Q).all()):
+        return None
     T, U = linalg.schur(A.T, output="real")  # type: ignore[misc]
     # dtrsyl scales the right-hand side down where it would overflow.
     trsyl: Any = linalg.get_lapack_funcs("trsyl", (T, Q))

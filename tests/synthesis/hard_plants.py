@@ -128,3 +128,53 @@ def rescaled(
         ),
         w / z,
     )
+
+
+def wild_plant(rng: np.random.Generator) -> GeneralizedPlant:
+    """Draw a plant of 1 to 12 states with the troubles that plants have.
+
+    Wild units, modes that u does not move or y does not see (stable or not), modes and zeros on the
+    stability boundary, rank-deficient D12 and D21, D11 and D22, continuous or discrete time.
+    """
+    n, nw, nu, nz, ny = (int(rng.integers(1, top)) for top in (13, 4, 4, 4, 4))
+    draw = rng.standard_normal
+    discrete = rng.random() < 0.25
+    A = draw((n, n)) * 10.0 ** rng.uniform(-1, 1)
+    B1, B2, C1, C2 = draw((n, nw)), draw((n, nu)), draw((nz, n)), draw((ny, n))
+    if rng.random() < 0.4:
+        keep = int(rng.integers(0, n))
+        A[keep:, :keep] = 0
+        B2[keep:] = 0
+        if rng.random() < 0.7:
+            A[keep:, keep:] -= (np.abs(A[keep:, keep:]).sum() + 0.1) * np.eye(n - keep)
+    elif rng.random() < 0.4:
+        keep = int(rng.integers(0, n))
+        A[:keep, keep:] = 0
+        C2[:, keep:] = 0
+        if rng.random() < 0.7:
+            A[keep:, keep:] -= (np.abs(A[keep:, keep:]).sum() + 0.1) * np.eye(n - keep)
+    if rng.random() < 0.3:
+        A[0] = 0
+    if discrete:
+        A /= max(1.0, np.abs(A).sum(axis=1).max() / rng.uniform(0.5, 3))
+    D12, D21 = draw((nz, nu)), draw((ny, nw))
+    if rng.random() < 0.5:
+        D12[:, : int(rng.integers(0, nu + 1))] = 0
+    if rng.random() < 0.5:
+        D21[: int(rng.integers(0, ny + 1))] = 0
+    if rng.random() < 0.2:
+        C1[0] = C2[0]
+        D12[0] = 0
+    plant = GeneralizedPlant.from_matrices(
+        A,
+        B1,
+        B2,
+        C1,
+        C2,
+        D11=draw((nz, nw)) * (rng.random() < 0.5),
+        D12=D12,
+        D21=D21,
+        D22=draw((ny, nu)) * (rng.random() < 0.5),
+        dt=0.1 if discrete else 0,
+    )
+    return rescaled(plant, int(rng.integers(2**31)), rng.uniform(0, 4))[0]

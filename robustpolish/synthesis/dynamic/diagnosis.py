@@ -159,7 +159,8 @@ def _fixed(
     values: Any
     vectors: Any
     values, vectors = np.linalg.eig(A)
-    size = np.linalg.norm(A, 2) + np.linalg.norm(B, 2)
+    # Without any dynamics and control every mode is fixed.
+    size = (np.linalg.norm(A, 2) + np.linalg.norm(B, 2)) or 1.0
     margin = 1 - np.abs(values) if plant.is_discrete else -values.real
     found = []
     for i in np.flatnonzero((margin <= 1e-7 * size) & (values.imag >= 0)).tolist():

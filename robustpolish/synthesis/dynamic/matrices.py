@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import control
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
 
 from robustpolish.models import GeneralizedPlant
+from robustpolish.synthesis.balancing import balancing_scale
 
 Matrix = NDArray[Any]
 
@@ -85,7 +85,8 @@ def shift(K: Controller, D22: Matrix) -> Controller | None:
     if not D22.any() or not (K.C.any() or K.D.any()):
         return K
     loop = np.eye(K.D.shape[0]) + K.D @ D22
-    if np.linalg.cond(loop) > 1e10:
+    unit = balancing_scale(loop)
+    if np.linalg.cond(loop * unit / unit[:, None]) > 1e10:
         return None
     C, D = np.linalg.solve(loop, K.C), np.linalg.solve(loop, K.D)
     return Controller(K.A - K.B @ D22 @ C, K.B - K.B @ D22 @ D, C, D)
@@ -100,7 +101,7 @@ def balanced(K: Controller) -> Controller:
     size[:n, :n] = np.abs(K.A)
     size[:n, n] = np.abs(K.B).max(axis=1, initial=0.0)
     size[n, :n] = np.abs(K.C).max(axis=0, initial=0.0)
-    _, (scale, _) = linalg.matrix_balance(size, permute=False, separate=True)
+    scale = balancing_scale(size)
     t = scale[:n] / scale[n]
     return Controller(K.A * t / t[:, None], K.B / t[:, None], K.C * t, K.D)
 

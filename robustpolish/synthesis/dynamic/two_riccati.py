@@ -88,6 +88,12 @@ def lowest_gamma(normal: NormalisedPlant) -> float:
 
 def attempt(normal: NormalisedPlant, gamma: float) -> Attempt:
     """Solve both Riccati equations at `gamma`."""
+    # Overflow makes the equations unsolvable, which is an answer.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        return _attempt(normal, gamma)
+
+
+def _attempt(normal: NormalisedPlant, gamma: float) -> Attempt:
     P = normal.plant
     nw, nz = P.B1.shape[1], P.C1.shape[0]
     if gamma <= lowest_gamma(normal):
