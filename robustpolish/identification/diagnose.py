@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from robustpolish.effects import Effect
-from robustpolish.identification.confusion import asymmetries, experiment
+from robustpolish.identification.conclusion import conclude
+from robustpolish.identification.confusion import experiment
 from robustpolish.identification.diagnosis import (
     Confusion,
     Diagnosis,
-    FoundEffect,
     RankedCandidate,
-    Value,
 )
-from robustpolish.identification.evaluation import FREE, free_errors
+from robustpolish.identification.evaluation import FREE
 from robustpolish.identification.gains import WrongGain, wrong_gains
 from robustpolish.identification.holds import null_score, with_holds
 from robustpolish.identification.ledger import Ledger
-from robustpolish.identification.observer import Level, force_sites
-from robustpolish.identification.parameters import effect_unit, unit_of
+from robustpolish.identification.observer import Level
 from robustpolish.identification.record import record_of
 from robustpolish.identification.refit import (
     Setting,
@@ -33,8 +31,8 @@ from robustpolish.identification.refit import (
     prepare,
     standard_errors,
 )
-from robustpolish.identification.screening import Candidate, Screening, screen
-from robustpolish.identification.verdict import choose_verdict
+from robustpolish.identification.screening import Candidate, screen
+from robustpolish.identification.search import Search, by_output, steps, whole_error
 from robustpolish.models.mechanical import MechanicalModel
 
 Array = NDArray[np.float64]
@@ -47,21 +45,6 @@ _LINEAR = (Level(1.0), Level(0.1), FREE)
 _EXTENDED = (Level(0.1), Level(0.01), Level(0.001), FREE)
 
 Progress = Callable[[str], None]
-
-
-@dataclass
-class _Search:
-    """What the search knows so far."""
-
-    setting: Setting
-    reference: MechanicalModel
-    stage: Stage
-    ledger: Ledger
-    guided: MechanicalModel
-    candidates: list[RankedCandidate] = field(default_factory=list)
-    confusions: list[Confusion] = field(default_factory=list)
-    reasons: list[str] = field(default_factory=list)
-    screening: Screening | None = None
 
 
 def diagnose(
@@ -99,16 +82,16 @@ def diagnose(
     record = record_of(model, data)
     setting = prepare(model, record)
     say("errors of the model as it is")
-    ledger = Ledger(noise_floor=_by_output(model, setting.scales.noise, setting))
-    base = _whole_error(model, setting)
-    ledger = ledger.add("base", _by_output(model, base, setting))
+    ledger = Ledger(noise_floor=by_output(model, setting.scales.noise, setting))
+    base = whole_error(model, setting)
+    ledger = ledger.add("base", by_output(model, base, setting))
     model = with_holds(model, setting)
     say("refit of the model's own parameters")
     stages = homotopy(model, setting, setting.trial, model, _LINEAR)
     stage = best_stage(stages, setting)
-    search = _Search(setting, model, stage, ledger, stages[min(1, len(stages) - 1)].model)
+    search = Search(setting, model, stage, ledger, stages[min(1, len(stages) - 1)].model, stage)
     search.ledger = ledger.add(
-        "refit", _by_output(model, _whole_error(stage.model, setting), setting)
+        "refit", by_output(model, whole_error(stage.model, setting), setting)
     )
     while len(search.stage.model.effects) - len(model.effects) < MOST_EFFECTS:
         if not _add_one(search, say):
@@ -116,24 +99,10 @@ def diagnose(
     # only now: as long as something is missing, a fit bends masses and springs alike
     for found in wrong_gains(model, search.stage.model):
         _add_gain(search, found, say)
-    return _conclude(search, model, base, say)
+    return conclude(search, model, base, say)
 
 
-def _whole_error(model: MechanicalModel, setting: Setting) -> Array:
-    errors = free_errors(
-        model, setting.everything, setting.scales, setting.dt, setting.amplitude,
-        setting.state_scale,
-    )  # fmt: skip
-    rms = np.sqrt(np.mean(errors**2, axis=0))
-    return np.where(np.isfinite(rms), rms, np.inf)
-
-
-def _by_output(model: MechanicalModel, values: Array, setting: Setting) -> dict[str, float]:
-    size = np.std(setting.record.Y, axis=0)
-    return dict(zip(model.output_names, (values / size).tolist(), strict=True))
-
-
-def _add_one(search: _Search, say: Progress) -> bool:
+def _add_one(search: Search, say: Progress) -> bool:
     """Try to add one effect; return whether one earned its place."""
     setting, stage = search.setting, search.stage
     number = len(stage.model.effects) - len(search.reference.effects) + 1
@@ -159,12 +128,12 @@ def _add_one(search: _Search, say: Progress) -> bool:
     search.stage = fitted
     search.ledger = search.ledger.add(
         candidate.effect.kind,
-        _by_output(fitted.model, _whole_error(fitted.model, setting), setting),
+        by_output(fitted.model, whole_error(fitted.model, setting), setting),
     )
     return True
 
 
-def _least_distorted(search: _Search) -> MechanicalModel:
+def _least_distorted(search: Search) -> MechanicalModel:
     """Return the model from which to screen.
 
     A free-run fit bends the model's numbers to what is missing; one that is led by the data
@@ -176,7 +145,7 @@ def _least_distorted(search: _Search) -> MechanicalModel:
     return min(pair, key=lambda model: null_score(model, search.setting))
 
 
-def _add_gain(search: _Search, found: WrongGain, say: Progress) -> None:
+def _add_gain(search: Search, found: WrongGain, say: Progress) -> None:
     """Add the gain of an input, if the error does not mind."""
     setting, model = search.setting, search.reference
     effect = found.effect
@@ -195,7 +164,7 @@ def _add_gain(search: _Search, found: WrongGain, say: Progress) -> None:
         search.confusions.append(Confusion(effect, other, experiment(effect, other)))
     search.reasons.append(found.reason)
     search.ledger = search.ledger.add(
-        effect.kind, _by_output(stage.model, _whole_error(stage.model, setting), setting)
+        effect.kind, by_output(stage.model, whole_error(stage.model, setting), setting)
     )
 
 
@@ -209,17 +178,12 @@ def _hopeful(candidates: Sequence[Candidate]) -> list[Candidate]:
     return near[:MOST_REFITS]
 
 
-def _refit_with(candidate: Candidate, search: _Search) -> Stage | None:
+def _refit_with(candidate: Candidate, search: Search) -> Stage | None:
     effect = candidate.effect
     model = _least_distorted(search).with_effect(effect.kind, effect.at, effect.values)
     setting = search.setting
-    stages = homotopy(model, setting, setting.trial, search.reference, _EXTENDED, _steps(setting))
+    stages = homotopy(model, setting, setting.trial, search.reference, _EXTENDED, steps(setting))
     return best_stage(stages, setting) if stages else None
-
-
-def _steps(setting: Setting) -> int:
-    """Return the most steps of a stage: short records can afford more."""
-    return 15 if setting.record.samples < 4000 else 7
 
 
 def _judgement(stage: Stage, rivals: Sequence[tuple[Candidate, Stage]]) -> float:
@@ -236,7 +200,7 @@ def _tolerance(setting: Setting) -> float:
 
 
 def _in_turn(
-    ranked: Sequence[tuple[Candidate, Stage]], search: _Search
+    ranked: Sequence[tuple[Candidate, Stage]], search: Search
 ) -> list[tuple[Candidate, Stage]]:
     """Return the candidates by error; among equals the one with the fewest parameters first."""
     if not ranked:
@@ -253,7 +217,7 @@ def _in_turn(
 
 
 def _first_earned(
-    candidates: Sequence[tuple[Candidate, Stage]], search: _Search
+    candidates: Sequence[tuple[Candidate, Stage]], search: Search
 ) -> tuple[Candidate, Stage] | None:
     """Return the first candidate that earns its place."""
     for candidate, fitted in candidates:
@@ -268,7 +232,7 @@ def _size(effect: Effect) -> int:
     return sum(p.fitted for p in effect.definition.parameters)
 
 
-def _objection(candidate: Candidate, fitted: Stage, search: _Search) -> str | None:
+def _objection(candidate: Candidate, fitted: Stage, search: Search) -> str | None:
     """Say why an effect does not earn its place."""
     before, after = search.stage, fitted
     free = before.reproducible and after.reproducible
@@ -297,7 +261,7 @@ def _last_effect(model: MechanicalModel) -> Effect:
 
 
 def _note_confusions(
-    search: _Search,
+    search: Search,
     winner: tuple[Candidate, Stage],
     ranked: Sequence[tuple[Candidate, Stage]],
 ) -> None:
@@ -312,7 +276,7 @@ def _note_confusions(
 
 
 def _remember(
-    search: _Search,
+    search: Search,
     ranked: Sequence[tuple[Candidate, Stage]],
     screened: Sequence[Candidate],
     number: int,
@@ -336,57 +300,3 @@ def _remember(
                     candidate.effect.values, candidate.remark or "screened only",
                 )
             )  # fmt: skip
-
-
-def _conclude(search: _Search, model: MechanicalModel, base: Array, say: Progress) -> Diagnosis:
-    """Fit the final model to the whole record and choose the verdict."""
-    setting, stage = search.setting, search.stage
-    say("final fit")
-    levels = (Level(0.01), FREE) if stage.reproducible else (Level(0.1), Level(0.01))
-    fits = homotopy(stage.model, setting, setting.everything, model, levels, _steps(setting))
-    final = fits[-1] if fits else stage.fit
-    error = _whole_error(final.model, setting)
-    if stage.reproducible and np.mean(np.log(error)) > np.mean(
-        np.log(_whole_error(stage.model, setting))
-    ):
-        final = stage.fit
-        error = _whole_error(final.model, setting)
-    added = final.model.effects[len(model.effects) :]
-    names = final.model.output_names
-    ledger = search.ledger
-    if added or len(ledger.entries) > 1:
-        last = replace(ledger.entries[-1], nrmse=_by_output(model, error, setting))
-        ledger = replace(ledger, entries=(*ledger.entries[:-1], last))
-    refit = search.ledger.entries[1].nrmse
-    refitted = np.array([refit[name] for name in names]) * np.std(setting.record.Y, axis=0)
-    verdict, reasons, floor = choose_verdict(
-        setting, stage, search.screening, base, refitted, error, bool(added)
-    )
-    ledger = replace(ledger, noise_floor=dict(zip(names, floor.tolist(), strict=True)))
-    errors = standard_errors(final, setting.record)
-    values = {
-        key: Value(final.model.parameters[key], errors[key], unit_of(final.model, key))
-        for key in errors
-    }
-    found = tuple(_found(final.model, len(model.effects) + i, errors) for i in range(len(added)))
-    search.confusions += asymmetries(found)
-    motion = search.screening.motion if search.screening else None
-    _, sites = force_sites(model)
-    return Diagnosis(
-        verdict, final.model, found, tuple(search.candidates), tuple(search.confusions), ledger,
-        motion.force if motion else np.zeros((len(sites), 0)), tuple(sites), values,
-        (*search.reasons, *reasons), stage.reproducible,
-    )  # fmt: skip
-
-
-def _found(model: MechanicalModel, index: int, errors: dict[str, float]) -> FoundEffect:
-    added = model.effects[index]
-    effect = Effect(added.kind, added.at, added.parameters)
-    parameters = {}
-    for p in effect.definition.parameters:
-        key = f"effect[{index}].{p.name}"
-        if not p.fitted and effect.values[p.name] == p.default:
-            continue
-        unit = effect_unit(model, added.kind, effect.at, p.name)
-        parameters[p.name] = Value(effect.values[p.name], errors.get(key, 0.0), unit)
-    return FoundEffect(effect.kind, effect.at, parameters)

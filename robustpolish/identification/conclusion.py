@@ -1,0 +1,118 @@
+"""The end of a diagnosis: final fit, verdict, result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.effects import Effect
+from robustpolish.identification.confusion import asymmetries
+from robustpolish.identification.diagnosis import Diagnosis, FoundEffect, Value
+from robustpolish.identification.evaluation import FREE, motion_along
+from robustpolish.identification.free_shape import better_shape
+from robustpolish.identification.least_squares import Fit
+from robustpolish.identification.observer import Level, force_sites
+from robustpolish.identification.parameters import effect_unit, unit_of
+from robustpolish.identification.refit import Stage, homotopy, standard_errors
+from robustpolish.identification.search import Search, by_output, steps, whole_error
+from robustpolish.identification.verdict import choose_verdict
+from robustpolish.models.mechanical import MechanicalModel
+
+Array = NDArray[np.float64]
+
+
+def conclude(
+    search: Search, model: MechanicalModel, base: Array, say: Callable[[str], None]
+) -> Diagnosis:
+    """Fit the final model to the whole record and choose the verdict.
+
+    Parameters
+    ----------
+    search : Search
+    model : MechanicalModel
+        The model as it was, holds of its inputs included.
+    base : ndarray, shape (ny,)
+        Free-run error of the model as it was.
+    say : callable
+        Told what is done.
+    """
+    setting = search.setting
+    say("final fit")
+    final, error = _final_fit(search, search.stage, model)
+    added = len(final.model.effects) > len(model.effects)
+    names = model.output_names
+    refitted = np.array([search.ledger.entries[1].nrmse[name] for name in names])
+    refitted = refitted * np.std(setting.record.Y, axis=0)
+    verdict, reasons, floor = choose_verdict(
+        setting, search.stage, search.screening, base, refitted, error, added
+    )
+    if added and verdict == "missing_effect" and np.any(error > 1.5 * setting.scales.noise):
+        other = better_shape(final.model, setting)
+        if other:
+            verdict, reasons = "unexplained", [other]
+    ledger = search.ledger
+    if added and verdict == "unexplained":
+        # what explains too little is reported as a candidate, not kept in the model
+        named = ", ".join(e.kind for e in final.model.effects[len(model.effects) :])
+        reasons = [*reasons, f"The nearest of the catalogue, not kept: {named}."]
+        ledger = replace(ledger, entries=ledger.entries[:2])
+        search.confusions.clear()
+        final, error = _final_fit(search, search.linear, model)
+        floor = np.minimum(setting.scales.noise, error) / np.std(setting.record.Y, axis=0)
+    last = replace(ledger.entries[-1], nrmse=by_output(model, error, setting))
+    ledger = replace(
+        ledger,
+        entries=(*ledger.entries[:-1], last),
+        noise_floor=dict(zip(names, floor.tolist(), strict=True)),
+    )
+    errors = standard_errors(final, setting.record)
+    values = {
+        key: Value(final.model.parameters[key], errors[key], unit_of(final.model, key))
+        for key in errors
+    }
+    indices = range(len(model.effects), len(final.model.effects))
+    found = tuple(_found(final.model, index, errors) for index in indices)
+    motion = motion_along(final.model, setting.record, setting.scales, setting.amplitude)
+    return Diagnosis(
+        verdict=verdict,
+        model=final.model,
+        effects=found,
+        candidates=tuple(search.candidates),
+        indistinguishable=(*search.confusions, *asymmetries(found)),
+        ledger=ledger,
+        missing_force=motion.force,
+        sites=tuple(force_sites(model)[1]),
+        parameters=values,
+        reasons=(*search.reasons, *reasons),
+        reproducible=search.stage.reproducible,
+    )
+
+
+def _final_fit(search: Search, stage: Stage, model: MechanicalModel) -> tuple[Fit, Array]:
+    """Fit a stage's model to the whole record; return the fit and its free-run error."""
+    setting = search.setting
+    levels = (Level(0.01), FREE) if stage.reproducible else (Level(0.1), Level(0.01))
+    fits = homotopy(stage.model, setting, setting.everything, model, levels, steps(setting))
+    before = whole_error(stage.model, setting)
+    if not fits:
+        return stage.fit, before
+    error = whole_error(fits[-1].model, setting)
+    if stage.reproducible and np.mean(np.log(error)) > np.mean(np.log(before)):
+        return stage.fit, before
+    return fits[-1], error
+
+
+def _found(model: MechanicalModel, index: int, errors: dict[str, float]) -> FoundEffect:
+    added = model.effects[index]
+    effect = Effect(added.kind, added.at, added.parameters)
+    parameters = {}
+    for p in effect.definition.parameters:
+        key = f"effect[{index}].{p.name}"
+        if not p.fitted and effect.values[p.name] == p.default:
+            continue
+        unit = effect_unit(model, added.kind, effect.at, p.name)
+        parameters[p.name] = Value(effect.values[p.name], errors.get(key, 0.0), unit)
+    return FoundEffect(effect.kind, effect.at, parameters)

@@ -1,0 +1,54 @@
+"""The state of a search for missing effects, and how its errors are measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.identification.diagnosis import Confusion, RankedCandidate
+from robustpolish.identification.evaluation import free_errors
+from robustpolish.identification.ledger import Ledger
+from robustpolish.identification.refit import Setting, Stage
+from robustpolish.identification.screening import Screening
+from robustpolish.models.mechanical import MechanicalModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Search:
+    """What the search knows so far."""
+
+    setting: Setting
+    reference: MechanicalModel
+    stage: Stage
+    ledger: Ledger
+    guided: MechanicalModel
+    linear: Stage
+    candidates: list[RankedCandidate] = field(default_factory=list)
+    confusions: list[Confusion] = field(default_factory=list)
+    reasons: list[str] = field(default_factory=list)
+    screening: Screening | None = None
+
+
+def whole_error(model: MechanicalModel, setting: Setting) -> Array:
+    """Return the free-run error of each output over the whole record."""
+    errors = free_errors(
+        model, setting.everything, setting.scales, setting.dt, setting.amplitude,
+        setting.state_scale,
+    )  # fmt: skip
+    rms = np.sqrt(np.mean(errors**2, axis=0))
+    return np.where(np.isfinite(rms), rms, np.inf)
+
+
+def by_output(model: MechanicalModel, values: Array, setting: Setting) -> dict[str, float]:
+    """Return errors over the outputs' standard deviations, by name."""
+    size = np.std(setting.record.Y, axis=0)
+    return dict(zip(model.output_names, (values / size).tolist(), strict=True))
+
+
+def steps(setting: Setting) -> int:
+    """Return the most steps of a stage: short records can afford more."""
+    return 15 if setting.record.samples < 4000 else 7
