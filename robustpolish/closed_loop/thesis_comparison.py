@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from robustpolish.brush import listing_response, simulate_brush
+from robustpolish.brush.listing import Workaround
 from robustpolish.closed_loop.comparison import ControllerComparison, tabulate
 from robustpolish.models import AirBearingParameters, air_bearing
 from robustpolish.synthesis import PUBLISHED_CONTROLLERS, published_gain
@@ -19,7 +20,7 @@ UNEQUAL_LOAD = (
     "not the same load: as in the thesis, F_y drives y without control and x with it, and the "
     "forces depend on the solver's steps"
 )
-_WORKAROUND = {1: "divide", 4: "impulse"}
+_WORKAROUND: Mapping[int, Workaround] = {1: "divide", 4: "impulse"}
 _SIGNALS = ("x", "y", "z")
 
 

@@ -253,6 +253,6 @@ def _step(H: Array, g: Array, x: Array, residuals: Residuals, damping: float) ->
     step = np.zeros(len(g))
     if use.size:
         size = np.sqrt(np.diag(H)[use])
-        scaled = H[np.ix_(use, use)] / np.outer(size, size) + damping * np.eye(use.size)
+        scaled = H[use][:, use] / np.outer(size, size) + damping * np.eye(use.size)
         step[use] = -np.linalg.lstsq(scaled, g[use] / size, rcond=1e-14)[0] / size
     return step

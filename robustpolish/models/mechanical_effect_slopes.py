@@ -116,7 +116,7 @@ def _rest(
         typical = np.max(np.abs(m.K @ q), initial=0.0)
         if not pull.any() or np.max(np.abs(pull)) <= 1e-12 * typical:
             break
-        q[free] -= np.linalg.lstsq(slope[np.ix_(free, free)], pull, rcond=1e-12)[0]
+        q[free] -= np.linalg.lstsq(slope[free][:, free], pull, rcond=1e-12)[0]
     return q if np.isfinite(q).all() else np.zeros(len(names))
 
 

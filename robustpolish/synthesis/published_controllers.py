@@ -117,7 +117,7 @@ def published_gain(name: str) -> NDArray[np.float64]:
     '3.361e-06'
     """
     one_of("name", name, PUBLISHED_CONTROLLERS)
-    gain = block_diag(*_BLOCKS[name])
+    gain: NDArray[np.float64] = np.asarray(block_diag(*_BLOCKS[name]), dtype=float)
     if name.endswith("_scaled"):
         gain = gain * np.array(_SCALING[name.split("_")[0]])
     return gain

@@ -189,9 +189,9 @@ def test_a_disc_that_tips_over_is_an_error() -> None:
 def test_five_seconds_take_at_most_five() -> None:
     simulate_brush(duration=0.01)  # compiles, or loads what was compiled
     for run in (1, 4):
-        start = clock.perf_counter()
+        start = clock.process_time()  # not the clock on the wall, which a busy machine delays
         signals = simulate_brush(run=run)
-        elapsed = clock.perf_counter() - start
+        elapsed = clock.process_time() - start
         assert signals.sizes["time"] == 100001
         assert signals.attrs["converged"] == 1
         assert elapsed < 5.0
