@@ -43,5 +43,5 @@ class _Group(click.Group):
 def main() -> None:
     """Robust control design with certificates, for machines with contact.
 
-    Every command works without arguments, on the thesis's polishing robot.
+    Without arguments, design, modes, norms and brush work on the thesis's polishing robot.
     """
