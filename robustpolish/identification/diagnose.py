@@ -33,6 +33,7 @@ from robustpolish.identification.refit import (
 )
 from robustpolish.identification.screening import Candidate, screen
 from robustpolish.identification.search import Search, by_output, steps, whole_error
+from robustpolish.identification.verdict import SILENT
 from robustpolish.models.mechanical import MechanicalModel
 
 Array = NDArray[np.float64]
@@ -104,45 +105,53 @@ def diagnose(
 
 def _add_one(search: Search, say: Progress) -> bool:
     """Try to add one effect; return whether one earned its place."""
-    setting, stage = search.setting, search.stage
-    number = len(stage.model.effects) - len(search.reference.effects) + 1
-    say(f"screening for effect {number}")
-    screening = screen(
-        _least_distorted(search), setting.screened, setting.scales, setting.amplitude
-    )
-    search.screening = screening
-    hopeful = _hopeful(screening.candidates)
-    refits: list[tuple[Candidate, Stage]] = []
-    for candidate in hopeful:
-        say(f"refit with {candidate.effect}")
-        fitted = _refit_with(candidate, search)
-        if fitted is not None:
-            refits.append((candidate, fitted))
-    ranked = sorted(refits, key=lambda item: _judgement(item[1], refits))
-    _remember(search, ranked, screening.candidates, number)
-    earned = _first_earned(_in_turn(ranked, search), search)
-    if earned is None:
-        return False
+    setting = search.setting
+    number = len(search.stage.model.effects) - len(search.reference.effects) + 1
+    for start in _starts(search):
+        say(f"screening for effect {number}")
+        screening = screen(start, setting.screened, setting.scales, setting.amplitude)
+        search.screening = screening
+        refits: list[tuple[Candidate, Stage]] = []
+        for candidate in _hopeful(screening.candidates):
+            say(f"refit with {candidate.effect}")
+            fitted = _refit_with(candidate, start, search)
+            if fitted is not None:
+                refits.append((candidate, fitted))
+        ranked = sorted(refits, key=lambda item: _judgement(item[1], refits))
+        _remember(search, ranked, screening.candidates, number)
+        earned = _first_earned(_in_turn(ranked, search), search)
+        if earned is not None:
+            _accept(search, earned, ranked)
+            return True
+        if screening.level.force <= SILENT:
+            break  # no missing force is seen: another start will not show one
+    return False
+
+
+def _accept(
+    search: Search,
+    earned: tuple[Candidate, Stage],
+    ranked: Sequence[tuple[Candidate, Stage]],
+) -> None:
     candidate, fitted = earned
     _note_confusions(search, earned, ranked)
     search.stage = fitted
+    error = whole_error(fitted.model, search.setting)
     search.ledger = search.ledger.add(
-        candidate.effect.kind,
-        by_output(fitted.model, whole_error(fitted.model, setting), setting),
+        candidate.effect.kind, by_output(fitted.model, error, search.setting)
     )
-    return True
 
 
-def _least_distorted(search: Search) -> MechanicalModel:
-    """Return the model from which to screen.
+def _starts(search: Search) -> list[MechanicalModel]:
+    """Return the models from which to screen, the more likely one first.
 
     A free-run fit bends the model's numbers to what is missing; one that is led by the data
-    leaves that to the free force. The likelihood tells which is nearer.
+    leaves that to the free force, but may wander off where the data say little.
     """
     if search.stage.model.effects != search.guided.effects:
-        return search.stage.model
-    pair = (search.stage.model, search.guided)
-    return min(pair, key=lambda model: null_score(model, search.setting))
+        return [search.stage.model]
+    pair = [search.stage.model, search.guided]
+    return sorted(pair, key=lambda model: null_score(model, search.setting))
 
 
 def _add_gain(search: Search, found: WrongGain, say: Progress) -> None:
@@ -178,9 +187,9 @@ def _hopeful(candidates: Sequence[Candidate]) -> list[Candidate]:
     return near[:MOST_REFITS]
 
 
-def _refit_with(candidate: Candidate, search: Search) -> Stage | None:
+def _refit_with(candidate: Candidate, start: MechanicalModel, search: Search) -> Stage | None:
     effect = candidate.effect
-    model = _least_distorted(search).with_effect(effect.kind, effect.at, effect.values)
+    model = start.with_effect(effect.kind, effect.at, effect.values)
     setting = search.setting
     stages = homotopy(model, setting, setting.trial, search.reference, _EXTENDED, steps(setting))
     return best_stage(stages, setting) if stages else None
