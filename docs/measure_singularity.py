@@ -9,9 +9,9 @@ from robustpolish.models import air_bearing
 from robustpolish.synthesis.decoupling import decoupled_parts
 from robustpolish.synthesis.mixed_inequalities import (
     Specification,
-    _program,
-    _reconstructed,
+    mixed_program,
     mixed_start,
+    reconstructed,
 )
 from robustpolish.synthesis.nonsmooth import HinfMeasure, Loop, augmented
 from robustpolish.synthesis.pricing import noisy, priced
@@ -34,7 +34,7 @@ def report(label, scale, plant, program, variables):
         return
     X, Y = solution.value(variables.X), solution.value(variables.Y)
     sizes = np.linalg.svd(np.eye(plant.nx) - X @ Y, compute_uv=False)
-    K = _reconstructed(plant, variables, solution)
+    K = reconstructed(plant, variables, solution)
     entry = np.inf if K is None else np.abs(K).max()
     print(
         f"  {label}: singular values of I - XY {sizes[-1]:.1e} to {sizes[0]:.1e}, "
@@ -56,7 +56,7 @@ def main():
                 choices.append(("x axis, in SI units", float, part))
             for label, scale, plant in choices:
                 specification = [Specification(plant, "hinf", None)]
-                program, variables, level = _program(specification, (), None)
+                program, variables, level = mixed_program(specification, (), None)
                 program.minimise(level)
                 report(f"{label}, smallest gamma", scale, plant, program, variables)
             P = scaled.plant
@@ -65,7 +65,7 @@ def main():
             start = norm_of(P, rest)
             for share in (1e-1, 1e-3):
                 fixed = [Specification(P, "hinf", share * start)]
-                program, variables, _ = _program(fixed, (), None)
+                program, variables, _ = mixed_program(fixed, (), None)
                 program.minimise(variables.X.trace + variables.Y.trace)
                 text = f"scaled, gamma {share:g} of the open loop, smallest trace"
                 report(text, scaled.norm, P, program, variables)

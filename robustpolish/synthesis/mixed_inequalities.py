@@ -83,28 +83,28 @@ def mixed_start(
         remaining = deadline - time.monotonic()
         return program.solve(backend, solver=solver, tolerance=1e-8, time_limit=remaining)
 
-    program, variables, level = _program(specifications, regions, None)
+    program, variables, level = mixed_program(specifications, regions, None)
     program.minimise(level)
     first = solved(program)
     if first.x is None:
         return None
     best = float(first.value(level).item())
     # First the smallest variables at a norm a little worse, then I - XY far from singular.
-    program, variables, _ = _program(specifications, regions, max(best, 0.0) * _BACK_OFF**2)
+    program, variables, _ = mixed_program(specifications, regions, max(best, 0.0) * _BACK_OFF**2)
     size = _size(program, variables)
     program.minimise(size)
     second = solved(program)
     if second.x is None:
         return None
     smallest = float(second.value(size).item())
-    program, variables, _ = _program(specifications, regions, max(best, 0.0) * _BACK_OFF**2)
+    program, variables, _ = mixed_program(specifications, regions, max(best, 0.0) * _BACK_OFF**2)
     size, beta = _size(program, variables), program.scalar()
     program.nonnegative(1.5 * smallest - size)
     eye = beta.times(np.eye(P.nx))
     program.positive(symmetric_block([[variables.Y, eye], [variables.X]]))
     program.minimise(-beta)
     third = solved(program)
-    return None if third.x is None else _reconstructed(P, variables, third)
+    return None if third.x is None else reconstructed(P, variables, third)
 
 
 def _size(program: SemidefiniteProgram, v: _Variables) -> Affine:
@@ -118,7 +118,7 @@ def _size(program: SemidefiniteProgram, v: _Variables) -> Affine:
     return size
 
 
-def _program(
+def mixed_program(
     specifications: Sequence[Specification], regions: Sequence[PoleRegion], level: float | None
 ) -> tuple[SemidefiniteProgram, _Variables, Affine]:
     """State the inequalities; `level` fixes the square of the norm that is minimised."""
@@ -199,7 +199,7 @@ def _stacked(blocks: Sequence[Sequence[Affine]]) -> Affine:
     return total
 
 
-def _reconstructed(
+def reconstructed(
     P: GeneralizedPlant, variables: _Variables, solution: SemidefiniteSolution
 ) -> Matrix | None:
     """Undo the change of variables, (10.23) and (10.24), with I - XY split evenly."""

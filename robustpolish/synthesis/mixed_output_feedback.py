@@ -30,6 +30,7 @@ from robustpolish.synthesis.structured_design import (
     certified_design,
     design_parts,
     refuse_unstable,
+    search_deadline,
 )
 from robustpolish.validation import described, invalid, one_of, positive
 
@@ -158,7 +159,7 @@ def mixed_output_feedback(
             part.plant, own_goal, minimise, side, bound, regions, gain_bound, backend, solver
         )
         tasks.append(PartTask(part.plant, lambda task=task: mixed_setting(task)))
-    designs = design_parts(tasks, began + 0.97 * time_limit, seed)
+    designs = design_parts(tasks, search_deadline(whole, began, time_limit), seed)
     controller = joined_controller(whole, parts, [d and d.controller for d in designs])
     found = [d for d in designs if d is not None]
     design = certified_design(goal, goal, controller, minimise, found, "lmi, descent", began)

@@ -16,6 +16,7 @@ from robustpolish.synthesis.mixed_inequalities import Specification, mixed_start
 from robustpolish.synthesis.nonsmooth import (
     AffineGain,
     Loop,
+    MaskedGain,
     ObserverGain,
     RegionMeasure,
     Requirement,
@@ -36,6 +37,8 @@ Vector = NDArray[Any]
 
 # Poles are asked a little inside their region, relative to the size of the plant.
 _INSIDE = 1e-7
+# The semidefinite program of a larger plant does not return within the usual time limits.
+_LARGEST_FOR_INEQUALITIES = 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,14 +100,14 @@ def mixed_setting(task: MixedTask) -> Setting:
         specifications.append(Specification(side, other, bound))
         h2_loop = side_loop if other == "h2" else h2_loop
     mask = np.ones((n + task.whole.nu, n + task.whole.ny), bool)
-    parametrisation = AffineGain.masked(mask) if h2_loop is None else free_gain(mask, h2_loop)
+    parametrisation = MaskedGain(mask) if h2_loop is None else free_gain(mask, h2_loop)
     regions = tuple(region.in_unit_of_time(scaled.time) for region in task.regions)
     loop = augmented(inner, n)
     requirements.extend(Requirement(_region(loop, region), None) for region in regions)
     requirements.extend(gain_requirement(task.gain_bound, n, scaled))
 
     def starts(deadline: float, rng: np.random.Generator) -> Iterator[Vector]:
-        if not task.whole.is_discrete:
+        if not task.whole.is_discrete and n <= _LARGEST_FOR_INEQUALITIES:
             first = mixed_start(specifications, regions, deadline, task.backend, task.solver)
             if first is not None:
                 yield parametrisation.coordinates(first)
@@ -149,13 +152,13 @@ def _region(loop: Loop, region: PoleRegion) -> RegionMeasure:
 def _proposed(
     goal: GeneralizedPlant,
     norm: Norm,
-    parametrisation: AffineGain,
+    parametrisation: AffineGain | MaskedGain,
     deadline: float,
     rng: np.random.Generator,
 ) -> Iterator[Vector]:
     """Propose a resting controller, Riccati designs for the goal alone, then random changes."""
     n = goal.nx
-    shape = parametrisation.offset.shape
+    shape = (n + goal.nu, n + goal.ny)
     rest = np.zeros(shape)
     rest[:n, :n] = 0.0 if goal.is_discrete else -np.eye(n)
     found = [rest]

@@ -20,6 +20,7 @@ from robustpolish.synthesis.structured_design import (
     certified_design,
     design_parts,
     refuse_unstable,
+    search_deadline,
 )
 from robustpolish.synthesis.structured_search import Norm
 from robustpolish.validation import matrix, one_of, positive
@@ -114,7 +115,7 @@ def observer_feedback(
 
     parts = decoupled_parts(whole)
     tasks = [_task(part, norm, gain_bound) for part in parts]
-    designs = design_parts(tasks, began + 0.97 * time_limit, seed, target)
+    designs = design_parts(tasks, search_deadline(whole, began, time_limit), seed, target)
     F, L = np.zeros((plant.nu, plant.nx)), np.zeros((plant.nx, plant.ny))
     for part, found in zip(parts, designs, strict=True):
         if found is not None:

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 Matrix = NDArray[Any]
 
-_MOST_CHOICES = 400
+# Up to this many real poles and pairs every choice is tried; beyond, some drawn at random.
+_ALL_CHOICES = 10
+_DRAWN_CHOICES = 30
 
 
 class ObserverForm(NamedTuple):
@@ -68,7 +70,33 @@ def observer_form(
 
 
 def _choices(poles: NDArray[np.complex128], n: int) -> list[list[int]]:
-    """Return sets of n poles closed under conjugation, slow ones first."""
+    """Return sets of n poles closed under conjugation; all of them for small plants."""
+    groups = _conjugate_groups(poles)
+    if len(groups) <= _ALL_CHOICES:
+        return [
+            [i for group in members for i in group]
+            for count in range(len(groups) + 1)
+            for members in combinations(groups, count)
+            if sum(map(len, members)) == n
+        ]
+    rng = np.random.default_rng(0)
+    orders = [groups, groups[::-1]]
+    orders += [[groups[i] for i in rng.permutation(len(groups))] for _ in range(_DRAWN_CHOICES)]
+    filled = [_filled(order, n) for order in orders]
+    return [choice for choice in filled if len(choice) == n]
+
+
+def _filled(groups: list[list[int]], n: int) -> list[int]:
+    """Take groups in their order as long as they fit."""
+    choice: list[int] = []
+    for group in groups:
+        if len(choice) + len(group) <= n:
+            choice.extend(group)
+    return choice
+
+
+def _conjugate_groups(poles: NDArray[np.complex128]) -> list[list[int]]:
+    """Return the indices of real poles and of complex pairs, slow ones first."""
     order = sorted(range(len(poles)), key=lambda i: (-poles[i].real, abs(poles[i].imag)))
     groups: list[list[int]] = []
     used: set[int] = set()
@@ -76,17 +104,9 @@ def _choices(poles: NDArray[np.complex128], n: int) -> list[list[int]]:
         if i in used:
             continue
         group = [i]
-        if poles[i].imag != 0:
-            rest = [j for j in order if j not in used and j != i]
-            if rest:
-                group.append(min(rest, key=lambda j: abs(poles[j] - np.conj(poles[i]))))
+        rest = [j for j in order if j not in used and j != i]
+        if poles[i].imag != 0 and rest:
+            group.append(min(rest, key=lambda j: abs(poles[j] - np.conj(poles[i]))))
         used.update(group)
         groups.append(group)
-    choices: list[list[int]] = []
-    for count in range(len(groups) + 1):
-        for members in combinations(groups, count):
-            if sum(map(len, members)) == n:
-                choices.append([i for group in members for i in group])
-            if len(choices) >= _MOST_CHOICES:
-                return choices
-    return choices
+    return groups

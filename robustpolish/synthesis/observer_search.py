@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Iterator
 from typing import Any
 
@@ -114,6 +115,8 @@ def proposals(
     if norm == "hinf" and not plant.is_discrete:
         found.extend(_central(plant, parametrisation, deadline))
     for epsilon in _EPSILONS:
+        if found and time.monotonic() > deadline:
+            break
         gains = _quadratic(matrices(plant), epsilon, plant.is_discrete)
         if gains is not None:
             found.append(parametrisation.join(*gains))
@@ -145,7 +148,10 @@ def _regulator(A: Matrix, B: Matrix, C: Matrix, D: Matrix, discrete: bool) -> Ma
     solve = linalg.solve_discrete_are if discrete else linalg.solve_continuous_are
     R, S = D.T @ D, C.T @ D
     try:
-        X = solve(A, B, C.T @ C, R, s=S)
+        with warnings.catch_warnings():
+            # SciPy's balancing warns about extreme scales; what it returns is only a start.
+            warnings.simplefilter("ignore", RuntimeWarning)
+            X = solve(A, B, C.T @ C, R, s=S)
         if discrete:
             F = -np.linalg.solve(R + B.T @ X @ B, B.T @ X @ A + S.T)
         else:
@@ -160,7 +166,11 @@ def _central(
 ) -> Iterator[Vector]:
     """Propose central H-infinity controllers of regularised plants in observer form."""
     gamma = 1.0
+    # A third of the time is enough for starts; the rest belongs to the descents.
+    deadline = time.monotonic() + 0.3 * (deadline - time.monotonic())
     for epsilon in _EPSILONS:
+        if time.monotonic() > deadline:
+            return
         normal = normalise(regularise(matrices(plant), epsilon))
         bracket = search_gamma(normal, gamma, 1e-3, lambda: time.monotonic() > deadline)
         if bracket is None:

@@ -22,6 +22,7 @@ from robustpolish.synthesis.structured_design import (
     certified_design,
     design_parts,
     refuse_unstable,
+    search_deadline,
 )
 from robustpolish.synthesis.structured_search import Norm, Setting
 from robustpolish.validation import described, invalid, one_of, positive
@@ -170,7 +171,7 @@ def passive_feedback(
             continue
         task = _task(part.plant, norm, elements[own][:, *rows], [limits[i] for i in own])
         tasks.append(task)
-    designs = design_parts(tasks, began + 0.97 * time_limit, seed)
+    designs = design_parts(tasks, search_deadline(whole, began, time_limit), seed)
     for part, own, design in zip(parts, members, designs, strict=True):
         if design is not None:
             # Only a coefficient that nobody bounded can grow for ever.

@@ -23,6 +23,7 @@ from robustpolish.synthesis.structured_design import (
     certified_design,
     design_parts,
     refuse_unstable,
+    search_deadline,
 )
 from robustpolish.synthesis.structured_search import Norm
 from robustpolish.validation import described, invalid, one_of, positive
@@ -125,7 +126,7 @@ def static_output_feedback(
     joined = order > 0 and (mask is not None or start is not None)
     parts = (undivided(whole),) if joined else decoupled_parts(whole, mask)
     tasks = [_task(part, norm, mask, order, gain_bound, start) for part in parts]
-    designs = design_parts(tasks, began + 0.97 * time_limit, seed, target)
+    designs = design_parts(tasks, search_deadline(whole, began, time_limit), seed, target)
     controller = joined_controller(whole, parts, [d and d.controller for d in designs])
     found = [d for d in designs if d is not None]
     return certified_design(plant, whole, controller, norm, found, "descent", began)

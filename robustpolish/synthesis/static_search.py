@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -20,6 +21,7 @@ from robustpolish.synthesis.nonsmooth import (
     GainMeasure,
     HinfMeasure,
     Loop,
+    MaskedGain,
     Requirement,
     augmented,
     controller_loop,
@@ -27,6 +29,9 @@ from robustpolish.synthesis.nonsmooth import (
 from robustpolish.synthesis.scaling import ScaledPlant, scale_plant
 from robustpolish.synthesis.structured_search import Matrix, Norm, Setting, Vector
 from robustpolish.validation import described, invalid
+
+# Semidefinite programs with more states take longer than the descents that they would start.
+_LARGEST_FOR_INEQUALITIES = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +76,7 @@ def static_setting(task: StaticTask) -> Setting:
     reach = task.mask if task.order == 0 else np.ones((task.plant.nu, task.plant.ny), bool)
     refuse_fixed_modes(inner, reach, task.plant.states, scaled.time, what)
     hinf = task.norm == "hinf"
-    parametrisation = AffineGain.masked(task.mask) if hinf else free_gain(task.mask, loop)
+    parametrisation = MaskedGain(task.mask) if hinf else free_gain(task.mask, loop)
 
     def starts(deadline: float, rng: np.random.Generator) -> Iterator[Vector]:
         return _starts(task, scaled, loop, parametrisation, deadline, rng)
@@ -90,7 +95,7 @@ def static_setting(task: StaticTask) -> Setting:
     )
 
 
-def free_gain(mask: NDArray[np.bool_], loop: Loop) -> AffineGain:
+def free_gain(mask: NDArray[np.bool_], loop: Loop) -> AffineGain | MaskedGain:
     """Free the marked entries, as far as the feedthrough of a continuous loop stays zero.
 
     Raises
@@ -98,7 +103,7 @@ def free_gain(mask: NDArray[np.bool_], loop: Loop) -> AffineGain:
     InfeasibleError
         If no gain of the pattern cancels D11.
     """
-    free = AffineGain.masked(mask)
+    free = MaskedGain(mask)
     if loop.discrete or not loop.D11.size:
         return free
     if not (loop.D11.any() or (loop.D12.any() and loop.D21.any())):
@@ -146,7 +151,7 @@ def _starts(
     task: StaticTask,
     scaled: ScaledPlant,
     loop: Loop,
-    parametrisation: AffineGain,
+    parametrisation: AffineGain | MaskedGain,
     deadline: float,
     rng: np.random.Generator,
 ) -> Iterator[NDArray[np.float64]]:
@@ -156,7 +161,9 @@ def _starts(
     rest = np.zeros(task.mask.shape)
     rest[: task.order, : task.order] = -np.eye(task.order) * (0.0 if loop.discrete else 1.0)
     yield parametrisation.coordinates(rest)
-    gain = stabilising_gain(loop, task.mask, deadline)
+    gain = None
+    if len(loop.A) <= _LARGEST_FOR_INEQUALITIES:
+        gain = stabilising_gain(loop, task.mask, deadline)
     if gain is not None:
         yield parametrisation.coordinates(gain)
     projected = _projected_regulator(loop)
@@ -173,7 +180,10 @@ def _projected_regulator(loop: Loop) -> Matrix | None:
     solve = linalg.solve_discrete_are if loop.discrete else linalg.solve_continuous_are
     A, B, eye = loop.A, loop.B2, np.eye(loop.B2.shape[1])
     try:
-        X = solve(A, B, np.eye(len(A)), eye)
+        with warnings.catch_warnings():
+            # SciPy's balancing warns about extreme scales; what it returns is only a start.
+            warnings.simplefilter("ignore", RuntimeWarning)
+            X = solve(A, B, np.eye(len(A)), eye)
         F = -np.linalg.solve(eye + B.T @ X @ B, B.T @ X @ A) if loop.discrete else -B.T @ X
     except (np.linalg.LinAlgError, ValueError):
         return None

@@ -1,11 +1,14 @@
 """Observer-based controllers: separation, the LQG optimum, the whole loop's norm."""
 
+import contextlib
+import time
+
 import control
 import numpy as np
 import pytest
 
 from robustpolish.analysis import h2_norm, hinf_norm
-from robustpolish.errors import InfeasibleError
+from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.models import GeneralizedPlant, air_bearing
 from robustpolish.synthesis.observer_feedback import observer_controller, observer_feedback
 from robustpolish.synthesis.observer_form import observer_form
@@ -121,3 +124,11 @@ def test_unreachable_modes_and_feedthroughs_are_refused():
     )
     with pytest.raises(InfeasibleError, match="H2 norm is infinite"):
         observer_feedback(direct, "h2")
+
+
+def test_the_time_limit_holds_for_large_plants():
+    plant = regular_plant(30, seed=1)
+    began = time.monotonic()
+    with contextlib.suppress(SolverError):
+        assert observer_feedback(plant, time_limit=3).certificate.valid
+    assert time.monotonic() - began < 12

@@ -27,11 +27,11 @@ from robustpolish.synthesis.full_state.programs import (
     solve_once,
 )
 from robustpolish.synthesis.nonsmooth import (
-    AffineGain,
     GainMeasure,
     H2Measure,
     HinfMeasure,
     Loop,
+    MaskedGain,
     Problem,
     Requirement,
     minimax,
@@ -237,7 +237,7 @@ def _descended(
         measure = HinfMeasure(loop) if engine.norm == "hinf" else H2Measure(loop)
         back = np.linalg.inv(T)
         held = Requirement(GainMeasure(gain.left @ V, back @ gain.right), gain.bound)
-        gains = AffineGain.masked(np.ones(F.shape, dtype=bool))
+        gains = MaskedGain(np.ones(F.shape, dtype=bool))
         theta = gains.coordinates(np.linalg.solve(V, F @ T))
         descent = minimax(Problem(gains, measure, (held,)), theta, deadline, _ITERATIONS)
         new = gain.inside(V @ gains.gain(descent.point) @ back)

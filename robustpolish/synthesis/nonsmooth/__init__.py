@@ -14,6 +14,7 @@ from robustpolish.synthesis.nonsmooth.loops import Loop, augmented, controller_l
 from robustpolish.synthesis.nonsmooth.minimax import Bounds, minimax
 from robustpolish.synthesis.nonsmooth.parametrisations import (
     AffineGain,
+    MaskedGain,
     ObserverGain,
     Parametrisation,
     PositiveElements,
@@ -36,6 +37,7 @@ __all__ = [
     "H2Measure",
     "HinfMeasure",
     "Loop",
+    "MaskedGain",
     "Measure",
     "ObserverGain",
     "Parametrisation",

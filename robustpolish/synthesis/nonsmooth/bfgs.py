@@ -129,5 +129,6 @@ def _update(H: NDArray[np.float64], s: Vector, y: Vector, first: bool) -> NDArra
     if first:
         H = np.eye(len(s)) * curvature / float(y @ y)
     rho = 1 / curvature
-    V = np.eye(len(s)) - rho * np.outer(s, y)
-    return V @ H @ V.T + rho * np.outer(s, s)
+    Hy = H @ y
+    mixed = np.outer(s, Hy)
+    return H - rho * (mixed + mixed.T) + rho * (1 + rho * float(y @ Hy)) * np.outer(s, s)

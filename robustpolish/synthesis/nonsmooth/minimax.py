@@ -70,9 +70,12 @@ def minimax(
     model = problem.model(x, width)
     if model is None:
         return Descent(x, np.inf, 0, "stalled")
+    if len(x) > _MOST_NUMBERS:
+        iterations = 0
     H = np.eye(len(x)) * 1e-3 * max(1e-6, float(np.abs(model.slopes).max()))
     radius = 0.3 * max(1.0, float(np.abs(x).max(initial=0.0)))
     extra: list[float] = []
+    kept = (x, model.objective if model.violation == 0 else np.inf)
     reason, steps = "iterations", 0
     while steps < iterations:
         steps += 1
@@ -82,7 +85,8 @@ def minimax(
         if model.objective < target and model.violation == 0:
             reason = "target"
             break
-        step = _quadratic_step(model, x, H, radius, weight, bounds)
+        remaining = deadline - time.monotonic()
+        step = _quadratic_step(model, x, H, radius, weight, bounds, remaining)
         if step is None or step.promise < tolerance:
             if model.violation > 1e-6 and weight < 1e6 and step is not None:
                 weight *= 10
@@ -108,6 +112,8 @@ def minimax(
             if gain > 0.05 * step.promise:
                 x, extra = trial_point, []
                 model = problem.model(x, width) or trial
+                if model.violation == 0 and model.objective < kept[1]:
+                    kept = (x, model.objective)
                 continue
             extra = [*extra, *_frequencies(trial)][-12:]
             model = problem.model(x, width, extra) or model
@@ -115,7 +121,13 @@ def minimax(
             reason = "stalled"
             break
     value = model.objective if model.violation <= 1e-9 else np.inf
+    if kept[1] <= value:
+        x, value = kept
     return Descent(x, value, steps, reason)
+
+
+# Beyond this many free numbers one quadratic programme takes longer than many steps of BFGS.
+_MOST_NUMBERS = 800
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +158,13 @@ def _next_radius(radius: float, step: _Step, gain: float) -> float:
 
 
 def _quadratic_step(
-    model: Model, x: Vector, H: Matrix, radius: float, weight: float, bounds: Bounds | None
+    model: Model,
+    x: Vector,
+    H: Matrix,
+    radius: float,
+    weight: float,
+    bounds: Bounds | None,
+    remaining: float,
 ) -> _Step | None:
     """Solve min t + weight s + d'Hd/2 over the linearised pieces in the trust region."""
     n, m, p = len(x), len(model.values), len(model.excess)
@@ -163,7 +181,7 @@ def _quadratic_step(
     P = np.zeros((n + 2, n + 2))
     P[:n, :n] = np.triu(H)
     q = np.concatenate([np.zeros(n), [1.0, weight]])
-    solution = _solve(P, q, rows, right)
+    solution = _solve(P, q, rows, right, remaining)
     if solution is None:
         return None
     d, duals = np.clip(solution[0][:n], low, high), np.maximum(solution[1], 0.0)
@@ -176,10 +194,13 @@ def _quadratic_step(
     return _Step(d, promise, duals[:m], duals[m : m + p], inside)
 
 
-def _solve(P: Matrix, q: Vector, rows: Matrix, right: Vector) -> tuple[Vector, Vector] | None:
+def _solve(
+    P: Matrix, q: Vector, rows: Matrix, right: Vector, remaining: float
+) -> tuple[Vector, Vector] | None:
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_iter = 60
+    settings.time_limit = max(remaining, 1e-3)
     cones = [clarabel.NonnegativeConeT(len(right))]
     matrices = sparse.csc_matrix(P), sparse.csc_matrix(rows)
     solution = clarabel.DefaultSolver(matrices[0], q, matrices[1], right, cones, settings).solve()

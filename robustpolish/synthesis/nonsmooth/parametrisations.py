@@ -30,22 +30,65 @@ class Parametrisation(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class AffineGain:
-    """K = offset + sum of theta_i times basis_i.
+class MaskedGain:
+    """K with free entries where the mask is true and zeros elsewhere.
 
     Attributes
     ----------
-    offset : ndarray, shape (rows, columns)
-    basis : ndarray, shape (n, rows * columns)
+    mask : ndarray of bool, shape (rows, columns)
     """
 
-    offset: Matrix
-    basis: Matrix
+    mask: NDArray[np.bool_]
 
-    @classmethod
-    def masked(cls, mask: NDArray[np.bool_]) -> AffineGain:
-        """Let the marked entries of K be free, the others zero."""
-        return cls(np.zeros(mask.shape), np.eye(mask.size)[mask.ravel()])
+    @property
+    def size(self) -> int:
+        """Number of free numbers."""
+        return int(self.mask.sum())
+
+    def gain(self, theta: Vector) -> Matrix:
+        """Return K(theta)."""
+        K = np.zeros(self.mask.shape)
+        K[self.mask] = theta
+        return K
+
+    def back(self, theta: Vector, gradient: Matrix) -> Vector:
+        """Turn a gradient over K into one over theta."""
+        return gradient[self.mask]
+
+    def coordinates(self, K: Matrix) -> Vector:
+        """Return the theta whose gain is nearest to K."""
+        return K[self.mask]
+
+    def restricted(self, left: Matrix, right: Matrix, target: Matrix) -> AffineGain | None:
+        """Keep only gains with left K right = target; None if there is none."""
+        rows = np.array([np.outer(left[:, i], right[j]).ravel() for i, j in np.argwhere(self.mask)])
+        rows = rows.reshape(self.size, target.size).T
+        missing = target.ravel()
+        theta = np.linalg.lstsq(rows, missing, rcond=None)[0]
+        scale = np.linalg.norm(rows) * np.linalg.norm(theta) + np.linalg.norm(target)
+        if np.linalg.norm(rows @ theta - missing) > 1e-9 * scale:
+            return None
+        _, values, vt = np.linalg.svd(rows)
+        rank = int(np.sum(values > 1e-12 * values.max(initial=0.0)))
+        return AffineGain(self, theta, vt[rank:])
+
+
+@dataclass(frozen=True, eq=False)
+class AffineGain:
+    """The free entries of a masked gain on an affine subspace.
+
+    Attributes
+    ----------
+    inner : MaskedGain
+    origin : ndarray, shape (m,)
+        One point of the subspace.
+    basis : ndarray, shape (n, m)
+        Orthonormal rows that span it.
+    """
+
+    inner: MaskedGain
+    origin: Vector
+    basis: Matrix
 
     @property
     def size(self) -> int:
@@ -54,28 +97,15 @@ class AffineGain:
 
     def gain(self, theta: Vector) -> Matrix:
         """Return K(theta)."""
-        return self.offset + (theta @ self.basis).reshape(self.offset.shape)
+        return self.inner.gain(self.origin + theta @ self.basis)
 
     def back(self, theta: Vector, gradient: Matrix) -> Vector:
         """Turn a gradient over K into one over theta."""
-        return self.basis @ gradient.ravel()
+        return self.basis @ self.inner.back(theta, gradient)
 
     def coordinates(self, K: Matrix) -> Vector:
         """Return the theta whose gain is nearest to K."""
-        return np.linalg.lstsq(self.basis.T, (K - self.offset).ravel(), rcond=None)[0]
-
-    def restricted(self, left: Matrix, right: Matrix, target: Matrix) -> AffineGain | None:
-        """Keep only gains with left K right = target; None if there is none."""
-        rows = np.array([(left @ b.reshape(self.offset.shape) @ right).ravel() for b in self.basis])
-        missing = (target - left @ self.offset @ right).ravel()
-        rows = rows.reshape(self.size, missing.size).T
-        theta, *_ = np.linalg.lstsq(rows, missing, rcond=None)
-        scale = np.linalg.norm(rows) * np.linalg.norm(theta) + np.linalg.norm(target)
-        if np.linalg.norm(rows @ theta - missing) > 1e-9 * scale:
-            return None
-        _, values, vt = np.linalg.svd(rows) if rows.size else (None, np.zeros(0), np.eye(self.size))
-        rank = int(np.sum(values > 1e-12 * values.max(initial=0.0)))
-        return AffineGain(self.gain(theta), vt[rank:] @ self.basis)
+        return self.basis @ (self.inner.coordinates(K) - self.origin)
 
 
 @dataclass(frozen=True, eq=False)

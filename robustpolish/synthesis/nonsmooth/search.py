@@ -90,6 +90,12 @@ class _Progress:
         if value < self.value:
             self.point, self.value = point, value
 
+    def keep(self, problem: Problem, point: Vector) -> None:
+        """Remember a start that meets the requirements, lest nothing better be found."""
+        model = problem.model(point) if problem.requirements else None
+        if model is not None and model.violation == 0 and model.objective < self.value:
+            self.point, self.value = point, model.objective
+
     def agreeing(self) -> int:
         return sum(v <= self.value + _AGREEMENT for v in self.values)
 
@@ -186,6 +192,7 @@ def _descend(
         if problem.model(point) is None:
             progress.history.append({"outcome": "not stabilised", "abscissa": abscissa})
             return
+    progress.keep(problem, point)
     first = None
     if bounds is None:
         first = bfgs(

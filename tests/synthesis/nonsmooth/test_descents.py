@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from robustpolish.synthesis.nonsmooth import (
-    AffineGain,
     GainMeasure,
+    MaskedGain,
     Piece,
     Problem,
     Requirement,
@@ -46,7 +46,7 @@ class Distances:
 
 
 def test_minimax_finds_the_smallest_circle_around_points():
-    problem = Problem(AffineGain.masked(np.ones((1, 2), bool)), Distances())
+    problem = Problem(MaskedGain(np.ones((1, 2), bool)), Distances())
     ended = minimax(problem, np.array([5.0, -4.0]), far())
     # The circumcircle of the triangle: centre (1, 4/3), radius 5/3.
     assert ended.point == pytest.approx([1.0, 4 / 3], abs=1e-4)
@@ -55,7 +55,7 @@ def test_minimax_finds_the_smallest_circle_around_points():
 
 
 def test_minimax_keeps_requirements_and_bounds():
-    one_row = AffineGain.masked(np.ones((1, 2), bool))
+    one_row = MaskedGain(np.ones((1, 2), bool))
     small = Requirement(GainMeasure(np.eye(1), np.eye(2)), 1.0)
     ended = minimax(Problem(one_row, Distances(), (small,)), np.array([3.0, 3.0]), far())
     assert np.linalg.norm(ended.point) == pytest.approx(1.0, rel=1e-6)
