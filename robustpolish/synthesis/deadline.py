@@ -24,7 +24,7 @@ class Deadline:
     """
 
     seconds: float
-    start: float = field(default_factory=time.monotonic)
+    start: float = field(default_factory=lambda: time.monotonic())
 
     @property
     def elapsed(self) -> float:

@@ -30,6 +30,7 @@ from robustpolish.synthesis.riccati import solve_lyapunov, solve_riccati
 Matrix = NDArray[Any]
 _BITS = 240
 _PASSES = 3
+_LARGE = 60
 # Up to so many states the sign iteration in balls takes less than about 1 s.
 _PRECISE_STATES = 24
 _SIGN_STEPS = 100
@@ -292,7 +293,8 @@ def _candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, L
     if n == 0 or margin <= 0:
         return
     size = np.linalg.norm(C) ** 2 / np.linalg.norm(A) or 1.0
-    for alpha in (0.3 * slack * margin, 0.01 * slack * margin):
+    shares = (0.3,) if n > _LARGE else (0.3, 0.01)
+    for alpha in (share * slack * margin for share in shares):
         extra = 1e-6 * alpha * size * np.eye(n)
         start = solve_lyapunov(A + alpha * np.eye(n), C.T @ C + extra)
         T = np.eye(n) if start is None else _identity_coordinates(start)
