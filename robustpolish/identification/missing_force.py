@@ -156,7 +156,7 @@ class LinearObserver:
         self.model, self.dt = model, dt
         self._steps: dict[object, tuple[Array, Array, Array]] = {}
         plain = build_system(model.without_effects(), dt)
-        self.system: NonlinearSystem = with_missing_force(model, plain, scales.bandwidth)
+        self.system: NonlinearSystem = with_missing_force(model, plain, scales.leak)
         gain = observer_gain(self.system, dt, level, scales)
         self.gain = gain
         self.m = step_matrices(self.system.A, self.system.B, np.zeros((self.states, 0)), dt)

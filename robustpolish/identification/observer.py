@@ -18,7 +18,6 @@ from robustpolish.simulation.nonlinear_step import step_matrices
 from robustpolish.simulation.nonlinear_system import NonlinearSystem, port_matrices
 
 Array = NDArray[np.float64]
-LEAK_SHARE = 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +34,15 @@ class Scales:
         Standard deviation of each input signal.
     bandwidth : float
         Excited bandwidth in rad/s.
+    leak : float
+        Rate in 1/s at which a missing force is forgotten.
     """
 
     noise: Array
     force: Array
     inputs: Array
     bandwidth: float
+    leak: float
 
 
 @dataclass(frozen=True)
@@ -77,14 +79,14 @@ def force_sites(model: MechanicalModel) -> tuple[Array, list[tuple[str, ...]]]:
 
 
 def with_missing_force(
-    model: MechanicalModel, system: NonlinearSystem, bandwidth: float
+    model: MechanicalModel, system: NonlinearSystem, leak: float
 ) -> NonlinearSystem:
     """Append the missing forces to the states of a system."""
     rows, pairs = force_sites(model)
     G, H, _ = port_matrices(model, rows, pairs)
     n, s, w = system.states, len(rows), system.B.shape[1]
     ports = system.G.shape[1]
-    A = np.block([[system.A, G], [np.zeros((s, n)), -bandwidth / LEAK_SHARE * np.eye(s)]])
+    A = np.block([[system.A, G], [np.zeros((s, n)), -leak * np.eye(s)]])
     Qs, Qw, Vs, Vw = system.motion
     pad = np.zeros((ports, s))
     return replace(
@@ -118,10 +120,10 @@ def observer_gain(system: NonlinearSystem, dt: float, level: Level, scales: Scal
         zero = np.zeros((n, ny))
         return Gain(zero, zero, R, np.zeros((n, n)))
     m = step_matrices(system.A, system.B, np.zeros((n, 0)), dt)
-    leak = scales.bandwidth / LEAK_SHARE
+    leak = scales.leak
     Q = np.zeros((n, n))
     # At level 1 the force wanders by its typical size within one radian of the bandwidth.
-    size = np.sqrt(LEAK_SHARE) * max(level.force, 1e-7) * scales.force
+    size = np.sqrt(scales.bandwidth / leak) * max(level.force, 1e-7) * scales.force
     walk = (1 - np.exp(-2 * leak * dt)) * size**2
     Q[n - s :, n - s :] = np.diag(walk)
     into = (m.full_now + m.full_later) * (level.input_noise * scales.inputs)

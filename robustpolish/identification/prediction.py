@@ -69,7 +69,7 @@ class Predictor:
 
     def _system(self, model: MechanicalModel) -> NonlinearSystem:
         plain = build_system(model, self.dt / self.substeps)
-        return with_missing_force(model, plain, self.scales.bandwidth)
+        return with_missing_force(model, plain, self.scales.leak)
 
     def _inputs(self, model: MechanicalModel, record: Record) -> Array:
         if self.moves_inputs:

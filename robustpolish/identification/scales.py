@@ -14,6 +14,8 @@ from robustpolish.simulation.nonlinear import signals
 
 Array = NDArray[np.float64]
 _QUIETEST = 1e-5
+# A force that lasts cannot be told from a displacement by a sensor that does not see one.
+_LEAK = {VELOCITY: 20.0, ACCELERATION: 4.0}
 
 
 def scales_of(model: MechanicalModel, record: Record) -> Scales:
@@ -35,7 +37,8 @@ def scales_of(model: MechanicalModel, record: Record) -> Scales:
     ]
     if measured and driving == 0:
         force = np.full(len(rows), max(measured))
-    return Scales(noise, np.maximum(force, 1e-300), inputs, bandwidth)
+    share = max(_LEAK.get(o.quantity, 60.0) for o in model.outputs)
+    return Scales(noise, np.maximum(force, 1e-300), inputs, bandwidth, bandwidth / share)
 
 
 def white_noise(y: Array, dt: float) -> float:
