@@ -98,7 +98,7 @@ class Setting:
     what: str
     requirements: tuple[Requirement, ...] = ()
     bound_named: str = ""
-    descents: int = 40
+    descents: int = 100
     fewest: int = 9
     objective_loop: Loop | None = None
     also_stable: tuple[Loop, ...] = ()
@@ -213,6 +213,9 @@ def _outcome(
     with np.errstate(over="ignore", invalid="ignore"):
         point, value = _smaller_gain(setting, problem, result, deadline)
     K = problem.parametrisation.gain(point)
+    assert result.point is not None
+    # Before it was made smaller: did the search push against the ceiling?
+    pushed = np.abs(problem.parametrisation.gain(result.point)).max(initial=0.0)
     values = [entry.get("value", np.inf) for entry in result.history]
     scaled, norm = setting.scaled, setting.norm
     return PartDesign(
@@ -223,7 +226,7 @@ def _outcome(
         reason=result.reason,
         agreeing=sum(v <= 1.0001 * min(values) for v in values),
         descents=len(values),
-        at_ceiling=bool(np.abs(K).max(initial=0.0) > 0.1 * problem.ceiling),
+        at_ceiling=bool(pushed > 0.5 * problem.ceiling),
         history=tuple(
             {**entry, "value": scaled.norm(entry["value"], norm)} if "value" in entry else entry
             for entry in result.history

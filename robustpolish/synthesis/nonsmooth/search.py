@@ -45,7 +45,7 @@ class SearchLimits:
     starts: int = 40
     fewest: int = 9
     agreeing: int = 4
-    patience: int = 12
+    patience: int = 16
 
 
 @dataclass(frozen=True, eq=False)
