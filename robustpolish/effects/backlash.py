@@ -11,7 +11,8 @@ from robustpolish.effects.shapes import Motion, Shape
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-    # gives back what the linear spring, p[1], takes inside the clearance
+    # gives back what the linear spring, p[1], takes inside the clearance; an elastic Coulomb
+    # element at the same place sees the clearance through its context
     f[0] = p[1] * min(max(q[0], -p[0]), p[0])
 
 

@@ -112,7 +112,8 @@ class EffectKind:
         Number of internal states.
     context : tuple of str
         What the law needs of the model: ``"spring_stiffness"`` (N/m, of the
-        spring at the place), ``"spin_frequency"`` (rad/s), ``"mobility"``
+        spring at the place), ``"clearance"`` (m, of a backlash at the place),
+        ``"spin_frequency"`` (rad/s), ``"mobility"``
         (time step over the effective mass, s/kg: no velocity below force times
         mobility can be resolved).
     gains : callable

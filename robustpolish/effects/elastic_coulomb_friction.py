@@ -11,19 +11,22 @@ from robustpolish.effects.shapes import Motion, Shape
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-    # z is the force in the spring; it follows the motion until the slider slips. A step may
-    # overshoot the slip force: it is cut off, and slides back with the sliding distance.
-    over = abs(z[0]) - p[0]
+    # z is the elongation between the slider and the end, p: slip force, stiffness, clearance.
+    # It follows the motion until the slider slips. A step may overshoot the elongation of slip:
+    # the force is cut off, and the overshoot slides back with the sliding distance.
+    reach = p[0] / max(p[1], 1e-300)
+    longest = reach + p[2]
+    side = np.sign(z[0])
+    over = abs(z[0]) - longest
     if over >= 0.0:
-        side = np.sign(z[0])
         f[0] = -side * p[0]
         if side * v[0] > 0.0:
-            dz[0] = -side * over * p[1] * abs(v[0]) / max(p[0], 1e-300)
+            dz[0] = -side * over * abs(v[0]) / max(reach, 1e-300)
         else:
-            dz[0] = p[1] * v[0]
+            dz[0] = v[0]
     else:
-        f[0] = -z[0]
-        dz[0] = p[1] * v[0]
+        f[0] = -side * p[1] * max(abs(z[0]) - p[2], 0.0)
+        dz[0] = v[0]
 
 
 def _shapes(motion: Motion) -> list[Shape]:
@@ -31,7 +34,7 @@ def _shapes(motion: Motion) -> list[Shape]:
 
 
 def _at(motion: Motion, slip: float) -> Shape:
-    column = force_along(KIND, motion, np.array([1.0, 1.0 / slip]))
+    column = force_along(KIND, motion, np.array([1.0, 1.0 / slip, 0.0]))
     return Shape(
         column[None],
         lambda c: {"force": float(c[0]), "stiffness": float(c[0]) / slip},
@@ -55,6 +58,7 @@ KIND = EffectKind(
     shapes=_shapes,
     gains=_gains,
     states=1,
+    context=("clearance",),
     sharp=True,
     looks_like="Parallelogram loops of residual force over displacement; stiff after each "
     "reversal, then constant. A force without memory cannot follow it.",

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from robustpolish.effects import Effect, EffectKind, Motion, Shape
 from robustpolish.identification.chains import connected
-from robustpolish.identification.missing_force import Smoothed
+from robustpolish.identification.missing_force import Smoothed, known_forces
 from robustpolish.identification.observer import force_sites
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.simulation.nonlinear_system import context_of, port_pairs, port_rows
@@ -56,7 +56,7 @@ def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
         unique.setdefault(frozenset(pair), (pair[0], pair[1]))
     if "spring_stiffness" in kind.context:
         springs = {frozenset(s.between) for s in model.springs}
-        return [pair for key, pair in unique.items() if key in springs]
+        return [pair for key, pair in unique.items() if key in springs or _slips(model, pair)]
     return list(unique.values())
 
 
@@ -94,12 +94,49 @@ def columns_at(
     force = None
     if kind.domain == "dof" and (at[0], "ground") in sites:
         force = motion.force[sites.index((at[0], "ground"))][None]
+    if kind.kind == "backlash" and _slips(model, at):
+        return _clearances(model, kind, at, motion, time, dt)
     context = context_of(model, at, dt / 4)
     pairs = port_pairs(effect)
     return [
         Columns(kind, at, shape, rows, pairs, shape.columns)
         for shape in kind.shapes(Motion(time, q, v, context, force))
     ]
+
+
+def _slips(model: MechanicalModel, at: tuple[str, ...]) -> bool:
+    """Return whether an effect at a place asks for the clearance there."""
+    return any(
+        "clearance" in Effect(e.kind, e.at).definition.context
+        and set(Effect(e.kind, e.at).at) == set(at)
+        for e in model.effects
+    )
+
+
+def _clearances(
+    model: MechanicalModel,
+    kind: EffectKind,
+    at: tuple[str, ...],
+    motion: Smoothed,
+    time: Array,
+    dt: float,
+) -> list[Columns]:
+    """Return what clearances would change about the forces of the effects that are there."""
+    base = known_forces(model, motion.q, motion.v, time, dt)
+    amplitude = float(np.percentile(np.abs(port_rows(model, Effect(kind.kind, at)) @ motion.q), 95))
+    found = []
+    for share in (0.03, 0.07, 0.15, 0.3, 0.5):
+        gap = share * amplitude
+        moved = known_forces(
+            model.with_effect(kind.kind, at, {"gap": gap}), motion.q, motion.v, time, dt
+        )
+        if base is None or moved is None:
+            return []
+        change = moved.values.copy()
+        change[: len(base.values)] -= base.values
+        shape = Shape(change[None], lambda c, g=gap: {"gap": g}, (1,))
+        found.append(Columns(kind, at, shape, moved.rows, moved.pairs, change[None]))
+    return found
 
 
 def _signal_columns(

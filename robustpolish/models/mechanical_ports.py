@@ -81,12 +81,18 @@ def context_values(model: MechanicalModel, effect: Effect, step: float) -> list[
 
 
 def context_of(model: MechanicalModel, at: tuple[str, ...], step: float) -> Mapping[str, float]:
-    """Return spring stiffness, spin frequency (rad/s) and mobility (s/kg) at a place."""
+    """Return what effects at a place may ask of their model, see `EffectKind.context`."""
     ends = {*at, "ground"} if len(at) == 1 else set(at)
     stiffness = sum(s.stiffness for s in model.springs if set(s.between) == ends)
     free = set(model.free)
     inverse_mass = sum(1 / model.dof(name).mass for name in at if name in free)
+    clearance = sum(
+        e.parameters.get("gap", 0.0)
+        for e in model.effects
+        if e.kind == "backlash" and set(e.at) == ends
+    )
     return {
+        "clearance": float(clearance),
         "spring_stiffness": float(stiffness),
         "spin_frequency": 2 * np.pi * (model.spin_frequency or 0.0),
         "mobility": step * inverse_mass,
