@@ -101,7 +101,9 @@ def state_scales(A: Matrix, B: Matrix, C: Matrix) -> tuple[Matrix, float]:
     bordered[:n, :n] = A
     bordered[:n, n] = _row_sizes(B)
     bordered[n, :n] = _row_sizes(C.T)
-    _, (scales, _) = sla.matrix_balance(bordered, permute=False, separate=True)
+    # SciPy casts permutation indices that were never set, and may complain about their values.
+    with np.errstate(invalid="ignore"):
+        _, (scales, _) = sla.matrix_balance(bordered, permute=False, separate=True)
     return scales[:n], float(scales[n])
 
 

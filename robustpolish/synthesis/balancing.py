@@ -26,7 +26,7 @@ def balancing_scale(size: Matrix) -> Matrix:
     """
     if not (size.size and np.isfinite(size).all()):
         return np.ones(len(size))
-    # SciPy casts the scales to permutation indices, which it then drops; large ones overflow.
+    # SciPy casts permutation indices that were never set, and may complain about their values.
     with np.errstate(invalid="ignore"):
         _, (scale, _) = linalg.matrix_balance(size, permute=False, separate=True)
     return np.asarray(scale)

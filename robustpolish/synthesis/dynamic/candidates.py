@@ -135,14 +135,15 @@ def preferred(candidates: Iterable[Candidate], slack: float, level: float = 0.0)
     Returns
     -------
     list of Candidate
-        Those within the slack first, by gain and then order; the others by norm.
+        Those within the slack first, by gain and then order; the others by norm. If the level
+        decides, the third and later ones below it come last.
     """
     listed = list(candidates)
     best = min((c.achieved for c in listed), default=np.inf)
     limit = max(best * (1 + slack), level)
-
-    def rank(c: Candidate) -> tuple[bool, float, int]:
-        within = c.achieved <= limit
-        return (not within, c.gain if within else c.achieved, len(c.controller.A))
-
-    return sorted(listed, key=rank)
+    within = [c for c in listed if c.achieved <= limit]
+    within.sort(key=lambda c: (c.gain, len(c.controller.A)))
+    above = sorted((c for c in listed if c.achieved > limit), key=lambda c: c.achieved)
+    # Far below the level loops are ever harder to prove, above it ever easier.
+    first = within[:2] if level > best * (1 + slack) else within
+    return [*first, *above, *within[len(first) :]]

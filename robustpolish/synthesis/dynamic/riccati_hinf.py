@@ -13,7 +13,7 @@ import numpy as np
 from robustpolish.synthesis.deadline import Deadline
 from robustpolish.synthesis.dynamic.candidates import Candidate, Findings, examine
 from robustpolish.synthesis.dynamic.gamma_search import GammaBracket, search_gamma
-from robustpolish.synthesis.dynamic.matrices import PlantMatrices
+from robustpolish.synthesis.dynamic.matrices import Matrix, PlantMatrices
 from robustpolish.synthesis.dynamic.regularisation import regularise
 from robustpolish.synthesis.dynamic.two_riccati import (
     NormalisedPlant,
@@ -33,6 +33,8 @@ _COSTLY = 24
 def descend(plant: PlantMatrices, deadline: Deadline) -> Findings:
     """Minimise the H-infinity norm of the loop.
 
+    A regular plant is solved as it is as well; the ladder then looks for smaller gains.
+
     Parameters
     ----------
     plant : PlantMatrices
@@ -44,6 +46,7 @@ def descend(plant: PlantMatrices, deadline: Deadline) -> Findings:
     Findings
     """
     ladder = Findings("riccati", "scipy")
+    regular = _solve_regular(plant, ladder, deadline)
     gamma, failures, quiet = 1.0, 0, 0
     costly = plant.A.shape[0] > _COSTLY
     waiting: tuple[NormalisedPlant, GammaBracket, float] | None = None
@@ -55,7 +58,7 @@ def descend(plant: PlantMatrices, deadline: Deadline) -> Findings:
         if bracket is None:
             failures += 1
             continue
-        drop = 1 - bracket.upper / gamma if ladder.history else 1.0
+        drop = 1 - bracket.upper / gamma if len(ladder.history) > regular else 1.0
         gamma, before = bracket.upper, ladder.best
         note = {"epsilon": epsilon, "gamma": gamma, "achieved": np.nan, "gain": np.nan}
         ladder.history.append(note)
@@ -69,13 +72,14 @@ def descend(plant: PlantMatrices, deadline: Deadline) -> Findings:
             failures += 1
             continue
         failures = 0
-        ladder.candidates.append(found)
-        note["achieved"], note["gain"] = found.achieved, found.gain
-        quiet = quiet + 1 if found.achieved > before * (1 - _SETTLED) else 0
-        if found.achieved == 0:
+        _add(ladder, found, note)
+        if found.achieved == 0 or (regular and _reaches(found.achieved, before)):
             ladder.converged = True
         if found.gain > _LARGEST_GAIN or ladder.converged:
             break
+        if found.achieved > before * 1.1:
+            continue
+        quiet = quiet + 1 if found.achieved > before * (1 - _SETTLED) else 0
         if quiet >= 6 or (quiet >= 2 and not deeper_helps(plant, gamma)):
             ladder.converged = True
             break
@@ -83,18 +87,53 @@ def descend(plant: PlantMatrices, deadline: Deadline) -> Findings:
         found = _confirm(plant, *waiting, deadline)
         if found is not None:
             ladder.candidates.append(found)
-    ladder.converged = ladder.converged or quiet >= 3
+    # Where the plant itself was solved, and the ladder found nothing better, that is the optimum.
+    confirmed = regular and ladder.best >= ladder.candidates[0].achieved * (1 - _SETTLED)
+    ladder.converged = ladder.converged or quiet >= 3 or confirmed
     ladder.expired = deadline.expired and not ladder.converged
     ladder.falling = not ladder.converged and _is_falling(ladder)
     _refine(plant, ladder, deadline)
     return ladder
 
 
+def _add(ladder: Findings, found: Candidate, note: dict[str, float]) -> None:
+    ladder.candidates.append(found)
+    note["achieved"], note["gain"] = found.achieved, found.gain
+
+
+def _reaches(achieved: float, optimum: float) -> bool:
+    """Tell whether a regularised plant has come to the optimum of the plant itself."""
+    return optimum * (1 - _SETTLED) <= achieved <= optimum * 1.001
+
+
+def _solve_regular(plant: PlantMatrices, ladder: Findings, deadline: Deadline) -> bool:
+    """Solve a plant as it is, if D12 and D21 have full rank; tell whether that worked."""
+    if not (_full_rank(plant.D12) and _full_rank(plant.D21.T)):
+        return False
+    normal = normalise(plant)
+    bracket = search_gamma(normal, 1.0, _SETTLED, lambda: deadline.expired)
+    found = None if bracket is None else _confirm(plant, normal, bracket, 0.0, deadline)
+    if bracket is None or found is None:
+        return False
+    note = {"epsilon": 0.0, "gamma": bracket.upper}
+    ladder.history.append(note)
+    _add(ladder, found, note)
+    return True
+
+
+def _full_rank(D: Matrix) -> bool:
+    """Tell whether the columns are independent, whatever their sizes."""
+    size = np.linalg.norm(D, axis=0)
+    if D.shape[0] < D.shape[1] or not size.all():
+        return False
+    return bool(np.linalg.svd(D / size, compute_uv=False)[-1] > 1e-8)
+
+
 def _search(
     normal: NormalisedPlant, gamma: float, ladder: Findings, deadline: Deadline
 ) -> GammaBracket | None:
     """Find the optimal gamma of one rung: coarsely while it falls fast, then finely."""
-    first = not ladder.history
+    first = gamma == 1.0
     shortcut = 0.0 if first else _SETTLED
     rough = search_gamma(normal, gamma, 0.02, lambda: deadline.expired, shortcut)
     if rough is None or rough.upper < 0.9 * gamma or first:
@@ -134,7 +173,10 @@ def _controller(
 
 def _is_falling(ladder: Findings) -> bool:
     """Tell whether the last two decades of epsilon have lowered the norm for certain."""
-    norms = [note["achieved"] for note in ladder.history if np.isfinite(note["achieved"])]
+    notes = [note for note in ladder.history if np.isfinite(note["achieved"])]
+    if any(note["epsilon"] == 0 for note in notes):
+        return False
+    norms = [note["achieved"] for note in notes]
     return len(norms) > 4 and min(norms) < _FALLING * min(norms[:-4])
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -110,18 +110,18 @@ def _weakest(K: Controller, values: Any) -> complex | None:
     return complex(values[i]) if size[i] <= 1e-2 * size.max() else None
 
 
-def _without(K: Controller, removed: object, residualise: bool) -> Iterator[Controller]:
-    """Split off the modes that `removed` selects and drop them, keeping their static gain."""
-    T, Z, kept = linalg.schur(  # type: ignore[misc]
-        K.A,
-        output="real",
-        sort=lambda re, im: not removed(np.array(complex(re, im))),  # type: ignore[operator]
-    )
-    n = len(T)
-    if kept == n:
-        return
-    slow, fast = slice(0, kept), slice(kept, n)
+def _without(
+    K: Controller, removed: Callable[[Any], Any], residualise: bool
+) -> Iterator[Controller]:
+    """Split off the modes that `removed` selects and drop them, perhaps keeping their gain."""
     try:
+        T, Z, kept = linalg.schur(  # type: ignore[misc]
+            K.A, output="real", sort=lambda re, im: not removed(np.array(complex(re, im)))
+        )
+        n = len(T)
+        if kept == n:
+            return
+        slow, fast = slice(0, kept), slice(kept, n)
         X = linalg.solve_sylvester(T[slow, slow], -T[fast, fast], -T[slow, fast])
         B, C = Z.T @ K.B, K.C @ Z
         B_slow, C_fast = B[slow] - X @ B[fast], C[:, fast] + C[:, slow] @ X
