@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import control
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robustpolish.analysis import h2_norm, hinf_norm
 from robustpolish.errors import SolverError
@@ -22,6 +23,7 @@ from robustpolish.synthesis.dynamic.choice import Chosen, choose
 from robustpolish.synthesis.dynamic.diagnosis import Diagnosis, diagnose, refuse
 from robustpolish.synthesis.dynamic.engines import METHODS, Settings, run_engines
 from robustpolish.synthesis.dynamic.solver_plant import SolverPlant
+from robustpolish.synthesis.pricing import noisy, priced
 from robustpolish.synthesis.structured_design import refuse_unstable
 from robustpolish.validation import described, invalid, one_of, positive
 
@@ -36,6 +38,8 @@ def output_feedback(
     *,
     backend: str = "cvxpy",
     solver: str | None = None,
+    control_weight: ArrayLike | None = None,
+    measurement_noise: ArrayLike | None = None,
     tolerance: float = 4e-3,
     time_limit: float = 5.0,
 ) -> Design:
@@ -61,6 +65,11 @@ def output_feedback(
         Who solves the matrix inequalities.
     solver : str, optional
         A solver of that backend, such as "SCS"; Clarabel or CVXOPT by default.
+    control_weight : float or array_like, shape (nu,), optional
+        Price on u, in units of z per unit of u, appended to z.
+    measurement_noise : float or array_like, shape (ny,), optional
+        Noise on y, in units of y per unit of w, appended to w. Where D12 or D21 is rank-deficient,
+        price and noise together make a problem with an optimum of finite gain.
     tolerance : float
         How far above the best norm found, relative, a controller may lie to have a smaller
         gain or fewer states.
@@ -74,7 +83,7 @@ def output_feedback(
         Its status is "optimal" if the norm had settled; "infimum_not_attained" if ever larger gains
         were still improving it; "suboptimal" or "time_limit" otherwise. ``details`` hold
         the ``diagnosis``, the ``claim`` of the method, which may be false, and per part
-        the states (``parts``) and norms (``part_norms``).
+        the states (``parts``) and norms (``part_norms``). Its plant includes price and noise.
 
     Raises
     ------
@@ -98,15 +107,15 @@ def output_feedback(
     Examples
     --------
     >>> import robustpolish as rp
-    >>> from robustpolish.synthesis import output_feedback
     >>> plant = rp.GeneralizedPlant.from_matrices(
     ...     [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 0.0]], [[0.0], [1.0]],
     ...     [[1.0, 0.0], [0.0, 0.0]], [[1.0, 0.0]], D12=[[0.0], [1.0]], D21=[[0.0, 1.0]])
-    >>> design = output_feedback(plant)
+    >>> design = rp.output_feedback(plant)
     >>> design.status, round(design.certificate.achieved, 1), design.certificate.valid
     ('optimal', 3.3, True)
     """
     _check(plant, norm, method, backend, tolerance, time_limit)
+    plant = noisy(priced(plant, control_weight), measurement_noise)
     deadline = Deadline(time_limit)
     settings = Settings(norm, method, backend, solver, tolerance)
     diagnosis = diagnose(plant)
