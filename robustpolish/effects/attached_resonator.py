@@ -58,6 +58,10 @@ def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, floa
     return 0.0, 0.0, float(np.sqrt(abs(values["stiffness"]) / mass) + abs(values["damping"]) / mass)
 
 
+def _state_sizes(values: Mapping[str, float], q: float, v: float) -> tuple[float, ...]:
+    return (q, v)
+
+
 KIND = EffectKind(
     kind="attached_resonator",
     title="Attached resonator (missing mode)",
@@ -70,6 +74,7 @@ KIND = EffectKind(
     law=_law,
     shapes=_shapes,
     gains=_gains,
+    state_sizes=_state_sizes,
     states=2,
     looks_like="One narrow band of the residual, with a resonance and a notch beside it in the "
     "frequency response.",

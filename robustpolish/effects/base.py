@@ -78,6 +78,10 @@ def _no_gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, f
     return 0.0, 0.0, 0.0
 
 
+def _no_sizes(values: Mapping[str, float], q: float, v: float) -> tuple[float, ...]:
+    return ()
+
+
 def _plausible(values: Mapping[str, float]) -> str | None:
     return None
 
@@ -120,6 +124,9 @@ class EffectKind:
         ``gains(values, q, v)`` gives the largest stiffness and damping that the
         law adds at the amplitudes q and v, and the fastest rate in 1/s of its
         internal states; decides on substeps.
+    state_sizes : callable
+        ``state_sizes(values, q, v)`` gives the size of each internal state at the amplitudes q
+        and v.
     implausible : callable
         ``implausible(values)`` says why values cannot be physical, or None.
     sharp : bool
@@ -137,6 +144,7 @@ class EffectKind:
     states: int = 0
     context: tuple[str, ...] = ()
     gains: Callable[[Mapping[str, float], float, float], tuple[float, float, float]] = _no_gains
+    state_sizes: Callable[[Mapping[str, float], float, float], tuple[float, ...]] = _no_sizes
     implausible: Callable[[Mapping[str, float]], str | None] = _plausible
     sharp: bool = False
     looks_like: str = ""

@@ -42,6 +42,16 @@ def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, floa
     return abs(values["stiffness"]), 0.0, rate
 
 
+def _implausible(values: Mapping[str, float]) -> str | None:
+    if values["exponent"] > 12:
+        return "its exponent is that of an elastic Coulomb element"
+    return None
+
+
+def _state_sizes(values: Mapping[str, float], q: float, v: float) -> tuple[float, ...]:
+    return (values["force"],)
+
+
 KIND = EffectKind(
     kind="bouc_wen_hysteresis",
     title="Bouc-Wen hysteresis",
@@ -55,6 +65,8 @@ KIND = EffectKind(
     law=_law,
     shapes=_shapes,
     gains=_gains,
+    implausible=_implausible,
+    state_sizes=_state_sizes,
     states=1,
     sharp=True,
     looks_like="Rounded loops of residual force over displacement that do not depend on speed.",

@@ -46,6 +46,10 @@ def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, floa
     return abs(values["stiffness"]), 0.0, 0.0
 
 
+def _state_sizes(values: Mapping[str, float], q: float, v: float) -> tuple[float, ...]:
+    return (max(values["force"] / max(values["stiffness"], 1e-300), 1e-6 * q),)
+
+
 KIND = EffectKind(
     kind="elastic_coulomb_friction",
     title="Elastic Coulomb friction (Jenkins element)",
@@ -57,6 +61,7 @@ KIND = EffectKind(
     law=_law,
     shapes=_shapes,
     gains=_gains,
+    state_sizes=_state_sizes,
     states=1,
     context=("clearance",),
     sharp=True,

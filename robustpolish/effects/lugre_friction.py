@@ -53,6 +53,10 @@ def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, floa
     return abs(values["stiffness"]), abs(values["damping"]), rate
 
 
+def _state_sizes(values: Mapping[str, float], q: float, v: float) -> tuple[float, ...]:
+    return (values["force"],)
+
+
 KIND = EffectKind(
     kind="lugre_friction",
     title="LuGre friction",
@@ -67,6 +71,7 @@ KIND = EffectKind(
     law=_law,
     shapes=_shapes,
     gains=_gains,
+    state_sizes=_state_sizes,
     implausible=_implausible,
     states=1,
     sharp=True,

@@ -13,6 +13,7 @@ from robustpolish.identification.observer import Level, Scales
 from robustpolish.identification.prediction import Predictor, Start, zero_start
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.simulation.nonlinear_system import dynamic_effects
 
 Array = NDArray[np.float64]
 FREE = Level()
@@ -54,21 +55,14 @@ def with_rest(model: MechanicalModel, pieces: Sequence[Piece]) -> list[Piece]:
 
 def full_scale(model: MechanicalModel, states: Array) -> Array:
     """Append a scale for internal states to that of the states."""
-    internal = zero_start(model).internal
-    sizes = []
-    from robustpolish.simulation.nonlinear_system import dynamic_effects
-
+    half = len(states) // 2
+    q, v = np.max(states[:half], initial=1e-12), np.max(states[half:], initial=1e-12)
+    sizes: list[float] = []
     for _, effect in dynamic_effects(model):
-        values, kind = effect.values, effect.definition
-        if kind.states == 1:
-            sizes += [max(values.get("force", 1.0), 1e-12)]
-        else:
-            half = len(states) // 2
-            sizes += [np.max(states[:half], initial=1e-9), np.max(states[half:], initial=1e-9)][
-                : kind.states
-            ]
-            sizes += [1.0] * max(kind.states - 2, 0)
-    return np.concatenate([states, np.array(sizes[: internal.size], dtype=float)])
+        kind = effect.definition
+        known = kind.state_sizes(effect.values, float(q), float(v))
+        sizes += [size or 1.0 for size in known] if known else [1.0] * kind.states
+    return np.concatenate([states, np.array(sizes, dtype=float)])
 
 
 def fitted_starts(
