@@ -185,7 +185,7 @@ def compare_methods(
     Examples
     --------
     >>> import robustpolish as rp
-    >>> from robustpolish.synthesis import compare_methods
+    >>> from robustpolish import compare_methods
     >>> plant = rp.GeneralizedPlant.from_matrices(
     ...     [[1.0]], [[1.0, 0.0]], [[1.0]], [[1.0], [0.0]], [[1.0]],
     ...     D12=[[0.0], [1.0]], D21=[[0.0, 1.0]])

@@ -112,7 +112,7 @@ def output_feedback(
     ...     [[1.0, 0.0], [0.0, 0.0]], [[1.0, 0.0]], D12=[[0.0], [1.0]], D21=[[0.0, 1.0]])
     >>> design = rp.output_feedback(plant)
     >>> design.status, round(design.certificate.achieved, 1), design.certificate.valid
-    ('optimal', 3.3, True)
+    ('optimal', 2.6, True)
     """
     _check(plant, norm, method, backend, tolerance, time_limit)
     plant = noisy(priced(plant, control_weight), measurement_noise)
