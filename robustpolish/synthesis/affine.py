@@ -18,8 +18,8 @@ _csr: Any = sparse.csr_array
 class Affine:
     """A matrix whose entries are affine functions of a vector of variables.
 
-    ``vec(value) = constant + linear @ x``, with the columns stacked. It supports
-    ``+``, ``-``, ``*`` and ``/`` by numbers, products with constant matrices from either side and ``.T``, which
+    ``vec(value) = constant + linear @ x``, with the columns stacked. It supports ``+``, ``-``,
+    ``*`` and ``/`` by numbers, products with constant matrices from either side and ``.T``, which
     is all that a linear matrix inequality needs; every backend then receives the same numbers.
 
     Parameters
