@@ -87,7 +87,9 @@ def mixed_sensitivity(
     Cg = np.zeros((ny, total))
     Cg[:, part(0)] = G.C
 
-    def filtered(i: int, W: control.StateSpace, of_x: np.ndarray, of_w: np.ndarray, of_u: np.ndarray):
+    def filtered(
+        i: int, W: control.StateSpace, of_x: np.ndarray, of_w: np.ndarray, of_u: np.ndarray
+    ):
         A[part(i), part(i)] += W.A
         A[part(i)] += W.B @ of_x
         B1[part(i)] += W.B @ of_w
@@ -162,8 +164,10 @@ def lightly_damped() -> GeneralizedPlant:
 
 def _weight(low: float, crossover: float, high: float) -> control.StateSpace:
     """Return a first-order weight with the given gains and unit gain at the crossover."""
-    pole = crossover * np.sqrt((1 - high**2) / (low**2 - 1)) if low > 1 else (
-        crossover * np.sqrt((high**2 - 1) / (1 - low**2))
+    pole = (
+        crossover * np.sqrt((1 - high**2) / (low**2 - 1))
+        if low > 1
+        else (crossover * np.sqrt((high**2 - 1) / (1 - low**2)))
     )
     return _first_order(high, low * pole, pole, 1)
 

@@ -29,8 +29,9 @@ _ROUNDS = 4
 _AGREEMENT = 2e-3
 # Regularised less than this the inequalities are as hard as the original ones.
 _EPSILONS = (0.0, 1e-5, 1e-4, 1e-3)
-# An optimum so far below that of a well-regularised plant is taken for zero.
-_NOTHING = 1e-4
+# An optimum so far below that of a hardly regularised plant is taken for zero.
+_NOTHING = 0.1
+_HARDLY = 1e-4
 
 
 def solve_lmi(
@@ -63,13 +64,15 @@ def solve_lmi(
 
 
 def _minimise_hinf(plant: PlantMatrices, options: LmiOptions, found: Findings) -> None:
-    unit = _typical_norm(plant, options)
+    # Numbers of order one suit the solver; those below do no harm.
+    hardly = _regular_optimum(plant, options)
+    unit = max(1.0, hardly)
     for epsilon in _EPSILONS:
         regular = _in_unit(regularise(plant, epsilon), unit)
         best, frame = _balanced_optimum(regular, options, found, epsilon)
         if best is None or frame is None:
             continue
-        nothing = _NOTHING * _regular_optimum(regular, options)
+        nothing = _NOTHING * hardly / unit
         found.falling = best.gamma < nothing
         bound = max(_BACK_OFF * best.gamma, nothing if found.falling else 0.0)
 
@@ -91,15 +94,6 @@ def _minimise_hinf(plant: PlantMatrices, options: LmiOptions, found: Findings) -
             if lower and not found.falling:
                 found.remarks.append("Riccati equations promise a smaller norm.")
             return
-
-
-def _typical_norm(plant: PlantMatrices, options: LmiOptions) -> float:
-    """Estimate the optimum, so that the solver works with numbers of order one."""
-    bracket = search_gamma(
-        normalise(regularise(plant, 1e-4)), 1.0, 0.5, lambda: options.deadline.expired
-    )
-    # Numbers below one do no harm.
-    return 1.0 if bracket is None else max(1.0, bracket.upper)
 
 
 def _in_unit(plant: PlantMatrices, unit: float) -> PlantMatrices:
@@ -134,9 +128,9 @@ def _balanced_optimum(
 
 
 def _regular_optimum(plant: PlantMatrices, options: LmiOptions) -> float:
-    """Return the optimum of a well-regularised plant, to tell what is as good as zero."""
+    """Return the optimum of a hardly regularised plant, to tell what is as good as zero."""
     bracket = search_gamma(
-        normalise(regularise(plant, 0.1)), 1.0, 0.1, lambda: options.deadline.expired
+        normalise(regularise(plant, _HARDLY)), 1.0, 0.1, lambda: options.deadline.expired
     )
     return 0.0 if bracket is None else bracket.upper
 
