@@ -18,6 +18,8 @@ from robustpolish.synthesis.dynamic.solver_plant import SolverPlant
 # An infimum that is approached without end counts as zero below this share of the norm at the
 # start of the descent; smaller norms would cost gain for nothing.
 _AS_GOOD_AS_ZERO = 1e-6
+# Matrix inequalities have been backed off from their optimum already.
+_AFTER_BACK_OFF = 2e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +66,8 @@ def choose(
     everything = [c for found in searches for c in found.candidates]
     best = min((c.achieved for c in everything), default=np.inf)
     level = _zero_level(searches, enough / problem.norm(1.0, norm))
+    if all(found.method == "lmi" for found in searches):
+        tolerance = min(tolerance, _AFTER_BACK_OFF)
     limit = max(best * (1 + tolerance), level)
     reasons: list[str] = []
     spare: list[Chosen] = []
