@@ -3,7 +3,7 @@
 Facts from J. R. Dormand and P. J. Prince, "A family of embedded Runge-Kutta formulae",
 J. Comp. Appl. Math. 6 (1980). It is the pair of MATLAB's ode45. The loops that call these
 pieces stand beside the right-hand sides, because compiled code that takes a function as an
-argument cannot be kept on disk from one session to the next.
+argument cannot be kept on disk from one run to the next.
 """
 
 from __future__ import annotations
