@@ -36,7 +36,7 @@ def motion(kind):
     time = np.arange(1500) * 1e-3
     q = np.vstack([np.sin(40 * time) * 1e-3, np.cos(31 * time) * 1e-3])[: kind.ports]
     v = np.gradient(q, 1e-3, axis=1)
-    context = {"spin_frequency": 100.0, "spring_stiffness": 1e4, "mobility": 0.0}
+    context = {"spin_frequency": 100.0, "spring_stiffness": 1e4, "mobility": 0.0, "clearance": 0.0}
     return Motion(time, q, v, context, force=q)
 
 
