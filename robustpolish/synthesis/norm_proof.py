@@ -46,7 +46,7 @@ class NormProof:
         The inequality that P satisfies strictly.
     bound : float
         The proven upper bound on the norm. A "lyapunov" proof tells stability only: infinite,
-        or zero if the loop has no input or no output at all.
+        or zero if no disturbance reaches any output.
     P : ndarray, shape (n, n)
         The matrix, in the coordinates of `transformation`, rounded to doubles.
     transformation : ndarray, shape (n, n)
@@ -229,11 +229,15 @@ def _is_bounded_real(P: Ball, loop: LoopBalls) -> bool:
 
 
 def _prove_zero(loop: LoopBalls) -> NormProof | None:
-    """Prove a norm of zero where input or output matrices vanish."""
+    """Prove a norm of zero where D and all Markov parameters C A^k B vanish exactly."""
     with balls.precision(_BITS):
-        zero = [not balls.magnitude(M).any() for M in (loop.B, loop.C, loop.D)]
-    if not (zero[2] and (zero[0] or zero[1])):
-        return None
+        if balls.magnitude(loop.D).any():
+            return None
+        reached = loop.B
+        for _ in range(max(loop.A.nrows(), 1)):
+            if balls.magnitude(loop.C * reached).any():
+                return None
+            reached = loop.A * reached
     proof = prove_stability(loop)
     return None if proof is None else replace(proof, bound=0.0)
 

@@ -85,7 +85,7 @@ def choose(
                 continue
             owner = owners[id(candidate)]
             # LQG promises no number; what it achieves is its claim.
-            promised = each.claimed if np.isfinite(each.claimed) else each.achieved
+            promised = candidate.claimed if np.isfinite(candidate.claimed) else candidate.achieved
             claim = problem.norm(promised, norm)
             if found[1].achieved <= problem.norm(each.achieved, norm) * (1 + 1e-3):
                 status = _status(owner, searches, each, best)

@@ -25,8 +25,12 @@ from robustpolish.synthesis.dynamic.two_riccati import normalise
 from robustpolish.synthesis.semidefinite import SemidefiniteProgram
 
 _BACK_OFF = 1.006
+_FAR_BACK = 1.02
 _ROUNDS = 4
 _AGREEMENT = 2e-3
+# Where a round takes little time.
+_SMALL = 6
+_CLOSE_AGREEMENT = 1e-5
 # Regularised less than this the inequalities are as hard as the original ones.
 _EPSILONS = (0.0, 1e-5, 1e-4, 1e-3)
 # An optimum so far below that of a hardly regularised plant is taken for zero.
@@ -67,33 +71,48 @@ def _minimise_hinf(plant: PlantMatrices, options: LmiOptions, found: Findings) -
     # Numbers of order one suit the solver; those below do no harm.
     hardly = _regular_optimum(plant, options)
     unit = max(1.0, hardly)
+    frames: list[tuple[float, float, PlantMatrices]] = []
     for epsilon in _EPSILONS:
         regular = _in_unit(regularise(plant, epsilon), unit)
         best, frame = _balanced_optimum(regular, options, found, epsilon)
         if best is None or frame is None:
             continue
+        frames.append((epsilon, best.gamma, frame))
         nothing = _NOTHING * hardly / unit
-        found.falling = best.gamma < nothing
-        bound = max(_BACK_OFF * best.gamma, nothing if found.falling else 0.0)
-
-        def impose(
-            program: SemidefiniteProgram,
-            v: Unknowns,
-            frame: PlantMatrices = frame,
-            bound: float = bound,
-        ) -> None:
-            program.positive(-bounded_real(loop_terms(frame, v), bound))
-
-        for K in conditioned(frame, "hinf", impose, options):
-            _note(plant, K, bound * unit, f"lmi, epsilon {epsilon:.1e}", "hinf", found)
-        if any(c.honest for c in found.candidates):
+        falling = best.gamma < nothing
+        bound = nothing if falling else _BACK_OFF * best.gamma
+        if _back_off(plant, epsilon, frame, bound, unit, options, found):
+            found.falling = falling
             # Neither agreement nor the solver's word proves an optimum; the Riccati equations
             # of a nearly singular plant may know better.
             lower = deeper_helps(plant, best.gamma * unit)
-            found.converged = not found.falling and not lower and epsilon == 0
-            if lower and not found.falling:
+            found.converged = not falling and not lower and epsilon == 0
+            if lower and not falling:
                 found.remarks.append("Riccati equations promise a smaller norm.")
             return
+    # A controller some way from the optimum is better than none.
+    for epsilon, gamma, frame in frames:
+        if _back_off(plant, epsilon, frame, _FAR_BACK * gamma, unit, options, found):
+            return
+
+
+def _back_off(
+    plant: PlantMatrices,
+    epsilon: float,
+    frame: PlantMatrices,
+    bound: float,
+    unit: float,
+    options: LmiOptions,
+    found: Findings,
+) -> bool:
+    """Look for controllers below a bound; tell whether one keeps it."""
+
+    def impose(program: SemidefiniteProgram, v: Unknowns) -> None:
+        program.positive(-bounded_real(loop_terms(frame, v), bound))
+
+    for K in conditioned(frame, "hinf", impose, options):
+        _note(plant, K, bound * unit, f"lmi, epsilon {epsilon:.1e}", "hinf", found)
+    return any(c.honest for c in found.candidates)
 
 
 def _in_unit(plant: PlantMatrices, unit: float) -> PlantMatrices:
@@ -110,6 +129,7 @@ def _balanced_optimum(
     """Alternate between solving and rebalancing until gamma no longer falls."""
     frame: PlantMatrices | None = plant
     best: tuple[Projected | None, PlantMatrices | None] = (None, None)
+    agreement = _AGREEMENT if len(plant.A) > _SMALL else _CLOSE_AGREEMENT
     for _ in range(_ROUNDS):
         solution = None if frame is None else solve_projected(frame, options)
         if frame is None or solution is None or not solution.gamma > 0:
@@ -121,7 +141,7 @@ def _balanced_optimum(
         before = best[0]
         if before is None or solution.gamma < before.gamma:
             best = solution, after or frame
-        if before is not None and solution.gamma > before.gamma * (1 - _AGREEMENT):
+        if before is not None and solution.gamma > before.gamma * (1 - agreement):
             break
         frame = after
     return best
