@@ -17,16 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from robustpolish.analysis import HinfNorm, h2_norm, hinf_norm
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.frequency_grid import confirmation_grid, largest_singular_values
-from robustpolish.synthesis.norm_proof import (
-    LoopBalls,
-    NormProof,
-    cayley,
-    enclose_loop,
-    prove_h2,
-    prove_hinf,
-    prove_stability,
-    rounding_level,
-)
+from robustpolish.synthesis.loop_balls import LoopBalls, cayley, enclose_loop, rounding_level
+from robustpolish.synthesis.norm_proof import NormProof, prove_h2, prove_hinf, prove_stability
 from robustpolish.synthesis.quick_norm import quick_norm
 from robustpolish.validation import described, invalid, matrix, one_of, positive
 

@@ -6,7 +6,8 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.synthesis import balls, certify
-from robustpolish.synthesis.norm_proof import enclose_loop, prove_hinf, prove_stability
+from robustpolish.synthesis.loop_balls import cayley, enclose_loop
+from robustpolish.synthesis.norm_proof import prove_hinf, prove_stability
 
 
 def first_order(gain=1.0, pole=1.0, dt=0):
@@ -109,8 +110,6 @@ def test_the_proof_does_not_prove_too_much(dt):
     achieved = certify(plant, gain).achieved
     loop = enclose_loop(plant, control.ss([], [], [], gain, dt))
     if dt:
-        from robustpolish.synthesis.norm_proof import cayley
-
         loop = cayley(loop)
     assert prove_hinf(loop, achieved * (1 + 1e-5)) is not None
     assert prove_hinf(loop, achieved * (1 - 1e-9)) is None
