@@ -1,5 +1,6 @@
 """Robust control design with certificates, for machines with contact."""
 
+from robustpolish import datasets
 from robustpolish.analysis import (
     H2Norm,
     HinfNorm,
@@ -96,6 +97,7 @@ __all__ = [
     "compare_controllers",
     "compare_methods",
     "controllability",
+    "datasets",
     "design_against_brush",
     "diagnose",
     "given_controller",
