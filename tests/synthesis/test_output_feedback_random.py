@@ -9,8 +9,6 @@ from hypothesis import strategies as st
 import robustpolish as rp
 from robustpolish.synthesis import output_feedback
 
-pytestmark = pytest.mark.slow  # some still fail, see the changelog
-
 SEEDS = st.integers(min_value=0, max_value=2**32 - 1)
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandomize": True}
 
