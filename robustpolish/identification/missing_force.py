@@ -167,6 +167,11 @@ class LinearObserver:
         """Number of states, missing forces included."""
         return self.system.A.shape[0]
 
+    @property
+    def sites(self) -> int:
+        """Number of missing forces, the last of the states."""
+        return self.states - 2 * len(self.model.free)
+
     def innovations(
         self, Y: Array, W: Array, forces: PortForces | None, s0: Array | None = None
     ) -> tuple[Array, Array]:
@@ -225,6 +230,23 @@ class LinearObserver:
             np.eye(ny), np.ascontiguousarray(columns), out,
         )  # fmt: skip
         return out
+
+    def likeliest_start(self, errors: Array) -> Array:
+        """Return the state at the first sample, from the innovations of a start at zero.
+
+        Nothing is known about the motion beforehand; the missing force is small.
+        """
+        columns = self.respond_start(len(errors))
+        root = np.linalg.cholesky(np.linalg.inv(self.gain.innovation))
+        X = (columns @ root).reshape(len(columns), -1)
+        size = np.sqrt(np.sum(X**2, axis=1))
+        size[size == 0] = 1.0
+        X = X / size[:, None]
+        variance = np.diag(self.gain.covariance)[-self.sites :] if self.sites else np.zeros(0)
+        known = np.zeros(len(X))
+        known[len(X) - self.sites :] = 1 / np.maximum(variance, 1e-300)
+        gram = X @ X.T + np.diag(known / size**2)
+        return np.linalg.lstsq(gram, X @ (errors @ root).ravel(), rcond=1e-10)[0] / size
 
     def respond_start(self, samples: int) -> Array:
         """Return the innovations that a unit of each state at the start leaves."""
@@ -301,14 +323,11 @@ def _through(model: MechanicalModel, forces: PortForces) -> Array:
 def _smoothed_states(
     observer: LinearObserver, Y: Array, W: Array, forces: PortForces | None
 ) -> Array:
-    """Smooth; the start is found by smoothing the first part of the record repeatedly."""
+    """Smooth; the start is fitted to the first part of the record."""
     first = min(len(Y), 4000)
-    s0 = np.zeros(observer.states)
     head = None if forces is None else forces.head(first)
-    for _ in range(3):
-        states, errors = observer.innovations(Y[:first], W[:first], head, s0)
-        s0 = observer.smooth(states, errors)[0]
-    states, errors = observer.innovations(Y, W, forces, s0)
+    errors = observer.innovations(Y[:first], W[:first], head)[1]
+    states, errors = observer.innovations(Y, W, forces, observer.likeliest_start(errors))
     return observer.smooth(states, errors)
 
 
