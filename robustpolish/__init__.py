@@ -13,6 +13,7 @@ from robustpolish.analysis import (
     observability,
     prescale,
     scale_system,
+    singular_values,
     stability,
 )
 from robustpolish.brush import BrushParameters, Surface, simulate_brush
@@ -119,6 +120,7 @@ __all__ = [
     "scale_system",
     "simulate",
     "simulate_brush",
+    "singular_values",
     "split_blocks",
     "stability",
     "state_feedback",

@@ -48,6 +48,18 @@ def described(text: str) -> str:
     return _Described(text)
 
 
+def source_of(system: control.StateSpace | None) -> control.StateSpace:
+    """Return the system behind a result, which a result made by hand may lack."""
+    if system is None:
+        raise invalid(
+            "system",
+            system,
+            "the system that the result belongs to",
+            "Draw a result that a function of the package returned.",
+        )
+    return system
+
+
 def matrix(
     argument: str,
     value: ArrayLike,

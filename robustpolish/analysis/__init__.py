@@ -17,6 +17,7 @@ from robustpolish.analysis.pbh import (
 )
 from robustpolish.analysis.prescale import Prescaled, prescale
 from robustpolish.analysis.scaling import Scaling, scale_system
+from robustpolish.analysis.singular_values import singular_values
 from robustpolish.analysis.stability import Stability, stability
 from robustpolish.analysis.zeros import AxisZero, zeros_on_axis
 
@@ -48,6 +49,7 @@ __all__ = [
     "observability",
     "prescale",
     "scale_system",
+    "singular_values",
     "stability",
     "zeros_on_axis",
 ]

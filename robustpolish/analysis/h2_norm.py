@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import control
 import numpy as np
@@ -13,15 +14,21 @@ from robustpolish.analysis._exact_poles import count_poles
 from robustpolish.analysis._gramian import Energy, energy, exact_energy
 from robustpolish.analysis._parts import parts
 from robustpolish.analysis._realisation import Realisation, realisation, rescaled
+from robustpolish.analysis.singular_values import singular_values
 from robustpolish.analysis.stability import Stability, stability_of
-from robustpolish.validation import invalid, positive
+from robustpolish.display import Card, Displayed, quantities
+from robustpolish.plotting import plot_gains
+from robustpolish.validation import invalid, positive, source_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 EXACT_STATES = 60
 """Up to so many coupled states ball arithmetic steps in where the bounds are wide."""
 
 
-@dataclass(frozen=True)
-class H2Norm:
+@dataclass(frozen=True, repr=False)
+class H2Norm(Displayed):
     """Size of a system's response to white noise; ``float(norm)`` is its value.
 
     Attributes
@@ -35,6 +42,20 @@ class H2Norm:
         Whether all poles are strictly stable, hidden ones included.
     reason : str
         How the value was found, or why it is infinite.
+    system : control.StateSpace or None
+        What it is the norm of.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> rp.h2_norm(control.ss([[-2.0]], [[2.0]], [[1.0]], 0))
+    H2 norm
+      value     1
+      at least  1
+      at most   1
+      stable    yes
+      trace of the controllability Gramian, its residual checked
     """
 
     value: float
@@ -42,9 +63,52 @@ class H2Norm:
     upper: float
     stable: bool
     reason: str
+    system: control.StateSpace | None = field(default=None, compare=False)
 
     def __float__(self) -> float:
         return self.value
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw how the norm grows with the bandwidth of the white noise.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The root of the gain's square, integrated from zero up to each frequency; at its end
+            stands the norm.
+
+        Examples
+        --------
+        >>> import control
+        >>> import robustpolish as rp
+        >>> rp.h2_norm(control.ss([[-2.0]], [[2.0]], [[1.0]], 0)).plot().get_xlabel()
+        'frequency'
+        """
+        system = source_of(self.system)
+        gains = singular_values(system)
+        density = (gains**2).sum("singular_value").values
+        # In discrete time the mean over all frequencies counts, not the integral in Hz.
+        step = 1.0 if not system.dt or system.dt is True else float(system.dt)
+        hertz = np.concatenate([[0.0], gains["frequency"].values])
+        slabs = 0.5 * np.diff(hertz) * (np.concatenate([density[:1], density[:-1]]) + density)
+        running = np.sqrt(2 * step * np.cumsum(slabs))
+        curve = gains.isel(singular_value=0).copy(data=running)
+        mark = {f"norm {self.value:.4g}": (math.nan, self.value)}
+        return plot_gains({"up to the frequency": curve}, mark, ax, name="H2 norm")
+
+    def _card(self) -> Card:
+        rows = (
+            ("value", self.value),
+            ("at least", self.lower),
+            ("at most", self.upper),
+            ("stable", self.stable),
+        )
+        return Card("H2 norm", (quantities(*rows),), (self.reason,))
 
 
 def h2_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> H2Norm:
@@ -86,10 +150,10 @@ def h2_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> H2Norm:
     Examples
     --------
     >>> import control
-    >>> from robustpolish.analysis import h2_norm
-    >>> round(float(h2_norm(control.ss([[-2.0]], [[1.0]], [[1.0]], 0))), 6)
+    >>> import robustpolish as rp
+    >>> round(float(rp.h2_norm(control.ss([[-2.0]], [[1.0]], [[1.0]], 0))), 6)
     0.5
-    >>> h2_norm(control.ss([[-2.0]], [[1.0]], [[1.0]], 3.0)).reason
+    >>> rp.h2_norm(control.ss([[-2.0]], [[1.0]], [[1.0]], 3.0)).reason
     'D is not zero, so white noise passes with infinite power in continuous time'
     """
     tolerance = positive("tolerance", tolerance)
@@ -108,6 +172,7 @@ def h2_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> H2Norm:
         math.hypot(*(norm.upper for norm in found)),
         not unsteady,
         reason,
+        system,
     )
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import control
 import numpy as np
@@ -13,15 +14,21 @@ from robustpolish.analysis._exact import ExactModel, to_float
 from robustpolish.analysis._exact_poles import count_poles
 from robustpolish.analysis._parts import parts
 from robustpolish.analysis._realisation import Realisation, realisation, rescaled
+from robustpolish.analysis.singular_values import singular_values
 from robustpolish.analysis.stability import Stability, stability_of
-from robustpolish.validation import invalid, positive
+from robustpolish.display import Card, Displayed, quantities
+from robustpolish.plotting import plot_gains
+from robustpolish.validation import invalid, positive, source_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 REDUCIBLE_STATES = 60
 """Up to so many coupled states are searched for hidden modes in exact arithmetic."""
 
 
-@dataclass(frozen=True)
-class HinfNorm:
+@dataclass(frozen=True, repr=False)
+class HinfNorm(Displayed):
     """Largest gain of a system over all frequencies; ``float(norm)`` is its value.
 
     Attributes
@@ -38,6 +45,21 @@ class HinfNorm:
         Whether all poles are strictly stable, hidden ones included.
     reason : str
         How the bracket was proven, or why the norm is infinite.
+    system : control.StateSpace or None
+        What it is the norm of.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> rp.hinf_norm(control.ss([[-2.0]], [[2.0]], [[1.0]], 0))
+    H-infinity norm
+      value         1
+      peak at [Hz]  0
+      at least      1
+      at most       1
+      stable        yes
+      proof: no crossing, in exact arithmetic
     """
 
     value: float
@@ -46,9 +68,44 @@ class HinfNorm:
     upper: float
     stable: bool
     reason: str
+    system: control.StateSpace | None = field(default=None, compare=False)
 
     def __float__(self) -> float:
         return self.value
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the largest singular value over frequency with the norm marked.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import control
+        >>> import robustpolish as rp
+        >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0)
+        >>> rp.hinf_norm(lag).plot().get_xlabel()
+        'frequency'
+        """
+        gain = singular_values(source_of(self.system)).isel(singular_value=0)
+        mark = {f"norm {self.value:.4g}": (self.frequency / (2 * np.pi), self.value)}
+        return plot_gains({"largest singular value": gain}, mark, ax)
+
+    def _card(self) -> Card:
+        rows = (
+            ("value", self.value),
+            ("peak at [Hz]", self.frequency / (2 * np.pi)),
+            ("at least", self.lower),
+            ("at most", self.upper),
+            ("stable", self.stable),
+        )
+        return Card("H-infinity norm", (quantities(*rows),), (self.reason,))
 
 
 def hinf_norm(
@@ -110,9 +167,9 @@ def hinf_norm(
     Examples
     --------
     >>> import control
-    >>> from robustpolish.analysis import hinf_norm
+    >>> import robustpolish as rp
     >>> w, zeta = 1e9, 0.05
-    >>> norm = hinf_norm(control.ss([[0, 1], [-w**2, -2*zeta*w]], [[0], [w**2]], [[1, 0]], 0))
+    >>> norm = rp.hinf_norm(control.ss([[0, 1], [-w**2, -2*zeta*w]], [[0], [w**2]], [[1, 0]], 0))
     >>> round(norm.value, 6), norm.lower <= norm.value <= norm.upper
     (10.012523, True)
     """
@@ -122,11 +179,13 @@ def hinf_norm(
     model = realisation("system", system)
     found = [_part_norm(part, tolerance, exact) for part in parts(model)]
     if not found:
-        return HinfNorm(0.0, 0.0, 0.0, 0.0, True, "there are no states, inputs or outputs")
+        nothing = "there are no states, inputs or outputs"
+        return HinfNorm(0.0, 0.0, 0.0, 0.0, True, nothing, system)
     largest = max(found, key=lambda norm: (norm.value, norm.upper))
     unsteady = next((norm.reason for norm in found if not norm.stable), largest.reason)
     return replace(
         largest,
+        system=system,
         lower=max(norm.lower for norm in found),
         upper=max(norm.upper for norm in found),
         stable=all(norm.stable for norm in found),

@@ -25,13 +25,14 @@ from robustpolish.analysis._parts import parts_with_indices
 from robustpolish.analysis._peak_search import largest_response
 from robustpolish.analysis._realisation import Realisation, power_of_two, realisation
 from robustpolish.analysis.scaling import Scaling, even_scales, in_units
+from robustpolish.display import Card, Displayed, quantities
 from robustpolish.validation import described, invalid, one_of
 
 Matrix = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class LmiCheck:
+@dataclass(frozen=True, eq=False, repr=False)
+class LmiCheck(Displayed):
     """What a linear matrix inequality says about a system.
 
     Attributes
@@ -60,6 +61,15 @@ class LmiCheck:
 
     def __bool__(self) -> bool:
         return self.verified
+
+    def _card(self) -> Card:
+        rows = (
+            ("proven bound", self.value),
+            ("verified exactly", self.verified),
+            ("solver's optimum", self.optimum),
+            ("solver's status", self.status),
+        )
+        return Card(f"Linear matrix inequality {self.equation}", (quantities(*rows),))
 
 
 def lyapunov_lmi(system: control.StateSpace) -> LmiCheck:

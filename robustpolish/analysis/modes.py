@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import overload
+from typing import TYPE_CHECKING, overload
 
 import control
 import numpy as np
@@ -17,6 +17,11 @@ from robustpolish.analysis._exact import rational
 from robustpolish.analysis._exact_poles import eigenvalues
 from robustpolish.analysis._parts import parts_with_states
 from robustpolish.analysis._realisation import Realisation, realisation, rescaled
+from robustpolish.display import Card, Displayed, Table
+from robustpolish.plotting import plot_poles
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 EXACT_STATES = 60
 """Up to so many coupled states the eigenvalues are computed without rounding."""
@@ -54,16 +59,26 @@ class Mode:
 
 
 @dataclass(frozen=True, repr=False)
-class Modes(Sequence[Mode]):
+class Modes(Displayed, Sequence[Mode]):
     """The modes of a system, slowest first; prints as a table.
 
     Attributes
     ----------
     modes : tuple of Mode
         A complex pair counts once.
+    discrete : bool
+        Whether the eigenvalues are those of a discrete-time system.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> found = rp.modes(rp.air_bearing().open_loop)
+    >>> len(found), round(float(found.frequencies_hz.min()), 1)
+    (6, 194.1)
     """
 
     modes: tuple[Mode, ...]
+    discrete: bool = False
 
     def __len__(self) -> int:
         return len(self.modes)
@@ -98,20 +113,41 @@ class Modes(Sequence[Mode]):
         """Damping ratios."""
         return np.array([mode.damping_ratio for mode in self.modes])
 
-    def __repr__(self) -> str:
-        width = max((len(mode.state) for mode in self.modes), default=5)
-        width = max(width, 5)
-        head = f"{'state':<{width}}  {'natural [Hz]':>13}  {'damped [Hz]':>13}  "
-        lines = [head + f"{'damping':>13}  {'share':>5}  eigenvalue"]
-        for mode in self.modes:
-            sign = "+" if mode.eigenvalue.imag else ""
-            pair = f"{sign}/- {mode.eigenvalue.imag:.6g}j" if sign else ""
-            lines.append(
-                f"{mode.state:<{width}}  {mode.natural_frequency_hz:13.7g}  "
-                f"{mode.frequency_hz:13.7g}  {mode.damping_ratio:13.6g}  "
-                f"{mode.participation:5.2f}  {mode.eigenvalue.real:.6g} {pair}".rstrip()
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the eigenvalues in the complex plane.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> rp.modes(rp.air_bearing().open_loop).plot().get_ylabel()
+        'frequency'
+        """
+        values = np.concatenate([self.eigenvalues, np.conj(self.eigenvalues)])
+        return plot_poles({"modes": values}, ax=ax, discrete=self.discrete)
+
+    def _card(self) -> Card:
+        columns = ("state", "natural [Hz]", "damped [Hz]", "damping", "share", "eigenvalue")
+        rows = tuple(
+            (
+                mode.state,
+                mode.natural_frequency_hz,
+                mode.frequency_hz,
+                mode.damping_ratio,
+                round(mode.participation, 2),
+                _pair(mode.eigenvalue),
             )
-        return "\n".join(lines)
+            for mode in self.modes
+        )
+        return Card("", (Table("", columns, rows, digits=7),))
 
 
 def modes(system: control.StateSpace) -> Modes:
@@ -138,18 +174,23 @@ def modes(system: control.StateSpace) -> Modes:
     Examples
     --------
     >>> import control
-    >>> from robustpolish.analysis import modes
+    >>> import robustpolish as rp
     >>> plant = control.ss([[0, 1], [-4, -0.04]], [[0], [1]], [[1, 0]], 0, states=["x", "v"])
-    >>> modes(plant)
-    state   natural [Hz]    damped [Hz]        damping  share  eigenvalue
-    x          0.3183099       0.318294           0.01   0.50  -0.02 +/- 1.9999j
+    >>> rp.modes(plant)
+    state  natural [Hz]  damped [Hz]  damping  share  eigenvalue
+    x         0.3183099     0.318294     0.01    0.5  -0.02 +/- 1.9999j
     """
     model = realisation("system", system)
     names = list(system.state_labels)
     found: list[Mode] = []
     for part, indices in parts_with_states(model):
         found += _part_modes(part, [names[i] for i in indices])
-    return Modes(tuple(sorted(found, key=lambda m: (m.natural_frequency_hz, m.state))))
+    ordered = sorted(found, key=lambda m: (m.natural_frequency_hz, m.state))
+    return Modes(tuple(ordered), model.discrete)
+
+
+def _pair(value: complex) -> str:
+    return f"{value.real:.6g} +/- {value.imag:.6g}j" if value.imag else f"{value.real:.6g}"
 
 
 def _part_modes(model: Realisation, names: list[str]) -> list[Mode]:

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import control
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike
 
 from robustpolish.analysis._pbh import deficiencies
 from robustpolish.analysis._realisation import Realisation, realisation
+from robustpolish.display import Card, Displayed, Table
+from robustpolish.plotting import plot_bars
 from robustpolish.validation import described, invalid, matrix, positive
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Kind = Literal["controllability", "observability"]
 
@@ -44,8 +50,8 @@ class ModeTest:
     stable: bool
 
 
-@dataclass(frozen=True)
-class PbhTest:
+@dataclass(frozen=True, repr=False)
+class PbhTest(Displayed):
     """Result of :func:`controllability` or :func:`observability`; true if no mode is deficient.
 
     Attributes
@@ -62,6 +68,15 @@ class PbhTest:
         The deficient ones that are not stable: they rule stabilising (detecting) out.
     reason : str
         The finding in a sentence.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> rp.observability([[-1, 0], [0, -2]], [[0, 1]], states=["drift", "v"])
+    not observable: -1 (state drift)
+      eigenvalue  state  distance  lacking  stable
+      -1          drift         0  yes      yes
+      -2          v           ...  no       yes
     """
 
     kind: Kind
@@ -98,9 +113,49 @@ class PbhTest:
     def __bool__(self) -> bool:
         return not self.deficient
 
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw each mode's distance from being deficient; a mode at distance zero has no bar.
 
-@dataclass(frozen=True)
-class Feasibility:
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> rp.controllability([[-1, 0], [0, -2]], [[0], [1]]).plot().get_ylabel()
+        'mode'
+        """
+        inputs = self.kind == "controllability"
+        name = f"relative distance from being un{'controllable' if inputs else 'observable'}"
+        labels = [f"{mode.state}, {_shown(mode.eigenvalue)}" for mode in self.modes]
+        where = {"mode": labels}
+        distance = [mode.distance for mode in self.modes]
+        lacking = [mode.deficient for mode in self.modes]
+        return plot_bars(
+            xr.DataArray(distance, where, "mode", name=name),
+            xr.DataArray(lacking, where, "mode"),
+            ax,
+            meaning=("moved by an input", "moved by none") if inputs
+            else ("seen by an output", "seen by none"),
+        )  # fmt: skip
+
+    def _card(self) -> Card:
+        columns = ("eigenvalue", "state", "distance", "lacking", "stable")
+        rows = tuple(
+            (_shown(mode.eigenvalue), mode.state, mode.distance, mode.deficient, mode.stable)
+            for mode in self.modes
+        )
+        return Card(self.reason, (Table("", columns, rows),))
+
+
+@dataclass(frozen=True, repr=False)
+class Feasibility(Displayed):
     """Result of :func:`is_stabilizable` or :func:`is_detectable`; true if it is.
 
     Attributes
@@ -110,14 +165,49 @@ class Feasibility:
         The modes that rule it out.
     reason : str
         The finding in a sentence.
+    test : PbhTest
+        The test of all modes.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> rp.is_stabilizable([[1, 0], [0, -2]], [[0], [1]])
+    not stabilisable: no input moves 1 (state x[0])
+      eigenvalue  state  distance  lacking  stable
+      1           x[0]          0  yes      no
+      -2          x[1]        ...  no       yes
     """
 
     possible: bool
     modes: tuple[ModeTest, ...]
     reason: str
+    test: PbhTest
 
     def __bool__(self) -> bool:
         return self.possible
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw each mode's distance from being deficient, as :meth:`PbhTest.plot`.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> rp.is_detectable([[-1, 0], [0, 2]], [[0, 1]]).plot().get_ylabel()
+        'mode'
+        """
+        return self.test.plot(ax)
+
+    def _card(self) -> Card:
+        return Card(self.reason, self.test._card().tables)
 
 
 def controllability(
@@ -168,8 +258,8 @@ def controllability(
 
     Examples
     --------
-    >>> from robustpolish.analysis import controllability
-    >>> test = controllability([[1, 0], [0, -2]], [[0], [1]], states=["drift", "v"])
+    >>> import robustpolish as rp
+    >>> test = rp.controllability([[1, 0], [0, -2]], [[0], [1]], states=["drift", "v"])
     >>> test.reason
     'not controllable: 1 (state drift, not stable)'
     """
@@ -208,25 +298,28 @@ def observability(
 
     Examples
     --------
-    >>> from robustpolish.analysis import observability
+    >>> import robustpolish as rp
     >>> A = [[0, 1], [0, 0]]
-    >>> bool(observability(A, [[1, 0]])), bool(observability(A, [[0, 1]]))
+    >>> bool(rp.observability(A, [[1, 0]])), bool(rp.observability(A, [[0, 1]]))
     (True, False)
     """
     return _test("observability", system, C, states, dt, tolerance)
 
 
 def is_stabilizable(
-    system: control.StateSpace | ArrayLike, B: ArrayLike | None = None, **options: object
+    system: control.StateSpace | ArrayLike,
+    B: ArrayLike | None = None,
+    *,
+    states: list[str] | tuple[str, ...] | None = None,
+    dt: float | bool = 0,
+    tolerance: float | None = None,
 ) -> Feasibility:
     """Say whether inputs can stabilise the system; if not, which modes forbid it.
 
     Parameters
     ----------
-    system, B
+    system, B, states, dt, tolerance
         As for :func:`controllability`.
-    **options
-        `states`, `dt` and `tolerance` of :func:`controllability`.
 
     Returns
     -------
@@ -235,24 +328,27 @@ def is_stabilizable(
 
     Examples
     --------
-    >>> from robustpolish.analysis import is_stabilizable
-    >>> is_stabilizable([[1, 0], [0, -2]], [[0], [1]], states=["drift", "v"]).reason
+    >>> import robustpolish as rp
+    >>> rp.is_stabilizable([[1, 0], [0, -2]], [[0], [1]], states=["drift", "v"]).reason
     'not stabilisable: no input moves 1 (state drift)'
     """
-    return _feasible(controllability(system, B, **options))  # type: ignore[arg-type]
+    return _feasible(controllability(system, B, states=states, dt=dt, tolerance=tolerance))
 
 
 def is_detectable(
-    system: control.StateSpace | ArrayLike, C: ArrayLike | None = None, **options: object
+    system: control.StateSpace | ArrayLike,
+    C: ArrayLike | None = None,
+    *,
+    states: list[str] | tuple[str, ...] | None = None,
+    dt: float | bool = 0,
+    tolerance: float | None = None,
 ) -> Feasibility:
     """Say whether outputs show every mode that is not stable; if not, which they miss.
 
     Parameters
     ----------
-    system, C
+    system, C, states, dt, tolerance
         As for :func:`observability`.
-    **options
-        `states`, `dt` and `tolerance` of :func:`observability`.
 
     Returns
     -------
@@ -261,20 +357,20 @@ def is_detectable(
 
     Examples
     --------
-    >>> from robustpolish.analysis import is_detectable
-    >>> bool(is_detectable([[-1, 0], [0, 2]], [[0, 1]]))
+    >>> import robustpolish as rp
+    >>> bool(rp.is_detectable([[-1, 0], [0, 2]], [[0, 1]]))
     True
     """
-    return _feasible(observability(system, C, **options))  # type: ignore[arg-type]
+    return _feasible(observability(system, C, states=states, dt=dt, tolerance=tolerance))
 
 
 def _feasible(test: PbhTest) -> Feasibility:
     inputs = test.kind == "controllability"
     word, lack = ("stabilisable", "no input moves") if inputs else ("detectable", "no output sees")
     if not test.harmful:
-        return Feasibility(True, (), word)
+        return Feasibility(True, (), word, test)
     listed = ", ".join(f"{_shown(m.eigenvalue)} (state {m.state})" for m in test.harmful)
-    return Feasibility(False, test.harmful, f"not {word}: {lack} {listed}")
+    return Feasibility(False, test.harmful, f"not {word}: {lack} {listed}", test)
 
 
 def _test(kind: Kind, system, signals, states, dt, tolerance) -> PbhTest:

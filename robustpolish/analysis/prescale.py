@@ -4,20 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import control
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.analysis._eigen import EPS
 from robustpolish.analysis._realisation import Realisation, realisation, rescaled, state_scales
+from robustpolish.display import Card, Displayed, quantities
+from robustpolish.plotting import plot_over_frequency
 from robustpolish.validation import described, invalid, matrix
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Vector = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Prescaled:
+@dataclass(frozen=True, eq=False, repr=False)
+class Prescaled(Displayed):
     """A system with scaled states, and what the scaling gained.
 
     Attributes
@@ -31,6 +38,16 @@ class Prescaled:
     accuracy_before, accuracy_after : ndarray, shape (k,)
         Relative error of the frequency response to be expected from rounding errors of
         the size of each matrix's norm.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> rp.prescale(control.ss([[0, 1], [-1e8, -10]], [[0], [1]], [[1, 0]], 0))
+    Prescaled system
+      states                   2
+      worst accuracy before  ...
+      worst accuracy after   ...
     """
 
     system: control.StateSpace
@@ -41,8 +58,63 @@ class Prescaled:
     accuracy_after: Vector
 
     def state_gain(self, gain: ArrayLike) -> Vector:
-        """Map a state feedback of the scaled system back, D_c = D_c^s T_R^-1 (thesis 10.60)."""
+        """Map a state feedback of the scaled system back, D_c = D_c^s T_R^-1 (thesis 10.60).
+
+        Parameters
+        ----------
+        gain : array_like, shape (m, n)
+            F_s, found for the scaled system.
+
+        Returns
+        -------
+        ndarray, shape (m, n)
+
+        Examples
+        --------
+        >>> import control
+        >>> import robustpolish as rp
+        >>> scaled = rp.prescale(control.ss([[0, 1], [-1e8, -10]], [[0], [1]], [[1, 0]], 0))
+        >>> scaled.state_gain([[1.0, 2.0]]).shape
+        (1, 2)
+        """
         return matrix("gain", gain, (None, self.left.shape[0])) @ self.left
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the accuracy of the frequency response before and after.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import control
+        >>> import robustpolish as rp
+        >>> plant = control.ss([[0, 1], [-1e8, -10]], [[0], [1]], [[1, 0]], 0)
+        >>> rp.prescale(plant).plot().get_ylabel()
+        'relative error to expect'
+        """
+        curves = xr.Dataset(
+            {
+                "as it came": ("frequency", self.accuracy_before),
+                "prescaled": ("frequency", self.accuracy_after),
+            },
+            {"frequency": self.frequency / (2 * np.pi)},
+        )
+        return plot_over_frequency(curves, "relative error to expect", ax)
+
+    def _card(self) -> Card:
+        rows = (
+            ("states", int(self.left.shape[0])),
+            ("worst accuracy before", float(self.accuracy_before.max(initial=0.0))),
+            ("worst accuracy after", float(self.accuracy_after.max(initial=0.0))),
+        )
+        return Card("Prescaled system", (quantities(*rows, digits=3),))
 
 
 def prescale(system: control.StateSpace, band: Sequence[float] | None = None) -> Prescaled:
@@ -80,9 +152,9 @@ def prescale(system: control.StateSpace, band: Sequence[float] | None = None) ->
     Examples
     --------
     >>> import control
-    >>> from robustpolish.analysis import prescale
+    >>> import robustpolish as rp
     >>> plant = control.ss([[0, 1], [-1e8, -10]], [[0], [1]], [[1, 0]], 0)
-    >>> scaled = prescale(plant)
+    >>> scaled = rp.prescale(plant)
     >>> bool(scaled.accuracy_after.max() < 0.01 * scaled.accuracy_before.max())
     True
     """

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import control
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.analysis._realisation import (
@@ -17,14 +19,19 @@ from robustpolish.analysis._realisation import (
     state_scales,
     typical_rate,
 )
+from robustpolish.display import Card, Displayed, Table
+from robustpolish.plotting import plot_bars
 from robustpolish.validation import described, invalid, matrix
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Vector = NDArray[np.float64]
 Groups = Sequence[Sequence[int]]
 
 
-@dataclass(frozen=True, eq=False)
-class Scaling:
+@dataclass(frozen=True, eq=False, repr=False)
+class Scaling(Displayed):
     """Scales of a system's variables; every one is a power of two, so nothing is rounded.
 
     A variable is its scale times the scaled variable: x = state * x_s,
@@ -44,12 +51,56 @@ class Scaling:
         Scale of each variable, in its unit.
     time : float
         Scaled rates times `time` are rates in 1/s; 1 in discrete time.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> plant = control.ss([[0, 1], [-1e12, -1e3]], [[0], [1e9]], [[1, 0]], 0)
+    >>> _, scaling = rp.scale_system(plant)
+    >>> scaling.state.shape, scaling.time > 1
+    ((2,), True)
     """
 
     state: Vector
     inputs: Vector
     outputs: Vector
     time: float = 1.0
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the scale of every variable.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> scaled, scaling = rp.scale_system(rp.air_bearing().open_loop)
+        >>> scaling.plot().get_ylabel()
+        'variable'
+        """
+        names, values = zip(*self._named(), strict=True)
+        return plot_bars(
+            xr.DataArray(
+                np.array(values), {"variable": list(names)}, "variable", "scale, in SI units"
+            ),
+            ax=ax,
+        )
+
+    def _named(self) -> list[tuple[str, float]]:
+        kinds = (("state", self.state), ("input", self.inputs), ("output", self.outputs))
+        found = [(f"{kind} {i}", float(x)) for kind, scales in kinds for i, x in enumerate(scales)]
+        return [*found, ("time, as a rate", self.time)]
+
+    def _card(self) -> Card:
+        return Card("Scaling", (Table("", ("variable", "scale"), tuple(self._named())),))
 
     def apply(self, system: control.StateSpace) -> control.StateSpace:
         """Return the system in scaled variables, with its names; `dt` stays as it is.

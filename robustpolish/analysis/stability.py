@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal
 
 import control
 import numpy as np
+from numpy.typing import NDArray
 
 from robustpolish.analysis._eigen import eigensystem
 from robustpolish.analysis._exact import rational
 from robustpolish.analysis._exact_poles import count_poles
 from robustpolish.analysis._realisation import Realisation, realisation, rescaled
+from robustpolish.display import Card, Displayed, quantities
+from robustpolish.plotting import plot_poles
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 EXACT_STATES = 150
 """Largest number of coupled states whose poles are counted in exact arithmetic."""
 
 
-@dataclass(frozen=True)
-class Stability:
+@dataclass(frozen=True, repr=False)
+class Stability(Displayed):
     """On which side of the stability boundary the poles lie.
 
     Attributes
@@ -35,6 +41,21 @@ class Stability:
         Whether it took exact arithmetic to decide.
     reason : str
         The verdict in a sentence.
+    poles : ndarray of complex
+        All poles, to be drawn; the verdict does not rest on them.
+    discrete : bool
+        Whether the unit circle is the boundary.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> rp.stability(control.ss([[-2.0]], [[1.0]], [[1.0]], 0))
+    stable
+      nearest pole  -2 rad/s
+      margin        2 rad/s
+      exact         no
+      all poles are strictly stable
     """
 
     verdict: Literal["stable", "marginal", "unstable"]
@@ -42,9 +63,42 @@ class Stability:
     margin: float
     exact: bool
     reason: str
+    poles: NDArray[np.complex128] = field(
+        default_factory=lambda: np.zeros(0, complex), compare=False
+    )
+    discrete: bool = False
 
     def __bool__(self) -> bool:
         return self.verdict == "stable"
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the poles with the boundary of stability.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> rp.stability(rp.air_bearing().open_loop).plot().get_ylabel()
+        'frequency'
+        """
+        return plot_poles({"poles": self.poles}, ax=ax, discrete=self.discrete)
+
+    def _card(self) -> Card:
+        unit = "" if self.discrete else " rad/s"
+        rows = (
+            ("nearest pole", None if self.pole is None else _shown(self.pole, self.discrete)),
+            ("margin", f"{self.margin:.6g}{unit}"),
+            ("exact", self.exact),
+        )
+        return Card(self.verdict, (quantities(*rows),), (self.reason,))
 
 
 def stability(system: control.StateSpace) -> Stability:
@@ -72,14 +126,16 @@ def stability(system: control.StateSpace) -> Stability:
     Examples
     --------
     >>> import control
-    >>> from robustpolish.analysis import stability
+    >>> import robustpolish as rp
     >>> oscillator = control.ss([[0, 1], [-1, -2e-12]], [[0], [1]], [[1, 0]], 0)
-    >>> bool(stability(oscillator))
+    >>> bool(rp.stability(oscillator))
     True
-    >>> stability(control.ss([[0.0]], [[1.0]], [[1.0]], 0)).reason
+    >>> rp.stability(control.ss([[0.0]], [[1.0]], [[1.0]], 0)).reason
     'pole 0 rad/s on the imaginary axis'
     """
-    return stability_of(rescaled(realisation("system", system)))
+    model = rescaled(realisation("system", system))
+    poles = eigensystem(model.A).values * model.time
+    return replace(stability_of(model), poles=poles, discrete=model.discrete)
 
 
 def stability_of(model: Realisation) -> Stability:

@@ -56,7 +56,7 @@ def compare(
     to_json(content)  # nothing is written if anything fails
     if plot is not None:
         with new_file(plot, force, (".png", ".svg", ".pdf")) as draft:
-            result.plot().savefig(draft, dpi=150)
+            result.plot_panels().savefig(draft, dpi=150)
     if json_out is not None:
         write_json(content, json_out, force or replaceable(json_out, data, model))
     if json_out != "-":

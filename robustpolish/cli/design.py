@@ -23,7 +23,6 @@ from robustpolish.report.brush_design import (
     brush_design_report,
     brush_design_summary,
     save_brush_design,
-    verdict,
 )
 from robustpolish.saving import new_file, new_folder
 
@@ -117,7 +116,7 @@ def design(
     if json_out != "-":
         click.echo(str(job.comparison))
         click.echo()
-        click.echo(click.wrap_text(verdict(job), 88))
+        click.echo(click.wrap_text(job.verdict(), 88))
         click.echo(click.wrap_text(job.design.message, 88))
     for place in filter(None, (out, report)):
         click.echo(f"Saved {place}", err=True)

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
+import numpy as np
 import xarray as xr
 
 from robustpolish.analysis import H2Norm, HinfNorm, h2_norm, hinf_norm
 from robustpolish.brush import simulate_brush
 from robustpolish.closed_loop.comparison import ControllerComparison, compare_controllers
+from robustpolish.display import Card, Displayed
 from robustpolish.models import AirBearingParameters, GeneralizedPlant, air_bearing
 from robustpolish.synthesis import Design, state_feedback
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # What a unit of control costs, in metres of deviation, where the user names no price. A force is
 # priced like the deflection of a spring of 1e7 N/m, thirty times as stiff as the rod; a velocity
@@ -20,8 +25,8 @@ from robustpolish.synthesis import Design, state_feedback
 DEFAULT_CONTROL_WEIGHT = {"force": 1e-7, "displacement": 1e-8}
 
 
-@dataclass(frozen=True, eq=False)
-class BrushDesign:
+@dataclass(frozen=True, eq=False, repr=False)
+class BrushDesign(Displayed):
     """A certified controller and what it does to the brush's disturbance.
 
     Attributes
@@ -44,6 +49,13 @@ class BrushDesign:
         The norm from w to the displacements with control, without the price on u.
     comparison : ControllerComparison
         Largest deviations of the brush without and with control.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> job = rp.design_against_brush(duration=0.02)
+    >>> job.verdict().split(":")[0]
+    'The controller is certified'
     """
 
     plant: GeneralizedPlant
@@ -55,6 +67,62 @@ class BrushDesign:
     open_loop_norm: HinfNorm | H2Norm
     closed_loop_norm: HinfNorm | H2Norm
     comparison: ControllerComparison
+
+    def verdict(self) -> str:
+        """Say in two sentences what was found.
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> "H-infinity norm" in rp.design_against_brush(duration=0.02).verdict()
+        True
+        """
+        certificate = self.design.certificate
+        proven = "certified" if certificate.valid else "NOT certified"
+        name = {"hinf": "H-infinity", "h2": "H2"}[self.design.norm]
+        improvement = self.comparison.table["improvement"].sel(row="with control")
+        gained = ", ".join(
+            f"{axis} by {float(improvement.sel(signal=axis)):.2f} %"
+            for axis in improvement["signal"].values
+            if np.isfinite(improvement.sel(signal=axis))
+        )
+        return (
+            f"The controller is {proven}: its loop is "
+            f"{'stable' if certificate.stable else 'unstable'}, and the {name} norm from the "
+            f"brush's forces to the displacements falls from {float(self.open_loop_norm):.4g} to "
+            f"{float(self.closed_loop_norm):.4g}. Under the same load, it reduces the largest "
+            f"deviation in {gained}."
+        )
+
+    def plot(self, ax: Axes | None = None, *, signal: str | None = None) -> Axes:
+        """Draw one displacement without and with control, as `comparison.plot`.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        signal : str, optional
+            x, y or z; by default the one that deviates most without control.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> rp.design_against_brush(duration=0.02).plot().get_xlabel()
+        'time'
+        """
+        return self.comparison.plot(ax, signal=signal)
+
+    def _card(self) -> Card:
+        tables = self.comparison._card().tables
+        return Card("Design against the brush", tables, (self.verdict(), self.design.message))
 
 
 def design_against_brush(

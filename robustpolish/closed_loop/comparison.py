@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from robustpolish.closed_loop.simulation import simulate
+from robustpolish.display import Card, Displayed, Table
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_time_series
 from robustpolish.synthesis.design import Design
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 SAME_LOAD = "every row is driven by the same disturbance"
 
 
-@dataclass(frozen=True, eq=False)
-class ControllerComparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class ControllerComparison(Displayed):
     """Largest deviations with and without control.
 
     Attributes
@@ -64,47 +65,39 @@ class ControllerComparison:
         ]
         return header, body
 
-    def __str__(self) -> str:
-        """Show the table as aligned text."""
+    def _card(self) -> Card:
         header, body = self.rows()
-        cells = [list(header)] + [[_shown(cell) for cell in row] for row in body]
-        widths = [max(len(row[i]) for row in cells) for i in range(len(header))]
-        lines = [
-            "  ".join(
-                cell.ljust(width) if i == 0 else cell.rjust(width)
-                for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-            )
-            for row in cells
-        ]
-        return "\n".join([*lines, f"({self.load})"])
+        return Card("", (Table("", header, tuple(body)),), (f"({self.load})",))
 
-    def _repr_html_(self) -> str:
-        header, body = self.rows()
-        head = "".join(f"<th>{name}</th>" for name in header)
-        rows = "".join(
-            "<tr>" + "".join(f"<td>{_shown(cell)}</td>" for cell in row) + "</tr>" for row in body
-        )
-        return (
-            f"<table><caption>{self.load}</caption><thead><tr>{head}</tr></thead>"
-            f"<tbody>{rows}</tbody></table>"
-        )
-
-    def plot(self, signal: str | None = None, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None, *, signal: str | None = None) -> Axes:
         """Draw one signal of every row over time.
 
         Parameters
         ----------
-        signal : str, optional
-            Name of a performance output; the first of the table by default.
         ax : matplotlib.axes.Axes, optional
             Where to draw; a new figure by default.
+        signal : str, optional
+            Name of a performance output; by default the one that deviates most without control.
 
         Returns
         -------
         matplotlib.axes.Axes
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such signal.
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> job = rp.design_against_brush(duration=0.02)
+        >>> job.comparison.plot(signal="y").get_ylabel()
+        'y'
         """
         names = [str(name) for name in self.table["signal"].to_numpy()]
-        chosen = names[0] if signal is None else signal
+        worst = names[int(np.argmax(self.table["deviation"].values[0]))]
+        chosen = worst if signal is None else signal
         if chosen not in names:
             raise invalid("signal", signal, f"one of {', '.join(names)}", "Choose one of these.")
         return plot_time_series(
@@ -219,9 +212,3 @@ def _efforts(
 
 def _only(units: set[str]) -> str:
     return units.pop() if len(units) == 1 else ""
-
-
-def _shown(cell: Any) -> str:
-    if isinstance(cell, float):
-        return "-" if np.isnan(cell) else f"{cell:.4g}"
-    return str(cell)

@@ -6,8 +6,8 @@ from robustpolish.identification.comparison import OutputError as OutputError
 from robustpolish.identification.diagnose import diagnose as diagnose
 from robustpolish.identification.diagnosis import Diagnosis as Diagnosis
 from robustpolish.identification.ledger import Ledger as Ledger
-from robustpolish.identification.refit import Refit as Refit
 from robustpolish.identification.refit import refit as refit
+from robustpolish.identification.refitted import Refit as Refit
 from robustpolish.identification.residual_analysis import ResidualAnalysis as ResidualAnalysis
 from robustpolish.identification.residual_analysis import residual_analysis as residual_analysis
 from robustpolish.identification.residual_tests import autocorrelation as autocorrelation

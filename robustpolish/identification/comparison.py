@@ -9,9 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from robustpolish.display import Card, Displayed, Table
 from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.plotting import plot_overlay, plot_response
+from robustpolish.validation import one_of
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -76,7 +80,7 @@ class Reproducibility:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison:
+class Comparison(Displayed):
     """A model held against data.
 
     Attributes
@@ -162,20 +166,48 @@ class Comparison:
             "notes": list(self.notes),
         }
 
-    def plot(self) -> Figure:
-        """Draw measured and simulated outputs, residuals, and the spectra of both."""
-        from robustpolish.plotting.overlay import plot_overlay
+    def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
+        """Draw one output as measured and as simulated.
 
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        output : str, optional
+            The one with the largest error by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            With the band that uncertain parameters cause, if their standard errors were given.
+        """
+        worst = max(self.outputs, key=lambda name: self.outputs[name].nrmse)
+        name = worst if output is None else one_of("output", output, tuple(self.outputs))
+        band = None if self.band is None else self.band[name]
+        return plot_response(self.measured[name], self.simulated[name], band, ax)
+
+    def plot_panels(self) -> Figure:
+        """Draw all outputs: measured and simulated, residuals, and the spectra of both.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
         return plot_overlay(self.measured, self.simulated, self.band)
 
-    def __repr__(self) -> str:
+    def _card(self) -> Card:
         how = self.method if self.span is None else f"{self.method} of {self.span:.6g} s"
-        lines = [f"Comparison ({how}), fit {self.fit_percent:.2f} %"]
-        for error in self.outputs.values():
-            low, high = error.band
-            unit = "" if error.unit in ("", "1") else f" {error.unit}"
-            lines.append(
-                f"  {error.name}: fit {error.fit_percent:.2f} %, NRMSE {error.nrmse:.4g}, "
-                f"RMS error {error.rmse:.4g}{unit} (95 %: {low:.4g} to {high:.4g})"
+        rows = tuple(
+            (
+                error.name,
+                float(f"{error.fit_percent:.2f}"),
+                error.nrmse,
+                error.rmse,
+                *error.band,
+                error.unit,
             )
-        return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
+            for error in self.outputs.values()
+        )
+        columns = ("output", "fit [%]", "NRMSE", "RMS error", "95 % from", "to", "unit")
+        title = f"Comparison ({how}), fit {self.fit_percent:.2f} %"
+        return Card(title, (Table("", columns, rows),), self.notes)

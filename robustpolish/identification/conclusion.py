@@ -88,6 +88,7 @@ def conclude(
         parameters=values,
         reasons=(*search.reasons, *reasons),
         reproducible=search.stage.reproducible,
+        time=np.asarray(setting.record.data["time"].values, dtype=float),
     )
 
 

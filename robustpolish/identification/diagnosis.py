@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
+from robustpolish.display import Card, Displayed, Table
 from robustpolish.effects import Effect
 from robustpolish.identification.ledger import Ledger
 from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.plotting import plot_time_series
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -68,8 +74,8 @@ class Confusion:
     experiment: str
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Displayed):
     """What a model lacks.
 
     Attributes
@@ -93,6 +99,8 @@ class Diagnosis:
         Why this verdict.
     reproducible : bool
         Whether free runs of the model judge anything.
+    time : ndarray, shape (samples,)
+        When `missing_force` acts, in s.
     """
 
     verdict: str
@@ -106,6 +114,7 @@ class Diagnosis:
     parameters: Mapping[str, Value] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
     reproducible: bool = True
+    time: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def noise_floor(self) -> Mapping[str, float]:
@@ -154,6 +163,62 @@ class Diagnosis:
         from robustpolish.identification.explain import explain
 
         return explain(self)
+
+    def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
+        """Draw how the error of one output fell, as :meth:`Ledger.plot`.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        output : str, optional
+            The first by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        return self.ledger.plot(ax, output=output)
+
+    def plot_missing_force(self, ax: Axes | None = None) -> Axes:
+        """Draw the force that is still missing in the end, at every site.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        time = self.time if self.time.size else np.arange(float(self.missing_force.shape[1]))
+        turning = {dof.name for dof in self.model.dofs if dof.rotational}
+        signals = {
+            " - ".join(site): xr.DataArray(
+                force,
+                {"time": time},
+                "time",
+                "missing force",
+                {"units": "N m" if site[0] in turning else "N"},
+            )
+            for site, force in zip(self.sites, self.missing_force, strict=True)
+        }
+        return plot_time_series(signals, ax)
+
+    def _card(self) -> Card:
+        from robustpolish.identification.explain import headline
+
+        found = [
+            (effect.kind, ", ".join(effect.at), name, v.value, v.stderr, v.unit)
+            for effect in self.effects
+            for name, v in effect.parameters.items()
+        ]
+        head = ("effect", "at", "parameter", "value", "standard error", "unit")
+        tables = [Table("Added effects", head, tuple(found))] if found else []
+        ledger = self.ledger._card()
+        tables += [Table(ledger.title, t.columns, t.rows) for t in ledger.tables]
+        return Card(headline(self), tuple(tables), self.reasons)
 
 
 def _plain(value: Value) -> dict[str, Any]:

@@ -17,9 +17,19 @@ _VERDICTS = {
 }
 
 
+def headline(diagnosis: Diagnosis) -> str:
+    """Return the verdict as a sentence, with the effects by name."""
+    if diagnosis.verdict == "missing_effect" and diagnosis.effects:
+        named = " and ".join(
+            f"{lookup(e.kind).title.lower()} at {', '.join(e.at)}" for e in diagnosis.effects
+        )
+        return f"The model lacked {named}."
+    return _VERDICTS[diagnosis.verdict]
+
+
 def explain(diagnosis: Diagnosis) -> str:
     """Return the text of `Diagnosis.explain`."""
-    lines = [_VERDICTS[diagnosis.verdict], *diagnosis.reasons]
+    lines = [headline(diagnosis), *diagnosis.reasons]
     for number, effect in enumerate(diagnosis.effects, 1):
         kind = lookup(effect.kind)
         lines += ["", f"{number}. {kind.title} at {', '.join(effect.at)}"]

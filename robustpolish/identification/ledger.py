@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import xarray as xr
+
+from robustpolish.display import Card, Displayed, Table
+from robustpolish.plotting import plot_waterfall
+from robustpolish.validation import one_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True)
@@ -15,16 +24,29 @@ class Entry:
     nrmse: Mapping[str, float]
 
 
-@dataclass(frozen=True)
-class Ledger:
+@dataclass(frozen=True, repr=False)
+class Ledger(Displayed):
     """Entries in order, and the noise floor of each output.
+
+    Attributes
+    ----------
+    entries : tuple of Entry
+    noise_floor : mapping of str to float
+        Noise over the standard deviation, by output.
 
     Examples
     --------
-    >>> ledger = Ledger(noise_floor={"x": 0.01}).add("base", {"x": 0.5})
+    >>> import robustpolish as rp
+    >>> ledger = rp.Ledger(noise_floor={"x": 0.01}).add("base", {"x": 0.5})
     >>> ledger = ledger.add("coulomb_friction", {"x": 0.02})
     >>> ledger.falls("x")
     [('base', 0.5, 0.5), ('coulomb_friction', -0.48, 0.02), ('noise floor', -0.01, 0.01)]
+    >>> ledger
+    Error of a free run over the standard deviation of each output
+      step                 x
+      base               0.5
+      coulomb_friction  0.02
+      noise floor       0.01
     """
 
     entries: tuple[Entry, ...] = ()
@@ -59,20 +81,41 @@ class Ledger:
         """Return the entries as plain data."""
         return [{"step": e.step, "nrmse": dict(e.nrmse)} for e in self.entries]
 
-    def plot(self, output: str | None = None, ax: Any = None) -> Any:
-        """Draw the waterfall of one output, the first by default; return the axes."""
-        import matplotlib.pyplot as plt
+    def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
+        """Draw the waterfall of one output's error.
 
-        name = output or next(iter(self.entries[0].nrmse))
-        axes = plt.subplots()[1] if ax is None else ax
-        last = 0.0
-        for i, (step, change, level) in enumerate(self.falls(name)):
-            whole = i == 0 or step == "noise floor"
-            bottom = 0.0 if whole else min(last, level)
-            colour = "tab:gray" if whole else ("tab:green" if change < 0 else "tab:red")
-            axes.bar(step, level if whole else abs(change), bottom=bottom, color=colour)
-            axes.text(i, max(last, level) if not whole else level, f"{level:.3g}", ha="center")
-            last = level
-        axes.set_ylabel(f"error of {name} over its standard deviation")
-        axes.tick_params(axis="x", rotation=30)
-        return axes
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        output : str, optional
+            The first by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> ledger = rp.Ledger(noise_floor={"x": 0.01}).add("base", {"x": 0.5})
+        >>> ledger.add("coulomb_friction", {"x": 0.02}).plot().get_ylabel()
+        'error of x over its standard deviation'
+        """
+        names = tuple(self.entries[0].nrmse)
+        name = names[0] if output is None else one_of("output", output, names)
+        levels = xr.DataArray(
+            [entry.nrmse[name] for entry in self.entries],
+            {"step": [entry.step for entry in self.entries]},
+            "step",
+            name=f"error of {name} over its standard deviation",
+        )
+        return plot_waterfall(levels, self.noise_floor.get(name), ax)
+
+    def _card(self) -> Card:
+        names = tuple(self.entries[0].nrmse) if self.entries else tuple(self.noise_floor)
+        rows = [(entry.step, *(entry.nrmse[n] for n in names)) for entry in self.entries]
+        if self.noise_floor:
+            rows.append(("noise floor", *(self.noise_floor[n] for n in names)))
+        title = "Error of a free run over the standard deviation of each output"
+        return Card(title, (Table("", ("step", *names), tuple(rows)),))

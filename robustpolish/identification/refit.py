@@ -9,7 +9,7 @@ damped systems from a distant start end in wrong minima; these do not.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import lmfit
@@ -35,6 +35,7 @@ from robustpolish.identification.observer import Level, Scales
 from robustpolish.identification.parameters import FreeParameter, free_parameters, unit_of
 from robustpolish.identification.prediction import Predictor
 from robustpolish.identification.record import Record, record_of, split
+from robustpolish.identification.refitted import Refit
 from robustpolish.identification.scales import amplitude_of, scales_of
 from robustpolish.models.mechanical import MechanicalModel
 
@@ -221,31 +222,6 @@ def best_stage(stages: Sequence[Fit], setting: Setting) -> Stage:
     if all(s.reproducible for s in judged):
         return min(judged, key=lambda s: float(np.sum(np.log(s.free))))
     return min(judged, key=lambda s: float(np.sum(np.log(s.guided))))
-
-
-@dataclass(frozen=True, eq=False)
-class Refit:
-    """A model with fitted parameters.
-
-    Attributes
-    ----------
-    model : MechanicalModel
-    parameters : lmfit.Parameters
-        Values, bounds and standard errors; "." and brackets in names are underscores.
-    units : dict
-        Unit of each parameter.
-    nrmse : dict
-        Error of a free run over each output's standard deviation.
-    undetermined : tuple of str
-        Keys that the data leaves undetermined (a standard error above a third of the value).
-    """
-
-    model: MechanicalModel
-    parameters: lmfit.Parameters
-    units: dict[str, str]
-    nrmse: dict[str, float]
-    undetermined: tuple[str, ...]
-    stderr: Mapping[str, float]
 
 
 def refit(

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from robustpolish.analysis import modes
+from robustpolish.display import Card, Displayed, Table
 from robustpolish.identification.comparison import Comparison
 from robustpolish.identification.residual_places import PlaceShares, place_shares
 from robustpolish.identification.residual_shares import (
@@ -28,9 +29,11 @@ from robustpolish.identification.residual_tests import (
     cross_correlation,
 )
 from robustpolish.measurements import sampling_time
-from robustpolish.validation import described, invalid
+from robustpolish.plotting import plot_residual_analysis, plot_residual_map, plot_surface
+from robustpolish.validation import described, invalid, one_of
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _PHASES = 24
@@ -38,7 +41,7 @@ _HARMONICS = 5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ResidualAnalysis:
+class ResidualAnalysis(Displayed):
     """Where the error of a comparison is.
 
     Attributes
@@ -102,11 +105,63 @@ class ResidualAnalysis:
 
         return to_dict(self)
 
-    def plot(self) -> Figure:
-        """Draw the shares and the tests of the output with the largest share of the error."""
-        from robustpolish.plotting.residuals import plot_residual_analysis
+    @property
+    def worst(self) -> str:
+        """The output with the largest share of the error."""
+        return str(self.channels["output"].values[int(np.argmax(self.channels.values))])
 
-        worst = str(self.channels["output"].values[int(np.argmax(self.channels.values))])
+    def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
+        """Draw when and at which frequencies one output's error is.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        output : str, optional
+            The one with the largest share of the error by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            With the model's natural frequencies, and the harmonics of its spin.
+        """
+        name = self.worst if output is None else one_of("output", output, tuple(self.nrmse))
+        return plot_residual_map(self.residual[name], self._marks(), ax)
+
+    def plot_surface(self, ax: Axes | None = None, *, place: str | None = None) -> Axes:
+        """Draw the missing force over displacement and velocity at one place.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        place : str, optional
+            A key of `places`; the first by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        name = next(iter(self.places)) if place is None else place
+        name = one_of("place", name, tuple(self.places))
+        ax = plot_surface(self.places[name].surface, ax)
+        ax.set_title(f"missing force at {name}")
+        return ax
+
+    def _marks(self) -> dict[str, NDArray[np.float64]]:
+        return {
+            "mode": self.modes["frequency"].values,
+            "spin harmonic": self.harmonics["frequency"].values,
+        }
+
+    def plot_panels(self) -> Figure:
+        """Draw the shares and the tests of the output with the largest share of the error.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        worst = self.worst
         crossed = {u: c for (u, y), c in self.cross_correlation.items() if y == worst}
         coherent = {u: c for (u, y), c in self.coherence.items() if y == worst}
         auto = self.autocorrelation[worst]
@@ -114,18 +169,21 @@ class ResidualAnalysis:
             worst,
             self.windows.sel(output=worst),
             self.bands.sel(output=worst),
-            {
-                "mode": self.modes["frequency"].values,
-                "spin harmonic": self.harmonics["frequency"].values,
-            },
+            self._marks(),
             (auto.value, auto.band),
             {name: (c.value, c.band) for name, c in crossed.items()},
             {name: (c.value, c.threshold) for name, c in coherent.items()},
             {name: place.surface for name, place in self.places.items()},
         )
 
-    def __repr__(self) -> str:
-        return self.explain()
+    def _card(self) -> Card:
+        parts: dict[str, list[tuple[str, ...]]] = {}
+        for line in self.explain().splitlines():
+            if line.startswith(" "):
+                parts[next(reversed(parts))].append(tuple(line.strip().split(": ", 1)))
+            else:
+                parts[line] = []
+        return Card("", tuple(Table(head, (), tuple(rows)) for head, rows in parts.items()))
 
 
 def residual_analysis(

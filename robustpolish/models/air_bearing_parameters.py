@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
+from robustpolish.display import Card, Displayed, Table
 from robustpolish.validation import invalid, one_of, positive
 
 Reading = Literal["listing", "physical"]
@@ -38,8 +39,8 @@ class DampingCoefficients:
     c_Z: float
 
 
-@dataclass(frozen=True)
-class AirBearingParameters:
+@dataclass(frozen=True, repr=False)
+class AirBearingParameters(Displayed):
     """Dimensions, masses and stiffnesses of brush, rod and air bearing.
 
     The field's unit, symbol in the thesis and source stand in its metadata, see
@@ -248,6 +249,10 @@ class AirBearingParameters:
             (item.name, getattr(self, item.name), item.metadata["unit"], item.metadata["source"])
             for item in fields(self)
         ]
+
+    def _card(self) -> Card:
+        columns = ("parameter", "value", "unit", "source")
+        return Card("Air bearing", (Table("", columns, tuple(self.table())),))
 
 
 def _two_mass_frequencies(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from types import MappingProxyType
 from typing import Any
 
@@ -11,13 +12,14 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from robustpolish.display import Card, Displayed, quantities
 from robustpolish.validation import described, invalid, matrix, state_space
 
 Matrix = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False, init=False)
-class GeneralizedPlant:
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class GeneralizedPlant(Displayed):
     r"""A state-space system whose signals are sorted into w, u, z and y.
 
     ::
@@ -56,11 +58,18 @@ class GeneralizedPlant:
     Examples
     --------
     >>> import control
-    >>> from robustpolish import GeneralizedPlant
+    >>> import robustpolish as rp
     >>> P = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0], [1.0]], 0)
-    >>> plant = GeneralizedPlant(P, measurements=1, controls=1)
+    >>> plant = rp.GeneralizedPlant(P, measurements=1, controls=1)
     >>> plant.B1, plant.B2
     (array([[1.]]), array([[1.]]))
+    >>> rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    Generalised plant, continuous time
+      disturbances w (1)  w1
+      controls u (1)      u1
+      performance z (1)   z1
+      measurements y (1)  y1
+      states x (1)        x1
     """
 
     system: control.StateSpace
@@ -437,13 +446,24 @@ class GeneralizedPlant:
             )
         return controller
 
-    def __repr__(self) -> str:
-        time = f"discrete, dt = {self.dt}" if self.is_discrete else "continuous"
-        return (
-            f"GeneralizedPlant({self.nx} states, {time}; w: {', '.join(self.disturbance_names)}; "
-            f"u: {', '.join(self.control_names)}; z: {', '.join(self.performance_names)}; "
-            f"y: {', '.join(self.measurement_names)})"
+    def _card(self) -> Card:
+        time = f"discrete time, step {self.dt}" if self.is_discrete else "continuous time"
+        groups = (
+            ("disturbances w", self.disturbance_names),
+            ("controls u", self.control_names),
+            ("performance z", self.performance_names),
+            ("measurements y", self.measurement_names),
+            ("states x", self.states),
         )
+        rows = [(f"{group} ({len(names)})", self._listed(names)) for group, names in groups]
+        return Card(f"Generalised plant, {time}", (quantities(*rows),))
+
+    def _listed(self, names: Sequence[str]) -> str:
+        """Join names, each run of a common unit followed by the unit."""
+        parts: list[str] = []
+        for unit, run in groupby(names, lambda name: self.units.get(name, "")):
+            parts.append(", ".join(run) + (f" [{unit}]" if unit else ""))
+        return ", ".join(parts)
 
 
 def _count(argument: str, value: Any, available: int | None, what: str) -> None:

@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import root
 
+from robustpolish.analysis import modes
+from robustpolish.display import Card, Displayed, Table
 from robustpolish.errors import SolverError
 from robustpolish.validation import described, invalid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Vector = NDArray[np.float64]
 VectorField = Callable[[Vector, Vector], ArrayLike]
 
 
-@dataclass(frozen=True, eq=False)
-class Linearization:
+@dataclass(frozen=True, eq=False, repr=False)
+class Linearization(Displayed):
     """A nonlinear model near an equilibrium.
 
     Attributes
@@ -31,12 +37,53 @@ class Linearization:
         u*.
     residual : float
         Largest entry of abs(f(q*, u*)), relative to the sizes of A q* and B u*.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import robustpolish as rp
+    >>> rp.linearize(lambda q, u: [q[1], -9.81 * np.sin(q[0]) - 0.2 * q[1]], [0.0, 0.0])
+    Linearisation about an equilibrium
+      variable  equilibrium
+      x[0]                0
+      x[1]                0
+      relative residual 0
     """
 
     system: control.StateSpace
     state: Vector
     control: Vector
     residual: float
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the poles near the equilibrium.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import robustpolish as rp
+        >>> rp.linearize(lambda q, u: [q[1], -np.sin(q[0])], [0.0, 0.0]).plot().get_ylabel()
+        'frequency'
+        """
+        return modes(self.system).plot(ax)
+
+    def _card(self) -> Card:
+        rows = [
+            *zip(self.system.state_labels, map(float, self.state), strict=True),
+            *zip(self.system.input_labels, map(float, self.control), strict=True),
+        ]
+        table = Table("", ("variable", "equilibrium"), tuple(rows))
+        note = f"relative residual {self.residual:.2g}"
+        return Card("Linearisation about an equilibrium", (table,), (note,))
 
 
 def linearize(
@@ -90,8 +137,8 @@ def linearize(
     A pendulum hanging down, with g/l = 9.81:
 
     >>> import numpy as np
-    >>> from robustpolish.models import linearize
-    >>> pendulum = linearize(lambda q, u: [q[1], -9.81 * np.sin(q[0])], [0.1, 0.0])
+    >>> import robustpolish as rp
+    >>> pendulum = rp.linearize(lambda q, u: [q[1], -9.81 * np.sin(q[0])], [0.1, 0.0])
     >>> print(np.round(pendulum.system.A, 6))
     [[ 0.    1.  ]
      [-9.81  0.  ]]

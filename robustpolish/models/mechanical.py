@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import control
 
+from robustpolish.display import Card, Displayed
 from robustpolish.effects import Effect
 from robustpolish.models import mechanical_parameters as _parameters
 from robustpolish.models.air_bearing_parameters import AirBearingParameters
@@ -26,8 +27,8 @@ from robustpolish.models.mechanical_parts import (
 )
 
 
-@dataclass(frozen=True)
-class MechanicalModel:
+@dataclass(frozen=True, repr=False)
+class MechanicalModel(Displayed):
     r"""Masses joined by springs and dampers, and the physical effects that were added.
 
     The equations of motion are ``M q'' + C q' + K q = forces - effects``; a spring,
@@ -292,6 +293,11 @@ class MechanicalModel:
         from robustpolish.models.mechanical_toml import write_model
 
         return write_model(self, path)
+
+    def _card(self) -> Card:
+        from robustpolish.models.mechanical_card import mechanical_card
+
+        return mechanical_card(self)
 
     def __getstate__(self) -> dict[str, Any]:
         # The cached matrices are made anew where they are needed.

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import welch
 
-from robustpolish.plotting.style import LINE_STYLES, si_axis
+from robustpolish.plotting.style import LINE_STYLES, log_axis
 from robustpolish.plotting.time_series import plot_time_series
 
 
@@ -39,9 +39,9 @@ def plot_overlay(
     )
     for row, name in zip(panels, names, strict=True):
         overlay, rest, spectra = row
-        plot_time_series({"measured": measured[name], "simulated": simulated[name]}, overlay)
-        if band is not None:
-            _shade(overlay, simulated[name], band[name])
+        plot_response(
+            measured[name], simulated[name], None if band is None else band[name], overlay
+        )
         residual = (measured[name] - simulated[name]).assign_attrs(simulated[name].attrs)
         plot_time_series({"residual": residual}, rest)
         plot_spectra({"measured": measured[name], "residual": residual}, spectra)
@@ -49,6 +49,33 @@ def plot_overlay(
         rest.set_title("residual")
         spectra.set_title("spectra")
     return figure
+
+
+def plot_response(
+    measured: xr.DataArray,
+    simulated: xr.DataArray,
+    band: xr.DataArray | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw one signal as measured and as simulated.
+
+    Parameters
+    ----------
+    measured, simulated : xarray.DataArray
+        Over ``time``, with units; NaN is not drawn.
+    band : xarray.DataArray, optional
+        Half width of the simulated signal's confidence band.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    ax = plot_time_series({"measured": measured, "simulated": simulated}, ax)
+    if band is not None:
+        _shade(ax, simulated, band)
+    return ax
 
 
 def plot_spectra(signals: dict[str, xr.DataArray], ax: Axes) -> Axes:
@@ -74,9 +101,11 @@ def plot_spectra(signals: dict[str, xr.DataArray], ax: Axes) -> Axes:
         time = signal["time"].values
         rate = (time.size - 1) / float(time[-1] - time[0])
         frequency, density = welch(values, rate, nperseg=min(values.size, 4096))
-        ax.loglog(frequency[1:], np.sqrt(density[1:]), label=label, **style)
+        ax.plot(frequency[1:], np.sqrt(density[1:]), label=label, **style)
         unit = str(signal.attrs.get("units", ""))
-    ax.set_xlabel("frequency [Hz]")
+    if ax.lines:
+        log_axis(ax, "x", "frequency", "Hz")
+        ax.set_yscale("log")
     ax.set_ylabel(f"amplitude density [{unit or '1'}/sqrt(Hz)]")
     if ax.lines:
         ax.legend(loc="best")
@@ -85,5 +114,6 @@ def plot_spectra(signals: dict[str, xr.DataArray], ax: Axes) -> Axes:
 
 def _shade(ax: Axes, signal: xr.DataArray, width: xr.DataArray) -> None:
     low, high = signal - width, signal + width
-    ax.fill_between(signal["time"].values, low.values, high.values, alpha=0.3, color="#d55e00")
-    si_axis(ax.yaxis, "", str(signal.attrs.get("units", "")))
+    time = signal["time"].values
+    ax.fill_between(time, low.values, high.values, alpha=0.3, color="#d55e00", label="95 % band")
+    ax.legend(loc="best")

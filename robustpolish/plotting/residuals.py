@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from robustpolish.plotting.style import LINE_STYLES, new_axes, si_axis
+from robustpolish.plotting.style import LINE_STYLES, log_axis, new_axes, si_axis
 
 _LAGS = 200
 Banded = tuple[xr.DataArray, xr.DataArray]
@@ -103,9 +103,8 @@ def plot_band_shares(
     for style, (what, frequencies) in zip(LINE_STYLES[2:], marks.items(), strict=False):
         for i, frequency in enumerate(np.ravel(np.asarray(frequencies, dtype=float))):
             ax.axvline(frequency, label=what if i == 0 else None, **style)
-    ax.set_xscale("log")
     ax.set_xlim(low[0], high[-1])
-    ax.set_xlabel("frequency [Hz]")
+    log_axis(ax, "x", "frequency", "Hz")
     ax.set_ylabel("share of the error [%]")
     if ax.get_legend_handles_labels()[0]:
         ax.legend(loc="best")
@@ -127,11 +126,16 @@ def plot_correlation(value: xr.DataArray, band: xr.DataArray, ax: Axes | None = 
 def plot_coherence(value: xr.DataArray, threshold: float, ax: Axes | None = None) -> Axes:
     """Draw the coherence over ``frequency`` in Hz with the threshold of chance."""
     ax = new_axes(ax)
-    ax.semilogx(value["frequency"].values, value.values, color="#0072b2", linewidth=0.8)
-    ax.axhline(threshold, color="#999999")
+    frequency = value["frequency"].values
+    ax.plot(
+        frequency[frequency > 0], value.values[frequency > 0], color="#0072b2", linewidth=0.8,
+        label="coherence",
+    )  # fmt: skip
+    ax.axhline(threshold, color="#333333", linestyle="--", label="chance")
     ax.set_ylim(0, 1)
-    ax.set_xlabel("frequency [Hz]")
+    log_axis(ax, "x", "frequency", "Hz")
     ax.set_ylabel("coherence")
+    ax.legend(loc="best")
     return ax
 
 
@@ -148,6 +152,11 @@ def plot_surface(shown: xr.Dataset, ax: Axes | None = None) -> Axes:
         vmin=-largest,
         vmax=largest,
     )
+    known = force.values[np.isfinite(force.values)]
+    if known.size > 1 and np.ptp(known) > 0 and min(force.shape) > 1:
+        # Red and blue are the same grey: level lines, dashed below zero, tell them apart.
+        sides = shown["displacement"].values, shown["velocity"].values
+        ax.contour(*sides, force.values.T, levels=8, colors="#333333", linewidths=0.6)
     colorbar = ax.figure.colorbar(image, ax=ax)
     si_axis(colorbar.ax.yaxis, "force", str(force.attrs.get("units", "")))
     for axis, dim in ((ax.xaxis, "displacement"), (ax.yaxis, "velocity")):

@@ -10,9 +10,10 @@ import numpy as np
 import pandas as pd
 
 from robustpolish.closed_loop import BrushDesign
+from robustpolish.display import Table
 from robustpolish.models.air_bearing import FORCES
 from robustpolish.plotting import plot_panels
-from robustpolish.report.document import Picture, Report, Section, Table
+from robustpolish.report.document import Picture, Report, Section
 
 AXES = ("x", "y", "z")
 
@@ -21,29 +22,9 @@ def brush_design_report(job: BrushDesign) -> Report:
     """Tell what was gained, at what effort, and why it can be trusted."""
     return Report(
         title="Controller for the polishing robot",
-        verdict=verdict(job),
+        verdict=job.verdict(),
         good=job.design.certificate.valid,
         sections=(_gained(job), _effort(job), _certificate(job), _load(job), _machine(job)),
-    )
-
-
-def verdict(job: BrushDesign) -> str:
-    """Say in two sentences what was found."""
-    certificate = job.design.certificate
-    proven = "certified" if certificate.valid else "NOT certified"
-    name = {"hinf": "H-infinity", "h2": "H2"}[job.design.norm]
-    improvement = job.comparison.table["improvement"].sel(row="with control")
-    gained = ", ".join(
-        f"{axis} by {float(improvement.sel(signal=axis)):.2f} %"
-        for axis in AXES
-        if np.isfinite(improvement.sel(signal=axis))
-    )
-    return (
-        f"The controller is {proven}: its loop is "
-        f"{'stable' if certificate.stable else 'unstable'}, and the {name} norm from the "
-        f"brush's forces to the displacements falls from {float(job.open_loop_norm):.4g} to "
-        f"{float(job.closed_loop_norm):.4g}. Under the same load, it reduces the largest "
-        f"deviation in {gained}."
     )
 
 

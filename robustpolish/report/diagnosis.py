@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.figure import Figure
 
+from robustpolish.display import Table
 from robustpolish.effects import lookup
 from robustpolish.identification.diagnosis import Diagnosis
-from robustpolish.report.document import Picture, Report, Section, Table
+from robustpolish.identification.explain import headline
+from robustpolish.report.document import Picture, Report, Section
 
 _GOOD = ("adequate", "parameters", "missing_effect")
 
@@ -23,31 +24,17 @@ def diagnosis_report(diagnosis: Diagnosis) -> Report:
         sections.append(_rest(diagnosis))
     return Report(
         title=f"Diagnosis of {diagnosis.model.name or 'a mechanical model'}",
-        verdict=verdict(diagnosis),
+        verdict=" ".join([headline(diagnosis), *diagnosis.reasons]),
         good=diagnosis.verdict in _GOOD,
         sections=tuple(sections),
     )
-
-
-def verdict(diagnosis: Diagnosis) -> str:
-    """Say in one or two sentences what was found."""
-    named = " and ".join(
-        f"{lookup(e.kind).title.lower()} at {', '.join(e.at)}" for e in diagnosis.effects
-    )
-    opening = {
-        "adequate": "The model is adequate: what is left is noise.",
-        "parameters": "No effect is missing; the model's numbers were refitted.",
-        "missing_effect": f"The model lacked {named}.",
-        "unexplained": "Something is missing that no effect of the catalogue explains.",
-    }[diagnosis.verdict]
-    return " ".join([opening, *diagnosis.reasons])
 
 
 def _ledger(diagnosis: Diagnosis) -> Section:
     pictures = []
     for output in diagnosis.noise_floor:
         figure, axes = plt.subplots(figsize=(7, 3.5), layout="constrained")
-        diagnosis.ledger.plot(output, axes)
+        diagnosis.ledger.plot(axes, output=output)
         pictures.append(Picture(f"Fall of the error of {output}", figure))
         plt.close(figure)
     names = tuple(diagnosis.noise_floor)
@@ -97,14 +84,7 @@ def _numbers(diagnosis: Diagnosis) -> Section:
 
 
 def _rest(diagnosis: Diagnosis) -> Section:
-    figure: Figure
     figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
-    samples = diagnosis.missing_force.shape[1]
-    thin = max(1, samples // 4000)
-    for site, force in zip(diagnosis.sites, diagnosis.missing_force, strict=True):
-        axes.plot(np.arange(samples)[::thin], force[::thin], lw=0.7, label=", ".join(site))
-    axes.set_xlabel("sample")
-    axes.set_ylabel("force in N or N m")
-    axes.legend()
+    diagnosis.plot_missing_force(axes)
     plt.close(figure)
-    return Section("Force that is still missing", (), (Picture("", figure),))
+    return Section("Force that is still missing", (), (Picture("At each site.", figure),))

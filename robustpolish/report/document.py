@@ -3,26 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from matplotlib.figure import Figure
 
-
-@dataclass(frozen=True, eq=False)
-class Table:
-    """A table that readers can sort.
-
-    Attributes
-    ----------
-    caption : str
-    columns : tuple of str
-    rows : tuple of tuples
-        Numbers stay numbers, so that they sort as such.
-    """
-
-    caption: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[Any, ...], ...]
+from robustpolish.display import Table
 
 
 @dataclass(frozen=True, eq=False)

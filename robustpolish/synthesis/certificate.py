@@ -6,21 +6,27 @@ computed from it, and a matrix proves both stability and the bound on the norm.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.analysis import HinfNorm, h2_norm, hinf_norm
+from robustpolish.display import Card, Displayed, quantities
 from robustpolish.models import GeneralizedPlant
+from robustpolish.plotting import plot_poles
 from robustpolish.synthesis.frequency_grid import confirmation_grid, largest_singular_values
 from robustpolish.synthesis.loop_balls import LoopBalls, cayley, enclose_loop, rounding_level
 from robustpolish.synthesis.norm_proof import NormProof, prove_h2, prove_hinf, prove_stability
+from robustpolish.synthesis.pole_regions import PoleRegion, boundaries
 from robustpolish.synthesis.quick_norm import quick_norm
 from robustpolish.validation import described, invalid, matrix, one_of, positive
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Norm = Literal["hinf", "h2"]
 # Up to so many states a norm that doubles cannot settle is computed in higher precision; up to
@@ -34,8 +40,8 @@ _ROUNDING = 1e-2
 _PROOF_SLACK = (1e-5, 2e-4, 9e-4)
 
 
-@dataclass(frozen=True, eq=False)
-class Certificate:
+@dataclass(frozen=True, eq=False, repr=False)
+class Certificate(Displayed):
     """What is known about a closed loop, whoever designed it.
 
     Attributes
@@ -72,6 +78,22 @@ class Certificate:
         Natural frequency of each pole, Hz (cycles per sample if dt is True).
     proof : NormProof or None
         The matrix behind `bound`.
+    discrete : bool
+        Whether it is a discrete-time loop.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    >>> rp.certify(plant, [[-3.0]], "hinf", claimed=0.5)
+    Certificate: valid
+      H-infinity norm achieved         0.5
+      proven to be at most        0.500005
+      claimed                          0.5
+      peak at [Hz]                       0
+      largest entry of K                 3
+      slowest pole [Hz]            0.31831
+      least damping ratio                1
     """
 
     norm: Norm
@@ -88,9 +110,69 @@ class Certificate:
     damping: NDArray[np.float64]
     frequencies_hz: NDArray[np.float64]
     proof: NormProof | None = field(repr=False)
+    discrete: bool = False
+
+    def plot(
+        self, ax: Axes | None = None, *, regions: PoleRegion | Sequence[PoleRegion] = ()
+    ) -> Axes:
+        """Draw the closed-loop poles, and the regions that they were to lie in.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        regions : HalfPlane, Disk, Sector or a sequence of them, optional
+            What lies outside of them is hatched.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> rp.certify(plant, [[-3.0]]).plot(regions=rp.HalfPlane(-1.0)).get_xlabel()
+        'real part [1/s]'
+        """
+        return plot_poles(
+            {"closed-loop poles": self.poles}, boundaries(regions), ax, discrete=self.discrete
+        )
+
+    def _card(self) -> Card:
+        name = "H-infinity" if self.norm == "hinf" else "H2"
+        peak = None if self.peak_frequency is None else self.peak_frequency / (2 * np.pi)
+        rows = (
+            (f"{name} norm achieved", self.achieved),
+            ("proven to be at most", self.bound),
+            ("claimed", self.claimed),
+            *([("peak at [Hz]", peak)] if self.norm == "hinf" else []),
+            ("largest entry of K", self.largest_gain),
+            ("slowest pole [Hz]", float(self.frequencies_hz.min(initial=np.inf))),
+            ("least damping ratio", float(self.damping.min(initial=1.0))),
+        )
+        verdict = "valid" if self.valid else "NOT valid"
+        return Card(f"Certificate: {verdict}", (quantities(*rows),), self.reasons)
 
     def with_claim(self, claimed: float) -> Certificate:
-        """Return the certificate with a claim that is kept, for a loop certified without one."""
+        """Return the certificate with a claim that is kept, for a loop certified without one.
+
+        Parameters
+        ----------
+        claimed : float
+            A bound that the loop keeps.
+
+        Returns
+        -------
+        Certificate
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> round(rp.certify(plant, [[-3.0]]).with_claim(0.6).gap, 6)
+        0.2
+        """
         return replace(self, claimed=claimed, gap=_gap(claimed, self.achieved))
 
 
@@ -139,12 +221,11 @@ def certify(
     Examples
     --------
     >>> import robustpolish as rp
-    >>> from robustpolish.synthesis import certify
     >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
-    >>> certificate = certify(plant, [[-3.0]], "hinf", claimed=0.5)
+    >>> certificate = rp.certify(plant, [[-3.0]], "hinf", claimed=0.5)
     >>> certificate.valid, round(certificate.achieved, 6)
     (True, 0.5)
-    >>> certify(plant, [[-3.0]], "hinf", claimed=0.4).reasons
+    >>> rp.certify(plant, [[-3.0]], "hinf", claimed=0.4).reasons
     ('the claimed bound 0.4 is false: the loop has 0.5',)
     """
     one_of("norm", norm, ("hinf", "h2"))
@@ -202,6 +283,7 @@ def certify(
         damping=damping,
         frequencies_hz=hertz,
         proof=proof,
+        discrete=plant.is_discrete,
     )
 
 

@@ -5,24 +5,30 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 
+from robustpolish.display import Card, Displayed, Table, quantities
 from robustpolish.errors import RobustPolishError
 from robustpolish.models import GeneralizedPlant
+from robustpolish.plotting import plot_gain_against_norm
 from robustpolish.synthesis.certificate import Norm
 from robustpolish.synthesis.deadline import Deadline
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.output_feedback import output_feedback
 from robustpolish.validation import invalid, one_of, positive
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 METHODS = ("auto", "riccati", "lmi/cvxpy", "lmi/picos", "slycot")
 _HEADER = ("method", "status", "claimed", "achieved", "gain", "condition", "order", "seconds")
 
 
-@dataclass(frozen=True, eq=False)
-class MethodResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class MethodResult(Displayed):
     """What one method made of the plant.
 
     Attributes
@@ -58,9 +64,36 @@ class MethodResult:
     message: str
     design: Design | None = field(default=None, repr=False)
 
+    def row(self) -> tuple[Any, ...]:
+        """Return the figures in the order of the table's columns."""
+        rounded = [float(f"{x:.{d}g}") for x, d in ((self.gain, 2), (self.condition, 2))]
+        order = self.order if self.order >= 0 else None
+        figures = (self.claimed, self.achieved, *rounded, order, round(self.seconds, 2))
+        return self.method, self.status, *figures
 
-@dataclass(frozen=True, eq=False)
-class MethodComparison:
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the frequency response of the design, as :meth:`Design.plot`.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        if self.design is None:
+            raise invalid("design", None, "a controller to draw", self.message)
+        return self.design.plot(ax)
+
+    def _card(self) -> Card:
+        rows = tuple(zip(_HEADER[2:], self.row()[2:], strict=True))
+        return Card(f"{self.method}: {self.status}", (quantities(*rows),), (self.message,))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MethodComparison(Displayed):
     """The results of several methods on one plant; ``print`` shows them as a table.
 
     Attributes
@@ -85,41 +118,8 @@ class MethodComparison:
                 return result
         raise KeyError(method)
 
-    @property
-    def rows(self) -> tuple[tuple[str, ...], ...]:
-        """The table's rows as text, without the header."""
-        return tuple(
-            (
-                r.method,
-                r.status,
-                _number(r.claimed),
-                _number(r.achieved),
-                _number(r.gain, 2),
-                _number(r.condition, 2),
-                str(r.order) if r.order >= 0 else "-",
-                f"{r.seconds:.2f}",
-            )
-            for r in self.results
-        )
-
-    def __str__(self) -> str:
-        table = [_HEADER, *self.rows]
-        widths = [max(len(row[i]) for row in table) for i in range(len(_HEADER))]
-        lines = [
-            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-            for row in table
-        ]
-        return "\n".join(lines)
-
-    def _repr_html_(self) -> str:
-        head = "".join(f"<th>{name}</th>" for name in _HEADER)
-        body = "".join(
-            "<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in self.rows
-        )
-        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-
-    def plot(self, ax: Any = None) -> Any:
-        """Plot the achieved norm against the controller's gain.
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the achieved norm against the controller's gain.
 
         Parameters
         ----------
@@ -129,24 +129,33 @@ class MethodComparison:
         Returns
         -------
         matplotlib.axes.Axes
-        """
-        import matplotlib.pyplot as plt
 
-        if ax is None:
-            _, ax = plt.subplots()
-        for result in self.results:
-            if math.isfinite(result.achieved):
-                ax.plot(result.gain, result.achieved, "o", label=result.method)
-        ax.set_xscale("log")
-        positive_norms = [r.achieved for r in self.results if r.achieved > 0]
-        if positive_norms and max(positive_norms) > 10 * min(positive_norms):
-            ax.set_yscale("log")
-        ax.set_xlabel("largest entry of the controller")
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices(
+        ...     [[1.0]], [[1.0, 0.0]], [[1.0]], [[1.0], [0.0]], [[1.0]],
+        ...     D12=[[0.0], [1.0]], D21=[[0.0, 1.0]])
+        >>> rp.compare_methods(plant, ["riccati"]).plot().get_ylabel()
+        'H-infinity norm achieved'
+        """
         name = "H-infinity" if self.norm == "hinf" else "H2"
-        ax.set_ylabel(f"{name} norm achieved")
-        if ax.get_legend_handles_labels()[0]:
-            ax.legend()
-        return ax
+        gain = {"long_name": "largest entry of the controller"}
+        points = xr.Dataset(
+            {
+                "gain": ("controller", [r.gain for r in self.results], gain),
+                "norm": (
+                    "controller",
+                    [r.achieved for r in self.results],
+                    {"long_name": f"{name} norm achieved"},
+                ),
+            },
+            {"controller": [r.method for r in self.results]},
+        )
+        return plot_gain_against_norm(points, ax)
+
+    def _card(self) -> Card:
+        return Card("", (Table("", _HEADER, tuple(r.row() for r in self.results), digits=6),))
 
 
 def compare_methods(
@@ -185,11 +194,10 @@ def compare_methods(
     Examples
     --------
     >>> import robustpolish as rp
-    >>> from robustpolish import compare_methods
     >>> plant = rp.GeneralizedPlant.from_matrices(
     ...     [[1.0]], [[1.0, 0.0]], [[1.0]], [[1.0], [0.0]], [[1.0]],
     ...     D12=[[0.0], [1.0]], D21=[[0.0, 1.0]])
-    >>> table = compare_methods(plant, ["riccati", "lmi/cvxpy"])
+    >>> table = rp.compare_methods(plant, ["riccati", "lmi/cvxpy"])
     >>> table["riccati"].status, round(table["riccati"].achieved, 1)
     ('optimal', 2.7)
     """
@@ -246,7 +254,3 @@ def _run(
         message=design.message,
         design=design,
     )
-
-
-def _number(value: float, digits: int = 6) -> str:
-    return f"{value:.{digits}g}" if math.isfinite(value) else "-"

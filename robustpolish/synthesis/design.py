@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import control
 import numpy as np
 from numpy.typing import NDArray
 
+from robustpolish.analysis import singular_values, stability
+from robustpolish.display import Card, Displayed, Table, quantities
 from robustpolish.models import GeneralizedPlant
+from robustpolish.plotting import plot_gains
 from robustpolish.synthesis.certificate import Certificate
+from robustpolish.synthesis.pole_regions import PoleRegion
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Status = Literal["optimal", "suboptimal", "infimum_not_attained", "time_limit"]
 
 
-@dataclass(frozen=True, eq=False)
-class Design:
+@dataclass(frozen=True, eq=False, repr=False)
+class Design(Displayed):
     """A certified controller.
 
     Attributes
@@ -50,6 +57,20 @@ class Design:
         One entry per step of the search (such as per axis, or per gamma).
     details : mapping
         What the method wants to tell besides: diagnosis, observer gain, ...
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    >>> rp.given_controller(plant, [[-3.0]])
+    Design (given): suboptimal
+      plant               1 states, 1 controls, 1 measurements
+      controller          a static gain
+      H-infinity norm     0.5, proven to be at most 0.500005
+      largest entry of K  3
+      certificate         valid
+      seconds             ...
+      This controller was given; it is certified, not optimised.
     """
 
     plant: GeneralizedPlant
@@ -69,3 +90,90 @@ class Design:
     def gain(self) -> NDArray[np.float64] | None:
         """The matrix K of a static controller, shape (nu, ny); None for a dynamic one."""
         return np.array(self.controller.D) if self.controller.nstates == 0 else None
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the largest singular value from w to z without and with control.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            For the H-infinity norm, with the certified norm at its peak.
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> rp.given_controller(plant, [[-3.0]]).plot().get_xlabel()
+        'frequency'
+        """
+        open_loop = self.plant.open_loop
+        without = "without control" + ("" if stability(open_loop) else " (unstable)")
+        unit = self._gain_unit()
+        gains = {
+            name: singular_values(loop).isel(singular_value=0).assign_attrs(units=unit)
+            for name, loop in ((without, open_loop), ("with control", self.closed_loop))
+        }
+        achieved, peak = self.certificate.achieved, self.certificate.peak_frequency
+        mark = {} if peak is None else {f"norm {achieved:.4g}": (peak / (2 * np.pi), achieved)}
+        return plot_gains(gains, mark, ax, first_style=0)
+
+    def plot_poles(
+        self, ax: Axes | None = None, *, regions: PoleRegion | Sequence[PoleRegion] | None = None
+    ) -> Axes:
+        """Draw the closed-loop poles, and the regions that they were to lie in.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        regions : HalfPlane, Disk, Sector or a sequence of them, optional
+            By default the regions that were demanded of the design.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> rp.given_controller(plant, [[-3.0]]).plot_poles().get_ylabel()
+        'frequency'
+        """
+        demanded = self.details.get("pole_regions", ()) if regions is None else regions
+        return self.certificate.plot(ax, regions=demanded)
+
+    def _gain_unit(self) -> str:
+        """Return the unit of the gain from w to z, if all z and all w have one each."""
+        known = self.plant.units
+        z = {known[name] for name in self.plant.performance_names if name in known}
+        w = {known[name] for name in self.plant.disturbance_names if name in known}
+        return f"{z.pop()}/{w.pop()}" if len(z) == len(w) == 1 else ""
+
+    def _card(self) -> Card:
+        c, plant, order = self.certificate, self.plant, self.controller.nstates
+        name = "H-infinity" if self.norm == "hinf" else "H2"
+        rows = (
+            ("plant", f"{plant.nx} states, {plant.nu} controls, {plant.ny} measurements"),
+            ("controller", f"{order} states" if order else "a static gain"),
+            (f"{name} norm", f"{c.achieved:.6g}, proven to be at most {c.bound:.6g}"),
+            ("largest entry of K", f"{c.largest_gain:.6g}"),
+            ("certificate", "valid" if c.valid else "NOT valid"),
+            ("seconds", f"{self.elapsed:.2g}"),
+        )
+        tables = [quantities(*rows)]
+        if self.details.get("elements"):
+            found = [
+                (e.kind, " and ".join(e.between), e.coefficient, e.unit)
+                for e in self.details["elements"]
+            ]
+            head = ("element", "between", "coefficient", "unit")
+            tables.append(Table("Springs and dampers", head, tuple(found)))
+        solved = self.backend not in ("none", self.method)
+        how = f"{self.method}, {self.backend}" if solved else self.method
+        return Card(f"Design ({how}): {self.status}", tuple(tables), (self.message,))

@@ -181,6 +181,7 @@ def mixed_output_feedback(
         **design.details,
         "certificates": MappingProxyType(certificates),
         "whole_loop": whole.closed_loop(controller),
+        "pole_regions": regions,
     }
     return replace(design, details=MappingProxyType(details), elapsed=time.monotonic() - began)
 

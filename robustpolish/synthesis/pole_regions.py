@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -208,6 +209,18 @@ class Sector(_Region):
     def in_unit_of_time(self, seconds: float) -> Sector:
         """Return the region for time counted in units of `seconds`."""
         return Sector(self.damping, self.apex * seconds)
+
+
+def boundaries(
+    regions: PoleRegion | Sequence[PoleRegion],
+) -> dict[str, tuple[Matrix, Matrix]]:
+    """Return L and M of each region by a name that tells its numbers, to be drawn."""
+    several = [regions] if isinstance(regions, PoleRegion) else list(regions)
+    for region in several:
+        if not isinstance(region, PoleRegion):
+            shown = described(type(region).__name__)
+            raise invalid("regions", shown, "pole regions", "Pass HalfPlane, Disk or Sector.")
+    return {f"outside {region}": (region.L, region.M) for region in several}
 
 
 def _finite(argument: str, value: float) -> None:

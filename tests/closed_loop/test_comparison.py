@@ -44,7 +44,7 @@ def test_words_say_that_the_load_is_the_same(comparison):
 
 
 def test_plot_draws_every_row(comparison):
-    axes = comparison.plot("y")
+    axes = comparison.plot(signal="y")
     assert [text.get_text() for text in axes.get_legend().get_texts()] == [
         "without control",
         "soft",
@@ -63,4 +63,4 @@ def test_bad_arguments_are_named(comparison, soft, load):
     with pytest.raises(InvalidInputError, match="signals: got 'q'"):
         rp.compare_controllers({"a": soft}, load, signals=["q"])
     with pytest.raises(InvalidInputError, match="signal: got 'q'"):
-        comparison.plot("q")
+        comparison.plot(signal="q")

@@ -237,7 +237,7 @@ def test_files_and_frames_are_read(tmp_path):
 
 def test_it_is_drawn():
     result = compare(oscillator(), record(), standard_errors={"spring[0].stiffness": 4.0})
-    assert len(result.plot().axes) == 3
+    assert len(result.plot_panels().axes) == 3
 
 
 def changed(**columns):

@@ -1,0 +1,166 @@
+"""How results show themselves: aligned text in a terminal, an HTML table in a notebook."""
+
+from __future__ import annotations
+
+import html
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A table that does not care where it is shown.
+
+    Attributes
+    ----------
+    caption : str
+    columns : tuple of str
+        Names with units; none at all for a list of quantities.
+    rows : tuple of tuples
+        Numbers stay numbers, so that a report can sort them.
+    digits : int
+        Significant digits of floats.
+    """
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+    digits: int = 4
+
+    def cells(self, missing: str = "-") -> list[list[str]]:
+        """Return the rows as text."""
+        return [[shown(cell, self.digits, missing) for cell in row] for row in self.rows]
+
+    def numeric(self) -> list[bool]:
+        """Tell which columns hold nothing but numbers: these are set flush right."""
+        columns = zip(*self.rows, strict=True)
+        return [all(_is_number(cell) for cell in column) for column in columns]
+
+
+@dataclass(frozen=True, eq=False)
+class Card:
+    """What a result shows of itself.
+
+    Attributes
+    ----------
+    title : str
+        What it is, with the verdict.
+    tables : tuple of Table
+    notes : tuple of str
+        Sentences below the tables.
+    """
+
+    title: str
+    tables: tuple[Table, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+class Displayed(ABC):
+    """Base of every result that shows itself; a dataclass needs ``repr=False``.
+
+    Examples
+    --------
+    >>> class Answer(Displayed):
+    ...     def _card(self):
+    ...         return Card("Answer", (quantities(("value", 42), ("mass [kg]", 0.5)),))
+    >>> Answer()
+    Answer
+      value       42
+      mass [kg]  0.5
+    """
+
+    @abstractmethod
+    def _card(self) -> Card:
+        """Say what is worth showing."""
+
+    def __repr__(self) -> str:
+        return as_text(self._card())
+
+    def __str__(self) -> str:
+        return as_text(self._card())
+
+    def _repr_html_(self) -> str:
+        return as_html(self._card())
+
+
+def quantities(*rows: tuple[str, Any], caption: str = "", digits: int = 6) -> Table:
+    """Return a list of named quantities as a table without a head."""
+    return Table(caption, (), rows, digits)
+
+
+def shown(value: Any, digits: int = 4, missing: str = "-") -> str:
+    """Return a cell as text: rounded numbers, yes and no, a dash where there is nothing."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return missing
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.{digits}g}"
+    if isinstance(value, complex):
+        return f"{value:.{digits}g}"
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Iterable):
+        return ", ".join(shown(item, digits, missing) for item in value)
+    return str(value)
+
+
+def as_text(card: Card) -> str:
+    """Return a card as aligned text."""
+    lines = [card.title] if card.title else []
+    indent = "  " if card.title else ""
+    for table in card.tables:
+        if table.caption:
+            lines += [f"{indent}{table.caption}"]
+        lines += [indent + line for line in _aligned(table)]
+    return "\n".join([*lines, *(indent + note for note in card.notes)])
+
+
+def as_html(card: Card) -> str:
+    """Return a card as HTML without style: notebooks bring their own."""
+    parts = [f"<strong>{html.escape(card.title)}</strong>"] if card.title else []
+    parts += [_html_table(table) for table in card.tables]
+    parts += [f"<p>{html.escape(note)}</p>" for note in card.notes]
+    return f"<div>{''.join(parts)}</div>"
+
+
+def _aligned(table: Table) -> list[str]:
+    body = table.cells()
+    rows = [list(table.columns), *body] if table.columns else body
+    if not rows:
+        return []
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    right = table.numeric() or [False] * len(widths)
+    lines = []
+    for row in rows:
+        cells = [
+            cell.rjust(width) if flush else cell.ljust(width)
+            for cell, width, flush in zip(row, widths, right, strict=True)
+        ]
+        lines.append("  ".join(cells).rstrip())
+    return lines
+
+
+def _html_table(table: Table) -> str:
+    right = table.numeric()
+    head = ""
+    if table.columns:
+        names = "".join(f"<th>{html.escape(name)}</th>" for name in table.columns)
+        head = f"<thead><tr>{names}</tr></thead>"
+    rows = "".join(f"<tr>{_html_row(row, right)}</tr>" for row in table.cells("–"))
+    caption = f"<caption>{html.escape(table.caption)}</caption>" if table.caption else ""
+    return f"<table>{caption}{head}<tbody>{rows}</tbody></table>"
+
+
+def _html_row(row: Sequence[str], right: Sequence[bool]) -> str:
+    styles = [' style="text-align: right"' if flush else "" for flush in right]
+    return "".join(
+        f"<td{style}>{html.escape(cell)}</td>" for cell, style in zip(row, styles, strict=True)
+    )
+
+
+def _is_number(cell: Any) -> bool:
+    return cell is None or (isinstance(cell, int | float) and not isinstance(cell, bool))

@@ -1,0 +1,84 @@
+"""The result of a refit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import lmfit
+import numpy as np
+import xarray as xr
+
+from robustpolish.display import Card, Displayed, Table
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.plotting import plot_bars
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Refit(Displayed):
+    """A model with fitted parameters.
+
+    Attributes
+    ----------
+    model : MechanicalModel
+    parameters : lmfit.Parameters
+        Values, bounds and standard errors; "." and brackets in names are underscores.
+    units : dict
+        Unit of each parameter.
+    nrmse : dict
+        Error of a free run over each output's standard deviation.
+    undetermined : tuple of str
+        Keys that the data leaves undetermined (a standard error above a third of the value).
+    stderr : mapping of str to float
+        Standard error by key of `units`.
+    """
+
+    model: MechanicalModel
+    parameters: lmfit.Parameters
+    units: dict[str, str]
+    nrmse: dict[str, float]
+    undetermined: tuple[str, ...]
+    stderr: Mapping[str, float]
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the standard error of every parameter relative to its value.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        values = self.model.parameters
+        labels = {"parameter": [f"{k} = {values[k]:.4g} {self.units[k]}" for k in self.stderr]}
+        relative = [
+            100 * error / abs(values[key]) if values[key] else np.inf
+            for key, error in self.stderr.items()
+        ]
+        attributes = {"units": "%"}
+        return plot_bars(
+            xr.DataArray(relative, labels, "parameter", "relative standard error", attributes),
+            xr.DataArray([key in self.undetermined for key in self.stderr], labels, "parameter"),
+            ax,
+            meaning=("determined", "left open by the data"),
+        )
+
+    def _card(self) -> Card:
+        values = self.model.parameters
+        rows = tuple(
+            (key, values[key], error, self.units[key], key not in self.undetermined)
+            for key, error in self.stderr.items()
+        )
+        columns = ("parameter", "value", "standard error", "unit", "determined")
+        errors = tuple(self.nrmse.items())
+        return Card(
+            "Refit",
+            (Table("", columns, rows), Table("", ("output", "NRMSE"), errors)),
+        )
