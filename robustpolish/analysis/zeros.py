@@ -158,6 +158,7 @@ class _Pencil:
                 step *= 0.5
             if step <= EPS * max(angle, 1e-3):
                 break
-        if self.smallest(0.0) <= value:
+        # What rounding alone tells from zero is zero.
+        if self.smallest(0.0) <= max(2 * value, 10 * EPS):
             angle, value = 0.0, self.smallest(0.0)
         return angle, value

@@ -4,6 +4,7 @@ from robustpolish.closed_loop.brush_design import BrushDesign, design_against_br
 from robustpolish.closed_loop.comparison import ControllerComparison, compare_controllers
 from robustpolish.closed_loop.simulation import simulate
 from robustpolish.closed_loop.thesis_comparison import thesis_comparison
+from robustpolish.closed_loop.thesis_structures import thesis_structures
 
 __all__ = [
     "BrushDesign",
@@ -12,4 +13,5 @@ __all__ = [
     "design_against_brush",
     "simulate",
     "thesis_comparison",
+    "thesis_structures",
 ]

@@ -16,7 +16,12 @@ from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.certificate import Certificate, Norm, certify
 from robustpolish.synthesis.deadline import Deadline
-from robustpolish.synthesis.decoupling import PlantPart, decoupled_parts, joined_controller
+from robustpolish.synthesis.decoupling import (
+    PlantPart,
+    decoupled_parts,
+    joined_controller,
+    undivided,
+)
 from robustpolish.synthesis.design import Design, Status
 from robustpolish.synthesis.dynamic.candidates import Findings
 from robustpolish.synthesis.dynamic.choice import Chosen, choose
@@ -42,6 +47,7 @@ def output_feedback(
     measurement_noise: ArrayLike | None = None,
     tolerance: float = 4e-3,
     time_limit: float = 5.0,
+    split: bool = True,
 ) -> Design:
     r"""Design a dynamic controller u = K y from the measurements for the smallest norm.
 
@@ -76,6 +82,9 @@ def output_feedback(
     time_limit : float
         Seconds for the search. The certificate, up to about 2 s for 60 states, is computed
         within them if possible, and in any case.
+    split : bool
+        Whether to solve parts of the plant that share no signal one by one, which is quicker and
+        gives the same norm.
 
     Returns
     -------
@@ -122,7 +131,7 @@ def output_feedback(
     exact = [mode for mode in diagnosis.fixed_modes if mode.exact]
     if exact:
         raise refuse(exact)
-    parts = decoupled_parts(plant)
+    parts = decoupled_parts(plant) if split else (undivided(plant),)
     chosen = _solve_parts(parts, settings, diagnosis, deadline)
     controller = joined_controller(plant, parts, [c.controller if c else None for c in chosen])
     certificate = _certificate(plant, parts, controller, norm, chosen)

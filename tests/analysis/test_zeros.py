@@ -21,6 +21,12 @@ def test_differentiators_and_integrators():
     assert zeros_on_axis(control.ss([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], 0)) == ()
 
 
+def test_a_zero_that_rounding_tells_from_the_origin():
+    A = [[0, 1, 0], [-4, -1e-14, 0.1], [0, 0, -1]]  # at -1e-14
+    (zero,) = zeros_on_axis(control.ss(A, [[1], [0], [0]], [[1, 0, 0]], 0))
+    assert zero.frequency == 0
+
+
 def test_more_outputs_than_inputs():
     A, B = [[0, 1, 0], [-1, -1, 0], [0, 0, -2]], [[0], [1], [1]]
     common = [[0, 1, 0], [0, 2, 0]]  # both outputs vanish at zero frequency

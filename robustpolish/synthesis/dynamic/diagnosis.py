@@ -98,7 +98,10 @@ class Diagnosis:
         for name, zeros in channels:
             if zeros:
                 where = ", ".join(f"{zero.frequency:.6g}" for zero in zeros)
-                found.append(f"The channel from {name} has zeros on the axis at {where} rad/s.")
+                found.append(
+                    f"The channel from {name} has zeros on the axis, to working accuracy, at "
+                    f"{where} rad/s."
+                )
         return tuple(found)
 
 
