@@ -129,7 +129,7 @@ class Modes(Displayed, Sequence[Mode]):
         --------
         >>> import robustpolish as rp
         >>> rp.modes(rp.air_bearing().open_loop).plot().get_ylabel()
-        'frequency'
+        'frequency [kHz]'
         """
         values = np.concatenate([self.eigenvalues, np.conj(self.eigenvalues)])
         return plot_poles({"modes": values}, ax=ax, discrete=self.discrete)

@@ -87,7 +87,7 @@ class Stability(Displayed):
         --------
         >>> import robustpolish as rp
         >>> rp.stability(rp.air_bearing().open_loop).plot().get_ylabel()
-        'frequency'
+        'frequency [kHz]'
         """
         return plot_poles({"poles": self.poles}, ax=ax, discrete=self.discrete)
 

@@ -116,7 +116,7 @@ class BrushDesign(Displayed):
         --------
         >>> import robustpolish as rp
         >>> rp.design_against_brush(duration=0.02).plot().get_xlabel()
-        'time'
+        'time [ms]'
         """
         return self.comparison.plot(ax, signal=signal)
 

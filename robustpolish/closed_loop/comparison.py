@@ -93,7 +93,7 @@ class ControllerComparison(Displayed):
         >>> import robustpolish as rp
         >>> job = rp.design_against_brush(duration=0.02)
         >>> job.comparison.plot(signal="y").get_ylabel()
-        'y'
+        'y [µm]'
         """
         names = [str(name) for name in self.table["signal"].to_numpy()]
         worst = names[int(np.argmax(self.table["deviation"].values[0]))]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import groupby
 from types import MappingProxyType
 from typing import Any
 
@@ -459,11 +458,14 @@ class GeneralizedPlant(Displayed):
         return Card(f"Generalised plant, {time}", (quantities(*rows),))
 
     def _listed(self, names: Sequence[str]) -> str:
-        """Join names, each run of a common unit followed by the unit."""
-        parts: list[str] = []
-        for unit, run in groupby(names, lambda name: self.units.get(name, "")):
-            parts.append(", ".join(run) + (f" [{unit}]" if unit else ""))
-        return ", ".join(parts)
+        """Join names, those of a common unit followed by the unit."""
+        by_unit: dict[str, list[str]] = {}
+        for name in names:
+            by_unit.setdefault(self.units.get(name, ""), []).append(name)
+        groups = [
+            ", ".join(alike) + (f" [{unit}]" if unit else "") for unit, alike in by_unit.items()
+        ]
+        return "; ".join(groups)
 
 
 def _count(argument: str, value: Any, available: int | None, what: str) -> None:

@@ -72,7 +72,7 @@ class Linearization(Displayed):
         >>> import numpy as np
         >>> import robustpolish as rp
         >>> rp.linearize(lambda q, u: [q[1], -np.sin(q[0])], [0.0, 0.0]).plot().get_ylabel()
-        'frequency'
+        'frequency [mHz]'
         """
         return modes(self.system).plot(ax)
 

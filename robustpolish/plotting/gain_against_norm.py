@@ -36,7 +36,7 @@ def plot_gain_against_norm(points: xr.Dataset, ax: Axes | None = None) -> Axes:
         name, unit = (str(points[key].attrs.get(k, "")) for k in ("long_name", "units"))
         values = known[key].values
         axis = ax.xaxis if which == "x" else ax.yaxis
-        if values.size and (which == "x" or values.max() > 10 * values.min()):
+        if values.size and values.max() > (1.5 if which == "x" else 10) * values.min():
             log_axis(ax, which, name, unit)
         else:
             si_axis(axis, name, unit)

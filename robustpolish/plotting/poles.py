@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from robustpolish.plotting.style import MARKER_STYLES, new_axes, si_axis
 
 _GRID = 301
+_HATCHES = ("//", "\\\\", "..", "xx")
+# Beyond this ratio of the largest to the smallest part the axis becomes logarithmic.
+_LUMPED = 100
 
 
 def plot_poles(
@@ -58,11 +63,15 @@ def plot_poles(
     else:
         ax.axvline(0.0, color="black", linewidth=0.8)
     ax.axhline(0.0, color="#999999", linewidth=0.5)
+    if not discrete:
+        everything: Any = np.concatenate([np.zeros(0, complex), *drawn.values()])
+        _spread(ax, "x", everything.real)
+        _spread(ax, "y", everything.imag / scale)
     ax.margins(0.08)
     handles = list(ax.get_legend_handles_labels()[0])
-    for name, (L, M) in (regions or {}).items():
-        _hatch_outside(ax, np.asarray(L, dtype=float), np.asarray(M, dtype=float), scale)
-        handles.append(Patch(facecolor="none", edgecolor="#999999", hatch="//", label=name))
+    for (name, (L, M)), hatch in zip((regions or {}).items(), cycle(_HATCHES), strict=False):
+        _hatch_outside(ax, np.asarray(L, dtype=float), np.asarray(M, dtype=float), scale, hatch)
+        handles.append(Patch(facecolor="none", edgecolor="#333333", hatch=hatch, label=name))
     si_axis(ax.xaxis, "real part", "" if discrete else "1/s")
     si_axis(ax.yaxis, "imaginary part" if discrete else "frequency", "" if discrete else "Hz")
     if handles:
@@ -71,17 +80,39 @@ def plot_poles(
     return ax
 
 
-def _hatch_outside(ax: Axes, L: NDArray, M: NDArray, scale: float) -> None:
+def _spread(ax: Axes, which: str, values: NDArray) -> None:
+    """Make an axis logarithmic on both sides of zero where linear ticks would lump the poles."""
+    size = np.abs(values)
+    # Rounding leaves poles that are real by nature a little beside the axis.
+    size = size[size > 1e-9 * size.max(initial=0.0)]
+    if size.size and size.max() > _LUMPED * size.min():
+        # Next to zero a decade takes as much room as elsewhere.
+        threshold = max(size.min(), 1e-6 * size.max())
+        (ax.set_xscale if which == "x" else ax.set_yscale)("symlog", linthresh=threshold)
+
+
+def _hatch_outside(ax: Axes, L: NDArray, M: NDArray, scale: float, hatch: str) -> None:
     """Hatch what lies outside a region, within the axes' limits."""
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
-    x, y = np.linspace(left, right, _GRID), np.linspace(low, high, _GRID)
+    x, y = _grid(ax.xaxis, left, right), _grid(ax.yaxis, low, high)
     s = x[None, :] + 1j * scale * y[:, None]
     matrices = L + s[..., None, None] * M + np.conj(s)[..., None, None] * M.T
     excess = np.linalg.eigvalsh(matrices)[..., -1]
     if (excess >= 0).any():
         top = max(float(excess.max()), 1e-300)
-        ax.contourf(x, y, excess, levels=[0.0, 1.01 * top], colors="none", hatches=["//"])
+        outside: Any = ax.contourf(
+            x, y, excess, levels=[0.0, 1.01 * top], colors="none", hatches=[hatch]
+        )
+        outside.set_edgecolor("#bbbbbb")
+        outside.set_linewidth(0.0)
     if (excess >= 0).any() and (excess < 0).any():
         ax.contour(x, y, excess, levels=[0.0], colors="#666666", linewidths=0.8)
     ax.set_xlim(left, right)
     ax.set_ylim(low, high)
+
+
+def _grid(axis: Axis, low: float, high: float) -> NDArray:
+    """Return points that are evenly spread as the axis shows them."""
+    transform: Any = axis.get_transform()
+    ends: Any = transform.transform(np.array([low, high]))
+    return np.asarray(transform.inverted().transform(np.linspace(ends[0], ends[1], _GRID)))

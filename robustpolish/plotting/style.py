@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
-from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import EngFormatter, Formatter, LogLocator, NullFormatter
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,19 +46,50 @@ def new_axes(ax: Axes | None) -> Axes:
 
 
 def si_axis(axis: Axis, name: str, unit: str) -> None:
-    """Label an axis; its ticks carry the unit with an SI prefix, such as 35 um.
+    """Label an axis with its unit, with the SI prefix that suits what is shown, such as [um].
 
-    Units that bear no prefix (none at all, %, 1/s, m^2, kg) stand in the label instead.
+    Units that bear no prefix (none at all, %, 1/s, m^2, kg) stay as they are. The label follows
+    when the limits change, unless it was changed by hand.
     """
     if _PREFIXABLE.match(unit):
-        axis.set_major_formatter(EngFormatter(unit=unit))
-        axis.set_label_text(name)
+        axis.set_major_formatter(_Prefixed(axis, name, unit))
     else:
-        axis.set_label_text(name if unit in ("", "1") else f"{name} [{unit}]")
+        axis.set_label_text(_label(name, unit))
+
+
+class _Prefixed(Formatter):
+    """Plain numbers at the ticks; the prefix that they share goes into the label."""
+
+    def __init__(self, axis: Axis, name: str, unit: str) -> None:
+        self.set_axis(axis)
+        self._name, self._unit = name, unit
+        self._written: str | None = None
+        self._exponent()
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        return self.fix_minus(f"{x / 10 ** self._exponent():.6g}")
+
+    def format_data_short(self, value: float) -> str:
+        return EngFormatter(unit=self._unit)(value)
+
+    def _exponent(self) -> int:
+        """Return the exponent that suits the axis's limits, and write it into the label."""
+        axis: Any = self.axis
+        largest = max(abs(limit) for limit in axis.get_view_interval())
+        power = 3 * math.floor(math.log10(largest) / 3) if 0 < largest < math.inf else 0
+        power = min(max(power, min(EngFormatter.ENG_PREFIXES)), max(EngFormatter.ENG_PREFIXES))
+        if self._written is None or axis.get_label_text() == self._written:
+            self._written = _label(self._name, EngFormatter.ENG_PREFIXES[power] + self._unit)
+            axis.set_label_text(self._written)
+        return power
+
+
+def _label(name: str, unit: str) -> str:
+    return name if unit in ("", "1") else f"{name} [{unit}]".lstrip()
 
 
 def log_axis(ax: Axes, which: str, name: str, unit: str) -> None:
-    """Make an axis logarithmic with a tick for each decade; call it when the data is drawn.
+    """Make an axis logarithmic; its ticks carry unit and SI prefix. Call it when data is drawn.
 
     Parameters
     ----------
@@ -72,9 +103,12 @@ def log_axis(ax: Axes, which: str, name: str, unit: str) -> None:
     low, high = ax.get_xlim() if which == "x" else ax.get_ylim()
     if math.log10(high / low) <= _FEW_DECADES:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    si_axis(axis, name, unit)
-    if not _PREFIXABLE.match(unit):
+    if _PREFIXABLE.match(unit):
+        axis.set_major_formatter(EngFormatter(unit=unit))
+        axis.set_label_text(name)
+    else:
         axis.set_major_formatter(lambda value, _: f"{value:.3g}")
+        axis.set_label_text(_label(name, unit))
     axis.set_minor_formatter(NullFormatter())
 
 

@@ -42,8 +42,14 @@ def plot_waterfall(
             ax.bar(i, abs(level - before), bottom=min(level, before), **style)
             ax.plot([i - 1.4, i + 0.4], [before, before], color="#333333", linewidth=0.6)
         top = level if i == 0 else max(level, values[i - 1])
+        change = "" if i == 0 else ("↓ " if level <= values[i - 1] else "↑ ")
         ax.annotate(
-            f"{level:.3g}", (i, top), (0, 3), textcoords="offset points", ha="center", va="bottom"
+            f"{change}{level:.3g}",
+            (i, top),
+            (0, 3),
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
         )
     handles: list[Any] = [
         Patch(label="start", **LEVEL),

@@ -143,7 +143,7 @@ class Design(Displayed):
         >>> import robustpolish as rp
         >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
         >>> rp.given_controller(plant, [[-3.0]]).plot_poles().get_ylabel()
-        'frequency'
+        'frequency [mHz]'
         """
         demanded = self.details.get("pole_regions", ()) if regions is None else regions
         return self.certificate.plot(ax, regions=demanded)
