@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from robustpolish.effects.base import law_signature
 from robustpolish.effects.shapes import Motion
 
-_SUBSTEPS = 8
+_LEAST_SUBSTEPS, _MOST_SUBSTEPS = 8, 64
 
 
 @numba.njit(cache=True)
@@ -24,7 +24,7 @@ def _between(q, v, n, x, qs, vs):  # type: ignore[no-untyped-def]  # compiled
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _run(laws, t, q, v, p, z, f):  # type: ignore[no-untyped-def]  # compiled
+def _run(laws, t, q, v, p, z, f, substeps):  # type: ignore[no-untyped-def]  # compiled
     ports, samples = q.shape
     out = np.empty((ports, samples))
     k1 = np.zeros(z.size)
@@ -37,23 +37,32 @@ def _run(laws, t, q, v, p, z, f):  # type: ignore[no-untyped-def]  # compiled
         laws[0](t[n], qs, vs, z, p, f, k1)
         out[:, n] = f
         if z.size and n + 1 < samples:
-            dt = (t[n + 1] - t[n]) / _SUBSTEPS
-            for j in range(_SUBSTEPS):
-                _between(q, v, n, j / _SUBSTEPS, qs, vs)
+            dt = (t[n + 1] - t[n]) / substeps
+            for j in range(substeps):
+                _between(q, v, n, j / substeps, qs, vs)
                 laws[0](t[n] + j * dt, qs, vs, z, p, f, k1)
                 predicted = z + dt * k1
-                _between(q, v, n, (j + 1) / _SUBSTEPS, qs, vs)
+                _between(q, v, n, (j + 1) / substeps, qs, vs)
                 laws[0](t[n] + (j + 1) * dt, qs, vs, predicted, p, f, k2)
                 z += 0.5 * dt * (k1 + k2)
+            if not np.isfinite(z.sum()):
+                z[:] = 0.0  # values that no step can follow: start from rest again
     return out
 
 
-def run(law: Any, states: int, motion: Motion, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the force along the motion, shape (ports, samples)."""
+def run(
+    law: Any, states: int, motion: Motion, values: NDArray[np.float64], rate: float = 0.0
+) -> NDArray[np.float64]:
+    """Return the force along the motion, shape (ports, samples).
+
+    `rate` is the fastest rate of the internal states in 1/s; it decides on the steps.
+    """
     q = np.ascontiguousarray(motion.q)
     v = np.ascontiguousarray(motion.v)
     # In a list all laws have one type: a kernel compiled for each of them anew would fill Numba's
     # cache with an entry from every process, and take longer to load each time.
     laws = List.empty_list(types.FunctionType(law_signature()))
     laws.append(law)
-    return _run(laws, motion.time, q, v, values, np.zeros(states), np.zeros(q.shape[0]))
+    wanted = np.nan_to_num(np.ceil(rate * (motion.time[1] - motion.time[0])), posinf=1e9)
+    substeps = int(np.clip(wanted, _LEAST_SUBSTEPS, _MOST_SUBSTEPS))
+    return _run(laws, motion.time, q, v, values, np.zeros(states), np.zeros(q.shape[0]), substeps)

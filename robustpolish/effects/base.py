@@ -295,4 +295,9 @@ def force_along(
     """
     from robustpolish.effects.along import run
 
-    return run(compiled_law(kind), kind.states, motion, np.ascontiguousarray(values, dtype=float))
+    names = (p.name for p in kind.parameters)
+    fastest = float(np.max(np.abs(motion.v), initial=0.0))
+    numbers = dict(zip(names, np.asarray(values, dtype=float).tolist(), strict=False))
+    rate = kind.gains(numbers, motion.amplitude, fastest)[2] if kind.states else 0.0
+    law = compiled_law(kind)
+    return run(law, kind.states, motion, np.ascontiguousarray(values, dtype=float), rate)

@@ -13,11 +13,12 @@ from robustpolish.identification.confusion import asymmetries
 from robustpolish.identification.diagnosis import Diagnosis, FoundEffect, Value
 from robustpolish.identification.evaluation import FREE, motion_along
 from robustpolish.identification.free_shape import better_shape
+from robustpolish.identification.homotopy import Stage, homotopy
 from robustpolish.identification.least_squares import Fit
 from robustpolish.identification.observer import Level, force_sites
 from robustpolish.identification.parameters import effect_unit, unit_of
-from robustpolish.identification.refit import Stage, homotopy, standard_errors
 from robustpolish.identification.search import Search, by_output, steps, whole_error
+from robustpolish.identification.standard_errors import standard_errors
 from robustpolish.identification.verdict import choose_verdict
 from robustpolish.models.mechanical import MechanicalModel
 

@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from robustpolish.effects import Effect
+from robustpolish.identification.chains import connected
 from robustpolish.identification.conclusion import conclude
 from robustpolish.identification.confusion import experiment
 from robustpolish.identification.diagnosis import (
@@ -20,19 +21,14 @@ from robustpolish.identification.diagnosis import (
 from robustpolish.identification.evaluation import FREE
 from robustpolish.identification.gains import WrongGain, wrong_gains
 from robustpolish.identification.holds import null_score, with_holds
+from robustpolish.identification.homotopy import Stage, best_stage, homotopy
 from robustpolish.identification.ledger import Ledger
 from robustpolish.identification.observer import Level
 from robustpolish.identification.record import record_of
-from robustpolish.identification.refit import (
-    Setting,
-    Stage,
-    best_stage,
-    homotopy,
-    prepare,
-    standard_errors,
-)
 from robustpolish.identification.screening import Candidate, screen
 from robustpolish.identification.search import Search, by_output, steps, whole_error
+from robustpolish.identification.setting import Setting, prepare
+from robustpolish.identification.standard_errors import standard_errors
 from robustpolish.identification.verdict import SILENT
 from robustpolish.models.mechanical import MechanicalModel
 
@@ -217,10 +213,16 @@ def _in_turn(
     rivals = list(ranked)
     limit = _judgement(rivals[0][1], rivals) + _tolerance(search.setting)
 
-    def order(item: tuple[Candidate, Stage]) -> tuple[bool, int, float]:
+    joined = connected(search.reference)
+
+    def order(item: tuple[Candidate, Stage]) -> tuple[bool, int, bool, float]:
         error = _judgement(item[1], rivals)
-        equal = error <= limit
-        return (not equal, _size(item[0].effect) if equal else 0, error)
+        effect = item[0].effect
+        if error > limit:
+            return True, 0, False, error
+        ends = set(effect.at) - {"ground"}
+        apart = effect.definition.domain == "pair" and not any(ends <= g for g in joined)
+        return False, _size(effect), apart, error
 
     return sorted(rivals, key=order)
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from robustpolish.identification.following import following
 from robustpolish.identification.least_squares import Piece, Residuals, fit
 from robustpolish.identification.missing_force import Smoothed, smooth
 from robustpolish.identification.observer import Level, Scales
@@ -139,6 +140,4 @@ def motion_along(
     model: MechanicalModel, record: Record, scales: Scales, amplitude: float
 ) -> Smoothed:
     """Return the smoothed motion, led by the data as far as the innovations ask for."""
-    from robustpolish.identification.screening import following
-
     return smooth(model, record, following(model, record, scales), scales, amplitude)

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from robustpolish.effects import Effect
 from robustpolish.identification.candidates import places
+from robustpolish.identification.filtered import Filtered
+from robustpolish.identification.following import following
 from robustpolish.identification.missing_force import smooth
 from robustpolish.identification.observer import Level
-from robustpolish.identification.refit import Setting
-from robustpolish.identification.screening import Filtered, following
+from robustpolish.identification.setting import Setting
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.simulation.nonlinear_system import port_pairs, port_rows
 

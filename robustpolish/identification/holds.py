@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from robustpolish.identification.filtered import Filtered
+from robustpolish.identification.following import following
+from robustpolish.identification.missing_force import smooth
 from robustpolish.identification.observer import Level
 from robustpolish.models.mechanical import MechanicalModel
 
 if TYPE_CHECKING:
-    from robustpolish.identification.refit import Setting
+    from robustpolish.identification.setting import Setting
 
 _LEVELS = (Level(1.0), Level(0.1), Level(0.01))
 _ORDERS = (0.0, 3.0)
@@ -44,9 +47,6 @@ def with_holds(model: MechanicalModel, setting: Setting) -> MechanicalModel:
 
 def null_score(model: MechanicalModel, setting: Setting) -> float:
     """Return the information criterion of a model without more effects, at its best level."""
-    from robustpolish.identification.missing_force import smooth
-    from robustpolish.identification.screening import Filtered, following
-
     record = setting.screened
     time = np.asarray(record.data["time"].values, dtype=float)
     level = following(model, record, setting.scales)

@@ -150,13 +150,20 @@ def fit(
     x = np.asarray(x, dtype=float)
     starts = [piece.start for piece in residuals.pieces]
     errors = residuals.errors(x, starts)
-    sigma = _rms(errors)
-    sigma = np.where(np.isfinite(sigma) & (sigma > 0), sigma, 1.0)
+    sigma = _weights(errors, np.ones(errors.shape[1]))
     cost = _cost(residuals, x, errors, sigma)
     damping, information = 1e-3, np.zeros((len(free), len(free)))
-    for _step_number in range(iterations):
+    # Where only priors speak, damped steps hardly move: a free run ends with a step undamped.
+    settles = bool(free) and residuals.predictor.level.free
+    settling = False
+    for number in range(iterations + settles):
         if not np.isfinite(cost):
             break
+        # priors count against the noise that is left, not against the error at the start
+        sigma = _weights(errors, sigma)
+        cost = _cost(residuals, x, errors, sigma)
+        if number == iterations or settling:
+            settling, damping = True, 0.0
         H, g, information = _normal(residuals, x, starts, errors, sigma)
         better = None
         trial, new_starts, new_errors = x, starts, errors
@@ -172,16 +179,23 @@ def fit(
             damping = max(damping, 1e-4) * 8
         if progress is not None:
             progress()
-        if better is None:
-            break
-        fall = (cost - better) / cost
-        x, starts, errors, cost = trial, new_starts, new_errors, better
-        damping = damping / 10
+        fall = 0.0
+        if better is not None:
+            fall = (cost - better) / cost
+            x, starts, errors, cost = trial, new_starts, new_errors, better
+            damping = damping / 10
         if fall < tolerance:
-            break
+            if settling or not settles:
+                break
+            settling = True
     model = residuals.model_at(x)
     pieces = tuple(Piece(p.record, s) for p, s in zip(residuals.pieces, starts, strict=True))
     return Fit(model, pieces, cost, errors, sigma, information, tuple(free))
+
+
+def _weights(errors: Array, before: Array) -> Array:
+    sigma = _rms(errors)
+    return np.where(np.isfinite(sigma) & (sigma > 0), sigma, before)
 
 
 def _rms(errors: Array) -> Array:

@@ -108,12 +108,19 @@ def _is_gauge(model: MechanicalModel, name: str) -> bool:
 def _units_of_force(model: MechanicalModel) -> set[str]:
     """Return a mass of each chain in which no force is known: it stays, and gives them a unit.
 
-    A free decay, or a motion under an imposed one, shows ratios of masses and springs only.
+    A free decay, or a motion under an imposed one, shows ratios of masses and springs only. So
+    does a record all of whose inputs or outputs have an unknown gain.
     """
+    gains = {(e.kind, e.at[0]) for e in model.effects}
     chosen = set()
     for group in connected(model):
-        known = any(i.imposes is None and group.intersection(i.on) for i in model.inputs)
+        known = any(
+            i.imposes is None and group.intersection(i.on) and ("input_gain", i.name) not in gains
+            for i in model.inputs
+        )
         known |= any(o.quantity == FORCE and group.intersection(o.of) for o in model.outputs)
+        seen = [o.name for o in model.outputs if group.intersection(o.of)]
+        known &= not seen or any(("sensor_gain", name) not in gains for name in seen)
         masses = [d for d in model.dofs if d.name in group and d.name in model.free]
         if not known and masses:
             chosen.add(max(masses, key=lambda d: d.mass).name)

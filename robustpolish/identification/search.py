@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from robustpolish.identification.diagnosis import Confusion, RankedCandidate
 from robustpolish.identification.evaluation import free_errors
+from robustpolish.identification.homotopy import Stage
 from robustpolish.identification.ledger import Ledger
-from robustpolish.identification.refit import Setting, Stage
 from robustpolish.identification.screening import Screening
+from robustpolish.identification.setting import Setting
 from robustpolish.models.mechanical import MechanicalModel
 
 Array = NDArray[np.float64]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.identification.refit import Setting, Stage
+from robustpolish.identification.homotopy import Stage
 from robustpolish.identification.screening import Screening
+from robustpolish.identification.setting import Setting
 
 Array = NDArray[np.float64]
 

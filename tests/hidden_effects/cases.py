@@ -44,7 +44,7 @@ class Case:
     excitation: str = "noise"
     chaotic: bool = False
     start: float = 0.0  # initial displacement, for free decays
-    also_right: list = field(default_factory=list)
+    held: bool = False  # inputs stay between samples, instead of linear
 
 
 def one(zeta=0.02, **kw):
@@ -230,7 +230,8 @@ def _record(case, which):
     q0[-1] = case.start * (1.0 if which == 0 else 0.8)
     stiffest = np.sqrt(np.max(np.diag(K) / M))
     over = max(12, int(np.ceil(m.dt * stiffest * 4)))
-    Q, V, A = integrate(M, C, K, B, Ue, m.dt, over, codes, places, params, q0, np.zeros(len(M)))
+    v0 = np.zeros(len(M))
+    Q, V, A = integrate(M, C, K, B, Ue, m.dt, over, codes, places, params, q0, v0, case.held)
     data, noise = {}, {}
     keep = slice(case.warm_up, None)
     for n, quantity in m.measured:

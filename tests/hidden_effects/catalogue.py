@@ -194,7 +194,7 @@ def _many():
     yield Case(
         "bearing: cubic",
         bearing(),
-        [("cubic_stiffness", ("x", "x_m"), [4e12])],
+        [("cubic_stiffness", ("x", "x_m"), [2e10])],
         drive=40,
         samples=12000,
     )

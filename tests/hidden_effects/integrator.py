@@ -147,8 +147,11 @@ def _rates(t, u, q, v, z, M, C, K, B, codes, places, params, acc, dz, f):
 
 
 @numba.njit(cache=True)
-def integrate(M, C, K, B, U, dt, oversample, codes, places, params, q0, v0):
-    """Return displacements, velocities and accelerations at the samples."""
+def integrate(M, C, K, B, U, dt, oversample, codes, places, params, q0, v0, held=False):
+    """Return displacements, velocities and accelerations at the samples.
+
+    Inputs are linear between samples, or held.
+    """
     n, samples = M.size, U.shape[0]
     Q, V, A = np.empty((samples, n)), np.empty((samples, n)), np.empty((samples, n))
     q, v, z = q0.copy(), v0.copy(), np.zeros(2 * codes.size)
@@ -167,9 +170,9 @@ def integrate(M, C, K, B, U, dt, oversample, codes, places, params, q0, v0):
             break
         for j in range(oversample):
             x = j / oversample
-            u0 = (1 - x) * U[k] + x * U[k + 1]
+            u0 = U[k] if held else (1 - x) * U[k] + x * U[k + 1]
             x += 1 / oversample
-            u1 = (1 - x) * U[k] + x * U[k + 1]
+            u1 = U[k] if held else (1 - x) * U[k] + x * U[k + 1]
             uh = 0.5 * (u0 + u1)
             tj = t + j * h
             _rates(tj, u0, q, v, z, M, C, K, B, codes, places, params, a1, d1, f)

@@ -1,0 +1,102 @@
+"""A record prepared for fits: pieces, sizes and smoothed starts."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.identification.evaluation import (
+    motion_along,
+    pieces_of,
+    state_scale,
+)
+from robustpolish.identification.least_squares import Piece
+from robustpolish.identification.observer import Scales
+from robustpolish.identification.record import Record, split
+from robustpolish.identification.scales import amplitude_of, scales_of
+from robustpolish.models.mechanical import MechanicalModel
+
+Array = NDArray[np.float64]
+_TRIAL = 3500
+_WINDOWS = 25
+_SCREENED = 9000
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """A record prepared for fits: pieces, sizes and smoothed starts.
+
+    Attributes
+    ----------
+    estimation, trial, held_out, everything : list of Piece
+        `trial` is the first part of each estimation piece, for first fits of candidates.
+    """
+
+    record: Record
+    scales: Scales
+    amplitude: float
+    state_scale: Array
+    estimation: list[Piece]
+    trial: list[Piece]
+    held_out: list[Piece]
+    everything: list[Piece]
+
+    @property
+    def dt(self) -> float:
+        """Sampling step in s."""
+        return self.record.dt
+
+    @property
+    def screened(self) -> Record:
+        """The contiguous part of the record that is screened: the liveliest."""
+        length = min(self.record.samples, _SCREENED)
+        power = np.sum((self.record.Y / np.std(self.record.Y, axis=0)) ** 2, axis=1)
+        total = np.concatenate([[0.0], np.cumsum(power)])
+        starts = np.arange(0, self.record.samples - length + 1, max(1, length // 20))
+        begin = int(starts[np.argmax(total[starts + length] - total[starts])])
+        return self.record.part(begin, begin + length)
+
+
+def prepare(model: MechanicalModel, record: Record) -> Setting:
+    """Prepare a record for fits of a model and its extensions."""
+    scales = scales_of(model, record)
+    amplitude = amplitude_of(model, record, scales.bandwidth)
+    motion = motion_along(model.without_effects(), record, scales, amplitude)
+    parts = split(record.samples, decays=not model.inputs)
+    length = record.samples
+    if drifts(model, record.samples * record.dt):
+        length = max(60, record.samples // _WINDOWS)
+
+    def pieces(ranges: Sequence[tuple[int, int]]) -> list[Piece]:
+        return pieces_of(model, record, _windows(ranges, length), motion)
+
+    return Setting(
+        record, scales, amplitude, state_scale(model, motion),
+        pieces(parts.estimation), pieces([(a, min(b, a + _TRIAL)) for a, b in parts.estimation]),
+        pieces(parts.held_out), pieces([(0, record.samples)]),
+    )  # fmt: skip
+
+
+def drifts(model: MechanicalModel, length: float) -> bool:
+    """Return whether the linear part integrates over a record of `length` seconds.
+
+    The free run of such a model forgets nothing, so that it is judged in windows.
+    """
+    if not model.free:
+        return False
+    A = np.asarray(model.state_space().A, dtype=float)
+    return bool(np.min(np.abs(np.linalg.eigvals(A))) * length < 1)
+
+
+def _windows(ranges: Sequence[tuple[int, int]], length: int) -> list[tuple[int, int]]:
+    """Cut sample ranges into windows of about a length."""
+    found = []
+    for begin, end in ranges:
+        count = max(1, round((end - begin) / length))
+        marks = np.linspace(begin, end, count + 1).astype(int)
+        found += [(int(a), int(b)) for a, b in itertools.pairwise(marks)]
+    return found
