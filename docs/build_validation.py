@@ -6,15 +6,16 @@ Run with ``python docs/build_validation.py``; every figure in the page is comput
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Literal
 
 import jinja2
 import numpy as np
 
 import robustpolish as rp
 from robustpolish.analysis import modes
-from robustpolish.closed_loop import thesis_comparison
+from robustpolish.closed_loop import thesis_comparison, thesis_structures
 from robustpolish.synthesis import PUBLISHED_CONTROLLERS, published_gain
 
 PAGE = Path(__file__).with_name("validation.md")
@@ -126,22 +127,64 @@ def same_load() -> str:
         plant = plants["displacement" if name.startswith("first") else "force"]
         designs[PUBLISHED_CONTROLLERS[name]] = rp.given_controller(plant, published_gain(name))
     designs["ours, force, 1e-7 m/N"] = rp.state_feedback(plants["force"], control_weight=1e-7)
+    return under_the_brush(designs)
+
+
+def structures(actuation: Literal["force", "displacement"]) -> str:
+    """Compare dynamic, static and observer-based output feedback with state feedback."""
+    return under_the_brush(thesis_structures(actuation))
+
+
+def under_the_brush(designs: Mapping[str, rp.Design]) -> str:
+    """Tabulate the largest deviations under runs 1 and 4 of the well-posed brush."""
     lines = [
-        "| controller | run 1: x | y | z | run 4: x | y | z |",
-        "|---|---:|---:|---:|---:|---:|---:|",
+        "| controller | norm [m/N] | run 1: x | y | z | run 4: x | y | z |",
+        "|---|---:|---:|---:|---:|---:|---:|---:|",
     ]
-    cells: dict[str, list[str]] = {}
+    first = next(iter(designs.values())).plant
+    norms = {"without control": rp.hinf_norm(first.open_loop).value}
+    norms |= {name: design.certificate.achieved for name, design in designs.items()}
+    cells = {name: [f"{value:.4g}"] for name, value in norms.items()}
     for run in (1, 4):
         load = rp.simulate_brush(run=run)
         table = rp.compare_controllers(designs, load, signals=("x", "y", "z")).table
         for row in table["row"].to_numpy():
             deviation = table["deviation"].sel(row=row).to_numpy()
             gain = table["improvement"].sel(row=row).to_numpy()
-            cells.setdefault(str(row), []).extend(
+            cells[str(row)] += [
                 f"{1e6 * d:.3g} um ({g:+.2f} %)" for d, g in zip(deviation, gain, strict=True)
-            )
+            ]
     lines += [f"| {row} | " + " | ".join(texts) + " |" for row, texts in cells.items()]
     return "\n".join(lines)
+
+
+def one_by_one() -> str:
+    """Solve the three axes one by one and all twelve states at once."""
+    lines = [
+        "| actuation | price, noise | three axes | twelve states at once | difference |",
+        "|---|---|---:|---:|---:|",
+    ]
+    for actuation, price in (("force", 1e-7), ("displacement", 1e-8)):
+        plant = rp.air_bearing(actuation=actuation, measured="displacement")
+        axes, whole = (
+            rp.output_feedback(
+                plant, control_weight=price, measurement_noise=1e-8, time_limit=20, split=split
+            ).certificate.achieved
+            for split in (True, False)
+        )
+        lines.append(
+            f"| {actuation} | {price:g}, 1e-8 | {axes:.6g} | {whole:.6g} | "
+            f"{100 * (whole / axes - 1):+.1g} % |"
+        )
+    return "\n".join(lines)
+
+
+def steady_force() -> str:
+    """Return the norm that displacement actuation reaches, and the limit."""
+    plant = rp.air_bearing(actuation="displacement", measured="displacement")
+    found = rp.output_feedback(plant).certificate.achieved
+    limit = math.sqrt(2) / rp.AirBearingParameters.as_published().k_A
+    return f"{found:.5g} m/N, and the limit is {limit:.5g} m/N"
 
 
 def table(rows: Iterable[Row]) -> str:
@@ -167,6 +210,10 @@ def main() -> None:
         "run_1": chapter_11(1),
         "run_4": chapter_11(4),
         "same_load": same_load(),
+        "structures_force": structures("force"),
+        "structures_displacement": structures("displacement"),
+        "one_by_one": one_by_one(),
+        "steady_force": steady_force(),
     }
     template = jinja2.Template(PAGE.with_suffix(".md.in").read_text(), keep_trailing_newline=True)
     PAGE.write_text(template.render(values), encoding="utf-8")
