@@ -2,6 +2,8 @@
 
 from robustpolish.closed_loop.brush_design import BrushDesign, design_against_brush
 from robustpolish.closed_loop.comparison import ControllerComparison, compare_controllers
+from robustpolish.closed_loop.robustness import check_robustness
+from robustpolish.closed_loop.robustness_result import RobustnessCheck
 from robustpolish.closed_loop.simulation import simulate
 from robustpolish.closed_loop.thesis_comparison import thesis_comparison
 from robustpolish.closed_loop.thesis_structures import thesis_structures
@@ -9,6 +11,8 @@ from robustpolish.closed_loop.thesis_structures import thesis_structures
 __all__ = [
     "BrushDesign",
     "ControllerComparison",
+    "RobustnessCheck",
+    "check_robustness",
     "compare_controllers",
     "design_against_brush",
     "simulate",

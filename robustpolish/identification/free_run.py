@@ -218,6 +218,8 @@ def _sum_of_squares(run: FreeRun, state: Array, first: int, last: int, weights: 
 
 def _fit(run: FreeRun, state: Array, scale: Array, first: int, last: int, weights: Array) -> Array:
     """Improve a start by damped least squares; it never becomes worse."""
+    if not state.size:  # the linear part of a model whose motion is imposed
+        return state
 
     def error(candidate: Array) -> Array:
         return _error(run, candidate, first, last, weights)

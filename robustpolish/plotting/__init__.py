@@ -2,6 +2,7 @@
 
 from robustpolish.plotting.bars import plot_bars
 from robustpolish.plotting.before_after import plot_panels
+from robustpolish.plotting.distribution import plot_distribution
 from robustpolish.plotting.frequency_response import plot_gains, plot_over_frequency
 from robustpolish.plotting.gain_against_norm import plot_gain_against_norm
 from robustpolish.plotting.overlay import plot_overlay, plot_response, plot_spectra
@@ -25,6 +26,7 @@ __all__ = [
     "plot_bars",
     "plot_coherence",
     "plot_correlation",
+    "plot_distribution",
     "plot_gain_against_norm",
     "plot_gains",
     "plot_over_frequency",
