@@ -43,6 +43,7 @@ from robustpolish.identification import (
     refit,
     residual_analysis,
 )
+from robustpolish.loading import load
 from robustpolish.measurements import read_measurement, split_blocks
 from robustpolish.models import (
     AirBearingParameters,
@@ -67,8 +68,7 @@ from robustpolish.synthesis import (
     state_feedback,
     static_output_feedback,
 )
-
-__version__ = "0.1.0"
+from robustpolish.versions import __version__, show_versions
 
 __all__ = [
     "AirBearingParameters",
@@ -95,6 +95,7 @@ __all__ = [
     "Sector",
     "SolverError",
     "Surface",
+    "__version__",
     "air_bearing",
     "certify",
     "check_robustness",
@@ -111,6 +112,7 @@ __all__ = [
     "is_detectable",
     "is_stabilizable",
     "linearize",
+    "load",
     "mixed_output_feedback",
     "modes",
     "observability",
@@ -122,6 +124,7 @@ __all__ = [
     "refit",
     "residual_analysis",
     "scale_system",
+    "show_versions",
     "simulate",
     "simulate_brush",
     "singular_values",

@@ -113,7 +113,10 @@ def new_file(
         )
     if target.exists() and not force:
         raise invalid(
-            "out", str(target), "a file that does not exist yet", "Add --force to replace it."
+            "out",
+            str(target),
+            "a file that does not exist yet",
+            "Replace it with force=True (--force).",
         )
     if not target.parent.is_dir():
         raise invalid(

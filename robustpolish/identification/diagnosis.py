@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -163,6 +164,46 @@ class Diagnosis(Displayed):
         from robustpolish.identification.explain import explain
 
         return explain(self)
+
+    def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
+        """Write the diagnosis, its model included, to one JSON file, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.json``; its folder has to exist.
+        force : bool, optional
+            Replace an existing file.
+
+        Raises
+        ------
+        InvalidInputError
+            If the file exists and `force` is not set, or it cannot be written there.
+        """
+        from robustpolish.identification.diagnosis_file import save_diagnosis
+
+        save_diagnosis(self, path, force)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Diagnosis:
+        """Read a diagnosis from a file that :meth:`save` wrote.
+
+        Parameters
+        ----------
+        path : path
+
+        Returns
+        -------
+        Diagnosis
+
+        Raises
+        ------
+        InvalidInputError
+            If it is no such file; the message names the key that is wrong.
+        """
+        from robustpolish.identification.diagnosis_file import load_diagnosis
+
+        return load_diagnosis(path)
 
     def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
         """Draw how the error of one output fell, as :meth:`Ledger.plot`.

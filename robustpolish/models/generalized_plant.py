@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -419,6 +420,65 @@ class GeneralizedPlant(Displayed):
             inputs=list(self.measurement_names),
             outputs=list(self.control_names),
         )
+
+    def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
+        """Write the plant to one JSON file, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.json``; its folder has to exist.
+        force : bool, optional
+            Replace an existing file.
+
+        Raises
+        ------
+        InvalidInputError
+            If the file exists and `force` is not set, or it cannot be written there.
+
+        Examples
+        --------
+        >>> import os, tempfile
+        >>> import robustpolish as rp
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     rp.air_bearing().save(os.path.join(folder, "plant.json"))
+        ...     rp.GeneralizedPlant.load(os.path.join(folder, "plant.json")).nx
+        12
+        """
+        from robustpolish.models.plant_file import plant_content
+        from robustpolish.saved_file import write_saved
+
+        write_saved(path, "plant", plant_content(self), force)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> GeneralizedPlant:
+        """Read a plant from a file that :meth:`save` wrote.
+
+        Parameters
+        ----------
+        path : path
+
+        Returns
+        -------
+        GeneralizedPlant
+
+        Raises
+        ------
+        InvalidInputError
+            If it is no such file; the message names the key that is wrong.
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> rp.GeneralizedPlant.load("missing.json")
+        Traceback (most recent call last):
+        ...
+        robustpolish.errors.InvalidInputError: path: got missing.json (No such file or directory)...
+        """
+        from robustpolish.models.plant_file import plant_from
+        from robustpolish.saved_file import read_saved
+
+        return plant_from(read_saved(path, "plant"))
 
     def _matrix(self, name: str) -> Matrix:
         """Copy A, B, C or D of the system."""

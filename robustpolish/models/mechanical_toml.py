@@ -25,6 +25,7 @@ from robustpolish.models.mechanical_parts import (
 from robustpolish.models.mechanical_toml_lines import line_of
 from robustpolish.saving import write_file
 from robustpolish.validation import described, invalid, one_of
+from robustpolish.versions import __version__
 
 Table = Mapping[str, Any]
 
@@ -193,7 +194,7 @@ def _effect(where: str, item: Table) -> Effect:
 
 def write_model(model: MechanicalModel, path: str | Path | None = None) -> str:
     """Return `model` as TOML text; write it to `path` whole or not at all."""
-    lines: list[str] = []
+    lines: list[str] = [f"# A mechanical model of robustpolish {__version__}", ""]
     if model.name:
         lines.append(f"name = {_value(model.name)}")
     if model.spin_frequency is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -90,6 +91,72 @@ class Design(Displayed):
     def gain(self) -> NDArray[np.float64] | None:
         """The matrix K of a static controller, shape (nu, ny); None for a dynamic one."""
         return np.array(self.controller.D) if self.controller.nstates == 0 else None
+
+    def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
+        """Write the design to one JSON file, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.json``; its folder has to exist.
+        force : bool, optional
+            Replace an existing file.
+
+        Raises
+        ------
+        InvalidInputError
+            If the file exists and `force` is not set, or it cannot be written there.
+
+        Examples
+        --------
+        >>> import os, tempfile
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> design = rp.given_controller(plant, [[-3.0]])
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     design.save(os.path.join(folder, "design.json"))
+        ...     again = rp.Design.load(os.path.join(folder, "design.json"))
+        >>> again.certificate.valid, float(again.gain[0, 0])
+        (True, -3.0)
+        """
+        from robustpolish.synthesis.design_file import save_design
+
+        save_design(self, path, force)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Design:
+        """Read a design from a file, and certify it again: the file is not believed.
+
+        Parameters
+        ----------
+        path : path
+            A file that :meth:`save` wrote.
+
+        Returns
+        -------
+        Design
+            Plant, controller and what the method told are those of the file; closed loop, poles,
+            norm and proof are computed anew.
+
+        Raises
+        ------
+        InvalidInputError
+            If it is no such file, or if its controller does not earn a certificate for the norm
+            that the file claims.
+
+        Examples
+        --------
+        See :meth:`save`.
+
+        >>> import robustpolish as rp
+        >>> rp.Design.load("missing.json")
+        Traceback (most recent call last):
+        ...
+        robustpolish.errors.InvalidInputError: path: got missing.json (No such file or directory)...
+        """
+        from robustpolish.synthesis.design_file import load_design
+
+        return load_design(path)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the largest singular value from w to z without and with control.

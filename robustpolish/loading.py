@@ -1,0 +1,58 @@
+"""Whatever was saved, loaded by one name."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from robustpolish.identification.diagnosis import Diagnosis
+from robustpolish.identification.diagnosis_file import diagnosis_from
+from robustpolish.models import GeneralizedPlant, MechanicalModel
+from robustpolish.models.plant_file import plant_from
+from robustpolish.saved_file import Fields, read_saved
+from robustpolish.synthesis import Design
+from robustpolish.synthesis.design_file import design_from
+from robustpolish.validation import described, invalid
+
+_READERS: Mapping[str, Callable[[Fields], Any]] = {
+    "design": design_from,
+    "diagnosis": diagnosis_from,
+    "plant": plant_from,
+}
+
+
+def load(path: str | os.PathLike[str]) -> Design | Diagnosis | GeneralizedPlant | MechanicalModel:
+    """Read what was saved: a design, a diagnosis, a plant (JSON) or a mechanical model (TOML).
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    Design, Diagnosis, GeneralizedPlant or MechanicalModel
+        A design is certified again; see :meth:`Design.load`.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file cannot be read or holds nothing of the kind; the message names the key.
+
+    Examples
+    --------
+    >>> import os, tempfile
+    >>> import robustpolish as rp
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     rp.air_bearing().save(os.path.join(folder, "plant.json"))
+    ...     rp.load(os.path.join(folder, "plant.json")).nu
+    6
+    """
+    if Path(path).suffix == ".toml":
+        return MechanicalModel.from_toml(Path(path))
+    fields = read_saved(path)
+    if fields.kind not in _READERS:
+        shown = described(f"a {fields.kind}")
+        raise invalid("path", shown, f"one of {', '.join(_READERS)}", "Update robustpolish.")
+    return _READERS[fields.kind](fields)

@@ -1,0 +1,238 @@
+"""One JSON file per result: written whole or not at all, read with suspicion."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.saving import new_file
+from robustpolish.validation import described, invalid
+from robustpolish.versions import __version__
+
+FORMAT = 1
+"""Raised when an older version of the package could not read the files any more."""
+
+_WORDS = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
+
+
+def write_saved(
+    path: str | os.PathLike[str], kind: str, content: Mapping[str, Any], force: bool = False
+) -> None:
+    """Write a result with the kind, the format's number and the package's version.
+
+    Parameters
+    ----------
+    path : path
+        Ends in ``.json``.
+    kind : str
+        "design", "diagnosis" or "plant".
+    content : mapping
+        Plain values, arrays and numbers; what is not finite becomes a word.
+    force : bool, optional
+        Replace an existing file.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file exists and `force` is not set, or its folder does not exist.
+    """
+    head = {"robustpolish": kind, "format": FORMAT, "version": __version__}
+    text = json.dumps({**head, **plain(content)}, indent=1, allow_nan=False)
+    with new_file(path, force, (".json",)) as draft:
+        draft.write_text(text + "\n", encoding="utf-8")
+
+
+def read_saved(path: str | os.PathLike[str], kind: str | None = None) -> Fields:
+    """Read a file that :func:`write_saved` wrote.
+
+    Parameters
+    ----------
+    path : path
+    kind : str, optional
+        The kind that it has to be; any by default.
+
+    Returns
+    -------
+    Fields
+        Its content; ``fields.kind`` tells what it is.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file cannot be read, is no file of this package, of another kind or of a newer
+        format.
+    """
+    name = Path(path).name
+    remedy = "Save one with .save(path)."
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_no_constant)
+    except OSError as error:
+        raise invalid("path", described(f"{path} ({error.strerror})"), "a file", remedy) from None
+    except (ValueError, RecursionError) as error:
+        shown = described(f"{name} ({error})")
+        raise invalid("path", shown, "a JSON file of robustpolish", remedy) from None
+    found = content.get("robustpolish") if isinstance(content, dict) else None
+    if not isinstance(found, str):
+        shown = described(f"{name}, which does not say what it holds")
+        raise invalid("path", shown, 'a JSON file with the key "robustpolish"', remedy)
+    if kind is not None and found != kind:
+        raise invalid("path", described(f"a {found} in {name}"), f"a {kind}", "Use rp.load(path).")
+    fields = Fields(content, name)
+    if fields.whole("format") > FORMAT:
+        shown = described(f"format {content['format']} of robustpolish {content.get('version')}")
+        raise invalid(name, shown, f"format {FORMAT} or older", "Update robustpolish.")
+    return fields
+
+
+class Fields:
+    """The content of a file; every access checks, and complains with the name of the key.
+
+    Parameters
+    ----------
+    content : dict
+    where : str
+        Name of the file and the key of the table in it.
+    """
+
+    def __init__(self, content: Mapping[str, Any], where: str) -> None:
+        self._content, self.where = content, where
+
+    @property
+    def kind(self) -> str:
+        """What the file holds."""
+        return self.text("robustpolish")
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._content
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._content)
+
+    def raw(self, key: str) -> Any:
+        """Return what stands at a key, unchecked."""
+        if key not in self._content:
+            raise invalid(self.where, described("a table without it"), f"the key {key!r}", _EDITED)
+        return self._content[key]
+
+    def table(self, key: str) -> Fields:
+        """Return the table at a key."""
+        return self._as_table(key, self.raw(key))
+
+    def tables(self, key: str) -> list[Fields]:
+        """Return the list of tables at a key."""
+        return [self._as_table(f"{key}[{i}]", item) for i, item in enumerate(self.items(key))]
+
+    def items(self, key: str) -> list[Any]:
+        """Return the list at a key."""
+        value = self.raw(key)
+        if not isinstance(value, list):
+            raise self._bad(key, value, "a list")
+        return value
+
+    def text(self, key: str, choices: tuple[str, ...] = ()) -> str:
+        """Return the text at a key."""
+        value = self.raw(key)
+        if not isinstance(value, str) or (choices and value not in choices):
+            raise self._bad(key, value, f"one of {', '.join(choices)}" if choices else "a text")
+        return value
+
+    def texts(self, key: str) -> tuple[str, ...]:
+        """Return the list of texts at a key."""
+        value = self.items(key)
+        if not all(isinstance(item, str) for item in value):
+            raise self._bad(key, value, "a list of texts")
+        return tuple(value)
+
+    def truth(self, key: str) -> bool:
+        """Return the truth value at a key."""
+        value = self.raw(key)
+        if not isinstance(value, bool):
+            raise self._bad(key, value, "true or false")
+        return value
+
+    def number(self, key: str) -> float:
+        """Return the number at a key; the words inf, -inf and nan count as such."""
+        return self._number(key, self.raw(key))
+
+    def numbers(self, key: str) -> dict[str, float]:
+        """Return the table of numbers at a key."""
+        table = self.table(key)
+        return {name: table.number(name) for name in table}
+
+    def whole(self, key: str) -> int:
+        """Return the whole number at a key."""
+        value = self.raw(key)
+        if not isinstance(value, int) or isinstance(value, bool):
+            raise self._bad(key, value, "a whole number")
+        return value
+
+    def array(self, key: str, *shape: int | None) -> NDArray[np.float64]:
+        """Return the array at a key; None in the shape leaves a length free."""
+        value = self.raw(key)
+        want = f"numbers of shape {shape}".replace("None", "any")
+        try:
+            array = np.array(_words_out(value), dtype=float)
+        except (TypeError, ValueError):
+            raise self._bad(key, value, want) from None
+        if array.size == 0 and 0 in shape:  # a list of nothing does not tell how wide it is
+            array = np.zeros([n or 0 for n in shape])
+        fits = array.ndim == len(shape) and all(
+            n in (None, m) for n, m in zip(shape, array.shape, strict=True)
+        )
+        if not fits:
+            raise self._bad(key, described(f"shape {array.shape}"), want)
+        return array
+
+    def _number(self, key: str, value: Any) -> float:
+        if isinstance(value, str) and value in _WORDS:
+            return _WORDS[value]
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self._bad(key, value, "a number")
+        return float(value)
+
+    def _as_table(self, key: str, value: Any) -> Fields:
+        if not isinstance(value, dict):
+            raise self._bad(key, value, "a table")
+        return Fields(value, f"{self.where}: {key}")
+
+    def _bad(self, key: str, value: Any, want: str) -> Exception:
+        return invalid(f"{self.where}: {key}", value, want, _EDITED)
+
+
+_EDITED = "The file is damaged or was edited; save it again."
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON can hold it: arrays as lists, what is not finite as a word."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return "nan" if math.isnan(value) else ("inf" if value > 0 else "-inf")
+    return value
+
+
+def _words_out(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_words_out(item) for item in value]
+    if isinstance(value, str):
+        return _WORDS.get(value, value)
+    if value is None or isinstance(value, bool):
+        raise TypeError
+    return value
+
+
+def _no_constant(word: str) -> Any:
+    raise ValueError(f"{word} is not JSON")

@@ -1,0 +1,59 @@
+"""Results that no computation made, for tests of what becomes of results."""
+
+import numpy as np
+
+from robustpolish.effects import Effect
+from robustpolish.identification.diagnosis import (
+    Confusion,
+    Diagnosis,
+    FoundEffect,
+    RankedCandidate,
+    Value,
+)
+from robustpolish.identification.ledger import Ledger
+from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+
+PLACE = ("x", "ground")
+
+
+def model() -> MechanicalModel:
+    return MechanicalModel(
+        dofs=[Dof("x", 2.0)],
+        springs=[Spring(PLACE, 8e4)],
+        dampers=[Damper(PLACE, 12.0)],
+        inputs=[Input("F", PLACE)],
+        outputs=[Output("x", PLACE)],
+        spin_frequency=31.0,
+        name="slide",
+    )
+
+
+def diagnosis() -> Diagnosis:
+    force = Value(3.1, 0.02, "N")
+    time = np.arange(500) / 1e3
+    return Diagnosis(
+        verdict="missing_effect",
+        model=model().with_effect("coulomb_friction", PLACE, {"force": 3.1}),
+        effects=(FoundEffect("coulomb_friction", PLACE, {"force": force}),),
+        candidates=(
+            RankedCandidate("coulomb_friction", PLACE, 0.02, 812.5, 1, {"force": 3.1}),
+            RankedCandidate("quadratic_damping", PLACE, np.inf, 9.1, 1, {}, "not sensible"),
+        ),
+        indistinguishable=(
+            Confusion(
+                Effect("coulomb_friction", PLACE),
+                Effect("stribeck_friction", PLACE),
+                "Move slowly, <1 mm/s, and change the speed.",
+            ),
+        ),
+        ledger=Ledger(noise_floor={"x": 0.01})
+        .add("base", {"x": 0.5})
+        .add("refit", {"x": 0.31})
+        .add("coulomb_friction", {"x": 0.0123456789}),
+        missing_force=0.1 * np.random.default_rng(1).standard_normal((1, time.size)),
+        sites=(PLACE,),
+        parameters={"dof.x.mass": Value(2.0, 0.001, "kg"), "effect[0].force": force,
+                    "spring[0].stiffness": Value(8e4, np.inf, "N/m")},
+        reasons=("The effects explain 99 % of the error above the noise.",),
+        time=time,
+    )  # fmt: skip
