@@ -131,7 +131,7 @@ def test_what_is_no_file_of_ours_is_refused(tmp_path):
             rp.load(tmp_path / name)
     with pytest.raises(rp.InvalidInputError, match="No such file"):
         rp.load(tmp_path / "none.json")
-    with pytest.raises(rp.InvalidInputError, match="got a plant in p.json, expected a design"):
+    with pytest.raises(rp.InvalidInputError, match=r"got a plant in p\.json, expected a design"):
         plant().save(tmp_path / "p.json")
         rp.Design.load(tmp_path / "p.json")
     with pytest.raises(rp.InvalidInputError, match=r"\.json"):
