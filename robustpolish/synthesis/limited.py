@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pickle
 import select
@@ -10,6 +11,8 @@ import time
 import warnings
 from collections.abc import Callable
 from typing import Any
+
+from robustpolish.errors import RobustPolishError
 
 
 def run_limited(call: Callable[[], Any], seconds: float) -> Any:
@@ -30,6 +33,11 @@ def run_limited(call: Callable[[], Any], seconds: float) -> Any:
     object or None
         What it returned; None if it was ended or failed.
 
+    Raises
+    ------
+    RobustPolishError
+        If `call` raised it.
+
     Examples
     --------
     >>> run_limited(lambda: 6 * 7, 10.0)
@@ -44,20 +52,34 @@ def run_limited(call: Callable[[], Any], seconds: float) -> Any:
         child = os.fork()
     if child == 0:
         os.close(reader)
+        os.setpgid(0, 0)
         _answer(call, writer)
     os.close(writer)
     try:
-        return _read(reader, time.monotonic() + seconds)
+        answer = _read(reader, time.monotonic() + seconds)
     finally:
         os.close(reader)
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
+        _end(child)
+    if isinstance(answer, RobustPolishError):
+        raise answer
+    return answer
+
+
+def _end(child: int) -> None:
+    """End the child and the processes that it started, which are of its group."""
+    for kill in (os.killpg, os.kill):  # a child ended at once has no group of its own yet
+        with contextlib.suppress(ProcessLookupError):
+            kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
 
 
 def _answer(call: Callable[[], Any], writer: int) -> None:
     """Compute in the child, write the answer and end without any clean-up of the parent's."""
     try:
-        data = pickle.dumps(call())
+        try:
+            data = pickle.dumps(call())
+        except RobustPolishError as error:
+            data = pickle.dumps(error)
         while data:
             data = data[os.write(writer, data) :]
     finally:

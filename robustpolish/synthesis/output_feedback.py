@@ -27,6 +27,7 @@ from robustpolish.synthesis.dynamic.candidates import Findings
 from robustpolish.synthesis.dynamic.choice import Chosen, choose
 from robustpolish.synthesis.dynamic.diagnosis import Diagnosis, diagnose, refuse
 from robustpolish.synthesis.dynamic.engines import METHODS, Settings, run_engines
+from robustpolish.synthesis.dynamic.riccati_h2 import no_finite_h2_norm
 from robustpolish.synthesis.dynamic.solver_plant import SolverPlant
 from robustpolish.synthesis.pricing import noisy, priced
 from robustpolish.synthesis.structured_design import refuse_unstable
@@ -201,6 +202,8 @@ def _solve_parts(
         P = part.plant
         if not (P.nu and P.ny):
             refuse_unstable(P)
+            if settings.norm == "h2" and not P.is_discrete and P.D11.any():
+                raise no_finite_h2_norm()
             keys.append(None)
             continue
         system = P.system

@@ -12,12 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
 from robustpolish.synthesis.affine import Affine
+from robustpolish.synthesis.limited import run_limited
 from robustpolish.validation import one_of
 
 Matrix = NDArray[np.float64]
 Integers = NDArray[np.integer]
 
 BACKENDS = ("cvxpy", "picos")
+# An interior-point iteration on more unknowns takes too long for the clock to be looked at.
+_QUICK_UNKNOWNS = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,8 +157,8 @@ class SemidefiniteProgram:
         tolerance : float, optional
             Relative tolerance passed to the solver.
         time_limit : float, optional
-            Seconds, passed to solvers that know a limit; others stop after a bounded
-            number of iterations.
+            Seconds. Solvers look at the clock between iterations at best, so that larger programs
+            run in a process of their own, which is ended in time.
 
         Returns
         -------
@@ -170,8 +173,17 @@ class SemidefiniteProgram:
             If the backend is not installed.
         """
         run = _backend(backend)
+        form = self.conic_form()
+
+        def call() -> tuple[Matrix | None, str]:
+            return run(form, solver, tolerance, time_limit)
+
         start = time.perf_counter()
-        x, status = run(self.conic_form(), solver, tolerance, time_limit)
+        quick = backend == "cvxpy" and solver is None and form.objective.size <= _QUICK_UNKNOWNS
+        if time_limit is None or quick:
+            x, status = call()
+        else:
+            x, status = run_limited(call, time_limit) or (None, "time limit")
         if x is not None and not np.isfinite(x).all():
             x = None
         return SemidefiniteSolution(x, status, time.perf_counter() - start)

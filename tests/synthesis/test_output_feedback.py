@@ -1,7 +1,5 @@
 """Dynamic output feedback against published optima, LQG, and itself."""
 
-import time
-
 import control
 import numpy as np
 import pytest
@@ -245,6 +243,11 @@ def test_h2_refuses_a_feedthrough_that_nothing_cancels():
     )
     with pytest.raises(rp.InfeasibleError, match="feedthrough D11"):
         output_feedback(plant, norm="h2")
+    beside = rp.GeneralizedPlant.from_matrices(  # in a part without controls
+        [[-1.0]], [[1.0, 0.0]], [[1.0]], [[1.0], [0.0]], [[1.0]], D11=[[0.0, 0.0], [0.0, 1.0]]
+    )
+    with pytest.raises(rp.InfeasibleError, match="feedthrough D11"):
+        output_feedback(beside, norm="h2")
 
 
 @pytest.mark.parametrize(
@@ -266,27 +269,6 @@ def test_a_plant_without_controls_is_refused():
     system = control.ss([[-1.0]], [[1.0]], [[1.0]], 0)
     with pytest.raises(rp.InvalidInputError, match="0 controls"):
         output_feedback(rp.GeneralizedPlant(system, 0, 0))
-
-
-@pytest.mark.parametrize("method", ["riccati", "lmi", "slycot"])
-@pytest.mark.parametrize("norm", ["hinf", "h2"])
-def test_no_method_exceeds_its_time_by_much(method, norm):
-    start = time.monotonic()
-    try:
-        design = output_feedback(flexible_structure(20), norm, method, time_limit=0.5)
-    except rp.SolverError:
-        pass
-    else:
-        assert design.certificate.valid
-    # The certificate of 80 states comes on top; the machine may be busy.
-    assert time.monotonic() - start < 8
-
-
-def test_picos_obeys_the_limit_too():
-    start = time.monotonic()
-    with pytest.raises(rp.SolverError):
-        output_feedback(flexible_structure(12), method="lmi", backend="picos", time_limit=1.0)
-    assert time.monotonic() - start < 8
 
 
 @pytest.mark.parametrize(

@@ -92,6 +92,7 @@ def test_missing_picos_says_what_to_install(monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "picos", None)
+    monkeypatch.delitem(sys.modules, "robustpolish.synthesis.backends.picos_backend", False)
     program = SemidefiniteProgram()
     t = program.scalar()
     program.positive(t)

@@ -40,8 +40,9 @@ def test_methods_and_backends_agree(actuation, norm, weight):
     riccati = state_feedback(plant, norm, "riccati", control_weight=weight)
     lmi = state_feedback(plant, norm, "lmi", "cvxpy", control_weight=weight)
     picos = state_feedback(plant, norm, "lmi", "picos", control_weight=weight)
+    assert riccati.status == lmi.status == "optimal"
+    assert picos.status in ("optimal", "suboptimal")  # CVXOPT ends where its rounding does
     for design in (riccati, lmi, picos):
-        assert design.status == "optimal"
         assert design.certificate.valid
         assert design.certificate.achieved <= design.certificate.claimed * (1 + 1e-6)
     reference = riccati.certificate.achieved

@@ -13,19 +13,19 @@ from robustpolish.errors import MissingDependencyError
 from robustpolish.synthesis.semidefinite import ConicForm
 from robustpolish.validation import one_of
 
+try:
+    import picos
+except ImportError as error:
+    raise MissingDependencyError(
+        "backend: picos is not installed. Install it with `pip install picos cvxopt`, "
+        "or choose backend='cvxpy'."
+    ) from error
+
 
 def solve(
     form: ConicForm, solver: str | None, tolerance: float, time_limit: float | None
 ) -> tuple[NDArray[np.float64] | None, str]:
     """Solve a conic form; return the variables, or None, and the solver's status."""
-    try:
-        import picos
-    except ImportError as error:
-        raise MissingDependencyError(
-            "backend: picos is not installed. Install it with `pip install picos cvxopt`, "
-            "or choose backend='cvxpy'."
-        ) from error
-
     name = (solver or "cvxopt").lower()
     one_of("solver", name, picos.available_solvers())
     x = picos.RealVariable("x", form.objective.size)

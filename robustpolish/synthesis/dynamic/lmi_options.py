@@ -5,11 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robustpolish.synthesis.deadline import Deadline
-from robustpolish.synthesis.limited import run_limited
 from robustpolish.synthesis.semidefinite import SemidefiniteProgram, SemidefiniteSolution
-
-# An interior-point iteration on more unknowns takes too long for the clock to be looked at.
-_QUICK_UNKNOWNS = 500
 
 
 @dataclass(frozen=True)
@@ -35,13 +31,6 @@ class LmiOptions:
         seconds = self.deadline.remaining
         if seconds <= 0:
             return SemidefiniteSolution(None, "no time left", 0.0)
-
-        def call() -> SemidefiniteSolution:
-            return program.solve(
-                self.backend, solver=self.solver, tolerance=self.accuracy, time_limit=seconds
-            )
-
-        unknowns = program.conic_form().objective.size
-        if self.backend == "cvxpy" and self.solver is None and unknowns <= _QUICK_UNKNOWNS:
-            return call()
-        return run_limited(call, seconds) or SemidefiniteSolution(None, "time limit", seconds)
+        return program.solve(
+            self.backend, solver=self.solver, tolerance=self.accuracy, time_limit=seconds
+        )

@@ -43,10 +43,7 @@ def cancel_feedthrough(plant: PlantMatrices) -> WithoutFeedthrough:
     F = -np.linalg.pinv(P.D12, rcond=1e-12) @ P.D11 @ np.linalg.pinv(P.D21, rcond=1e-12)
     rest = P.D11 + P.D12 @ F @ P.D21
     if np.abs(rest).max() > _CANCELLED * np.abs(P.D11).max():
-        raise InfeasibleError(
-            "The H2 norm of every loop is infinite: no controller cancels the feedthrough D11 from "
-            "w to z. Filter w or z so that D11 vanishes, or use norm='hinf'."
-        )
+        raise no_finite_h2_norm()
     closed = P._replace(
         A=P.A + P.B2 @ F @ P.C2,
         B1=P.B1 + P.B2 @ F @ P.D21,
@@ -54,6 +51,14 @@ def cancel_feedthrough(plant: PlantMatrices) -> WithoutFeedthrough:
         D11=np.zeros_like(P.D11),
     )
     return WithoutFeedthrough(closed, F)
+
+
+def no_finite_h2_norm() -> InfeasibleError:
+    """Return the error for a feedthrough that passes white noise whatever the controller does."""
+    return InfeasibleError(
+        "The H2 norm of every loop is infinite: no controller cancels the feedthrough D11 from "
+        "w to z. Filter w or z so that D11 vanishes, or use norm='hinf'."
+    )
 
 
 def minimise_h2(plant: PlantMatrices, deadline: Deadline) -> Findings:

@@ -1,0 +1,58 @@
+"""No call hangs: every method ends soon after its time, on a plant that is too large for it."""
+
+import time
+
+import pytest
+from hard_plants import flexible_structure
+
+import robustpolish as rp
+
+LIMIT = 1.0
+# Certificates come on top, and the machine may be busy. Without limits: half a minute and more.
+ALLOWED = 12.0
+
+PLANT = flexible_structure(20)
+CALLS = {
+    "state, lmi": lambda: rp.state_feedback(PLANT, method="lmi", time_limit=LIMIT),
+    "state, riccati": lambda: rp.state_feedback(PLANT, method="riccati", time_limit=LIMIT),
+    "state, picos": lambda: rp.state_feedback(PLANT, backend="picos", time_limit=LIMIT),
+    "state, gain": lambda: rp.state_feedback(PLANT, gain_bound=100.0, time_limit=LIMIT),
+    "state, region": lambda: rp.state_feedback(
+        PLANT, pole_region=rp.HalfPlane(-0.001), time_limit=LIMIT
+    ),
+    "output, lmi": lambda: rp.output_feedback(PLANT, method="lmi", time_limit=LIMIT),
+    "output, riccati": lambda: rp.output_feedback(PLANT, method="riccati", time_limit=LIMIT),
+    "output, slycot": lambda: rp.output_feedback(PLANT, method="slycot", time_limit=LIMIT),
+    "output, picos": lambda: rp.output_feedback(
+        PLANT, method="lmi", backend="picos", time_limit=LIMIT
+    ),
+    "output, h2": lambda: rp.output_feedback(PLANT, "h2", time_limit=LIMIT),
+    "output, h2, lmi": lambda: rp.output_feedback(PLANT, "h2", "lmi", time_limit=LIMIT),
+    "output, h2, slycot": lambda: rp.output_feedback(PLANT, "h2", "slycot", time_limit=LIMIT),
+    "static": lambda: rp.static_output_feedback(PLANT, time_limit=LIMIT),
+    "order 2": lambda: rp.static_output_feedback(PLANT, order=2, time_limit=LIMIT),
+    "observer": lambda: rp.observer_feedback(PLANT, time_limit=LIMIT),
+    "mixed": lambda: rp.mixed_output_feedback(
+        PLANT, pole_region=rp.HalfPlane(-0.001), time_limit=LIMIT
+    ),
+    "comparison": lambda: rp.compare_methods(PLANT, methods=("auto",), time_limit=LIMIT),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_every_method_ends_in_time(name):
+    start = time.monotonic()
+    try:
+        design = CALLS[name]()
+    except rp.SolverError:
+        pass
+    else:
+        assert all(each.certificate.valid for each in certified(design))
+    assert time.monotonic() - start < ALLOWED
+
+
+def certified(result):
+    """Return the designs of a result."""
+    if isinstance(result, rp.Design):
+        return [result]
+    return [row.design for row in result if row.design is not None]
