@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +10,15 @@ from numpy.typing import NDArray
 from robustpolish.effects import Effect
 from robustpolish.identification.confusion import asymmetries
 from robustpolish.identification.diagnosis import Diagnosis, FoundEffect, Value
-from robustpolish.identification.evaluation import FREE, motion_along
+from robustpolish.identification.evaluation import FREE, motion_along, reproducible
 from robustpolish.identification.free_shape import better_shape
 from robustpolish.identification.homotopy import Stage, homotopy
 from robustpolish.identification.least_squares import Fit
+from robustpolish.identification.ledger import Ledger
 from robustpolish.identification.observer import Level, force_sites
 from robustpolish.identification.parameters import effect_unit, unit_of
 from robustpolish.identification.search import Search, by_output, steps, whole_error
+from robustpolish.identification.setting import Setting
 from robustpolish.identification.standard_errors import standard_errors
 from robustpolish.identification.verdict import choose_verdict
 from robustpolish.models.mechanical import MechanicalModel
@@ -25,9 +26,7 @@ from robustpolish.models.mechanical import MechanicalModel
 Array = NDArray[np.float64]
 
 
-def conclude(
-    search: Search, model: MechanicalModel, base: Array, say: Callable[[str], None]
-) -> Diagnosis:
+def conclude(search: Search, model: MechanicalModel, say: Callable[[str], None]) -> Diagnosis:
     """Fit the final model to the whole record and choose the verdict.
 
     Parameters
@@ -35,47 +34,44 @@ def conclude(
     search : Search
     model : MechanicalModel
         The model as it was, holds of its inputs included.
-    base : ndarray, shape (ny,)
-        Free-run error of the model as it was.
     say : callable
         Told what is done.
     """
     setting = search.setting
     say("final fit")
-    final, error = _final_fit(search, search.stage, model)
+    steady = _steady(search.stage, setting)
+    final, error = _final_fit(search, search.stage, model, steady)
     added = len(final.model.effects) > len(model.effects)
     names = model.output_names
-    refitted = np.array([search.ledger.entries[1].nrmse[name] for name in names])
-    refitted = refitted * np.std(setting.record.Y, axis=0)
+    say("errors of every step")
+    errors = [whole_error(m, setting, steady) for _, m in search.steps[:-1]] + [error]
+    base, refitted = errors[0], errors[min(1, len(errors) - 1)]
     verdict, reasons, floor = choose_verdict(
-        setting, search.stage, search.screening, base, refitted, error, added
+        setting, steady, search.screening, base, refitted, error, added
     )
     if added and verdict == "missing_effect" and np.any(error > 1.5 * setting.scales.noise):
         other = better_shape(final.model, setting)
         if other:
             verdict, reasons = "unexplained", [other]
-    ledger = search.ledger
     if added and verdict == "unexplained":
         # what explains too little is reported as a candidate, not kept in the model
         named = ", ".join(e.kind for e in final.model.effects[len(model.effects) :])
         reasons = [*reasons, f"The nearest of the catalogue, not kept: {named}."]
-        ledger = replace(ledger, entries=ledger.entries[:2])
+        del search.steps[2:]
         search.confusions.clear()
-        final, error = _final_fit(search, search.linear, model)
+        final, error = _final_fit(search, search.linear, model, search.linear.reproducible)
+        errors = [base, error]
         floor = np.minimum(setting.scales.noise, error) / np.std(setting.record.Y, axis=0)
-    last = replace(ledger.entries[-1], nrmse=by_output(model, error, setting))
-    ledger = replace(
-        ledger,
-        entries=(*ledger.entries[:-1], last),
-        noise_floor=dict(zip(names, floor.tolist(), strict=True)),
-    )
-    errors = standard_errors(final, setting.record)
+    ledger = Ledger(noise_floor=dict(zip(names, floor.tolist(), strict=True)))
+    for (step, _), size in zip(search.steps, errors, strict=True):
+        ledger = ledger.add(step, by_output(model, size, setting))
+    deviations = standard_errors(final, setting.record)
     values = {
-        key: Value(final.model.parameters[key], errors[key], unit_of(final.model, key))
-        for key in errors
+        key: Value(final.model.parameters[key], deviations[key], unit_of(final.model, key))
+        for key in deviations
     }
     indices = range(len(model.effects), len(final.model.effects))
-    found = tuple(_found(final.model, index, errors) for index in indices)
+    found = tuple(_found(final.model, index, deviations) for index in indices)
     motion = motion_along(final.model, setting.record, setting.scales, setting.amplitude)
     return Diagnosis(
         verdict=verdict,
@@ -88,21 +84,31 @@ def conclude(
         sites=tuple(force_sites(model)[1]),
         parameters=values,
         reasons=(*search.reasons, *reasons),
-        reproducible=search.stage.reproducible,
+        reproducible=steady,
         time=np.asarray(setting.record.data["time"].values, dtype=float),
     )
 
 
-def _final_fit(search: Search, stage: Stage, model: MechanicalModel) -> tuple[Fit, Array]:
+def _steady(stage: Stage, setting: Setting) -> bool:
+    """Return whether free runs over the whole record judge a model."""
+    return stage.reproducible and reproducible(
+        stage.model, setting.everything[0], setting.scales, setting.dt, setting.amplitude,
+        setting.state_scale,
+    )  # fmt: skip
+
+
+def _final_fit(
+    search: Search, stage: Stage, model: MechanicalModel, steady: bool
+) -> tuple[Fit, Array]:
     """Fit a stage's model to the whole record; return the fit and its free-run error."""
     setting = search.setting
-    levels = (Level(0.01), FREE) if stage.reproducible else (Level(0.1), Level(0.01))
+    levels = (Level(0.01), FREE) if steady else (Level(0.1), Level(0.01))
     fits = homotopy(stage.model, setting, setting.everything, model, levels, steps(setting))
-    before = whole_error(stage.model, setting)
+    before = whole_error(stage.model, setting, steady)
     if not fits:
         return stage.fit, before
-    error = whole_error(fits[-1].model, setting)
-    if stage.reproducible and np.mean(np.log(error)) > np.mean(np.log(before)):
+    error = whole_error(fits[-1].model, setting, steady)
+    if np.mean(np.log(error)) > np.mean(np.log(before)):
         return stage.fit, before
     return fits[-1], error
 

@@ -22,11 +22,10 @@ from robustpolish.identification.evaluation import FREE
 from robustpolish.identification.gains import WrongGain, wrong_gains
 from robustpolish.identification.holds import null_score, with_holds
 from robustpolish.identification.homotopy import Stage, best_stage, homotopy
-from robustpolish.identification.ledger import Ledger
 from robustpolish.identification.observer import Level
 from robustpolish.identification.record import record_of
 from robustpolish.identification.screening import Candidate, screen
-from robustpolish.identification.search import Search, by_output, steps, whole_error
+from robustpolish.identification.search import Search, steps
 from robustpolish.identification.setting import Setting, prepare
 from robustpolish.identification.standard_errors import standard_errors
 from robustpolish.identification.verdict import SILENT
@@ -38,6 +37,8 @@ VISIBLE_FALL = 0.2
 LEAST_ODDS = 12.0
 MOST_EFFECTS = 4
 MOST_REFITS = 5
+# An effect whose score is below this share of the best is no rival to one that explains all.
+NEAR_SCORE = 0.6
 _LINEAR = (Level(1.0), Level(0.1), FREE)
 _EXTENDED = (Level(0.1), Level(0.01), Level(0.001), FREE)
 
@@ -78,37 +79,39 @@ def diagnose(
     say = progress or (lambda text: None)
     record = record_of(model, data)
     setting = prepare(model, record)
-    say("errors of the model as it is")
-    ledger = Ledger(noise_floor=by_output(model, setting.scales.noise, setting))
-    base = whole_error(model, setting)
-    ledger = ledger.add("base", by_output(model, base, setting))
+    entries: list[tuple[str, MechanicalModel]] = [("base", model)]
+    say("how inputs act between their samples")
     model = with_holds(model, setting)
     say("refit of the model's own parameters")
     stages = homotopy(model, setting, setting.trial, model, _LINEAR)
     stage = best_stage(stages, setting)
-    search = Search(setting, model, stage, ledger, stages[min(1, len(stages) - 1)].model, stage)
-    search.ledger = ledger.add(
-        "refit", by_output(model, whole_error(stage.model, setting), setting)
-    )
+    search = Search(setting, model, stage, entries, stages[min(1, len(stages) - 1)].model, stage)
+    entries.append(("refit", stage.model))
     while len(search.stage.model.effects) - len(model.effects) < MOST_EFFECTS:
         if not _add_one(search, say):
             break
     # only now: as long as something is missing, a fit bends masses and springs alike
     for found in wrong_gains(model, search.stage.model):
         _add_gain(search, found, say)
-    return conclude(search, model, base, say)
+    return conclude(search, model, say)
 
 
 def _add_one(search: Search, say: Progress) -> bool:
     """Try to add one effect; return whether one earned its place."""
     setting = search.setting
+    if _at_floor(search.stage, setting):
+        return False
     number = len(search.stage.model.effects) - len(search.reference.effects) + 1
     for start in _starts(search):
         say(f"screening for effect {number}")
         screening = screen(start, setting.screened, setting.scales, setting.amplitude)
         search.screening = screening
         refits: list[tuple[Candidate, Stage]] = []
-        for candidate in _hopeful(screening.candidates):
+        hopeful = _hopeful(screening.candidates)
+        for candidate in hopeful:
+            explained = any(_at_floor(s, setting) for _, s in refits)
+            if explained and candidate.score < NEAR_SCORE * hopeful[0].score:
+                break
             say(f"refit with {candidate.effect}")
             fitted = _refit_with(candidate, start, search)
             if fitted is not None:
@@ -124,6 +127,11 @@ def _add_one(search: Search, say: Progress) -> bool:
     return False
 
 
+def _at_floor(stage: Stage, setting: Setting) -> bool:
+    """Return whether not even the noise alone would make the error fall visibly."""
+    return bool(np.all(stage.error * (1 - VISIBLE_FALL) < setting.scales.noise))
+
+
 def _accept(
     search: Search,
     earned: tuple[Candidate, Stage],
@@ -132,10 +140,7 @@ def _accept(
     candidate, fitted = earned
     _note_confusions(search, earned, ranked)
     search.stage = fitted
-    error = whole_error(fitted.model, search.setting)
-    search.ledger = search.ledger.add(
-        candidate.effect.kind, by_output(fitted.model, error, search.setting)
-    )
+    search.steps.append((candidate.effect.kind, fitted.model))
 
 
 def _starts(search: Search) -> list[MechanicalModel]:
@@ -168,9 +173,7 @@ def _add_gain(search: Search, found: WrongGain, say: Progress) -> None:
     for other in found.alike:
         search.confusions.append(Confusion(effect, other, experiment(effect, other)))
     search.reasons.append(found.reason)
-    search.ledger = search.ledger.add(
-        effect.kind, by_output(stage.model, whole_error(stage.model, setting), setting)
-    )
+    search.steps.append((effect.kind, stage.model))
 
 
 def _hopeful(candidates: Sequence[Candidate]) -> list[Candidate]:

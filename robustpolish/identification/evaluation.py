@@ -19,6 +19,7 @@ from robustpolish.simulation.nonlinear_system import dynamic_effects
 Array = NDArray[np.float64]
 FREE = Level()
 GUIDED = Level(0.03)
+_SHORTEST = 50
 
 
 def state_scale(model: MechanicalModel, motion: Smoothed) -> Array:
@@ -79,13 +80,21 @@ def fitted_starts(
     for piece in pieces:
         length = piece.record.samples
         current = piece
-        for share in (1 / 16, 1 / 4, 1.0):
-            part = piece.record.part(0, max(int(share * length), min(length, 60)))
+        for samples in _growing(length):
+            part = piece.record.part(0, samples)
             trial = [Piece(part, current.start)]
             residuals = Residuals(model, trial, predictor, [], True, full_scale(model, scale))
             fitted = fit(residuals, iterations=3, tolerance=1e-4)
             current = Piece(piece.record, fitted.pieces[0].start)
         found.append(current)
+    return found
+
+
+def _growing(length: int) -> list[int]:
+    """Return lengths that grow fourfold up to the whole."""
+    found = [length]
+    while found[0] > 4 * _SHORTEST:
+        found.insert(0, found[0] // 4)
     return found
 
 

@@ -32,6 +32,7 @@ from robustpolish.models.mechanical import MechanicalModel
 
 Array = NDArray[np.float64]
 HOMOTOPY = (Level(1.0), Level(0.1), Level(0.01), FREE)
+_LOST = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +90,9 @@ def homotopy(
 ) -> list[Fit]:
     """Fit at falling levels of guidance; return the fit of every stage.
 
+    A stage whose errors jump is no start for the next: the last one that followed the data is,
+    and that is among the last two that are returned.
+
     Parameters
     ----------
     model : MechanicalModel
@@ -104,6 +108,7 @@ def homotopy(
         Keys that stay as they are.
     """
     stages: list[Fit] = []
+    kept: Fit | None = None
     current = with_rest(model, pieces)
     for level in levels:
         predictor = Predictor(model, setting.dt, level, setting.scales, setting.amplitude)
@@ -122,10 +127,19 @@ def homotopy(
         if not np.isfinite(result.cost):
             continue
         stages.append(result)
-        model = result.model
+        if kept is not None and _lost(result, kept):
+            continue  # the next stage starts where this one did
+        kept, model = result, result.model
         if level.free:
             current = list(result.pieces)
+    if kept is not None and all(kept is not stage for stage in stages[-2:]):
+        stages.insert(len(stages) - 1, kept)
     return stages
+
+
+def _lost(after: Fit, before: Fit) -> bool:
+    """Return whether a stage lost the data that the one before followed."""
+    return bool(np.max(after.rmse / before.rmse) > _LOST)
 
 
 def best_stage(stages: Sequence[Fit], setting: Setting) -> Stage:

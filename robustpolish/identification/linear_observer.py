@@ -135,11 +135,6 @@ class LinearObserver:
         """Number of states, missing forces included."""
         return self.system.A.shape[0]
 
-    @property
-    def sites(self) -> int:
-        """Number of missing forces, the last of the states."""
-        return self.states - 2 * len(self.model.free)
-
     def innovations(
         self, Y: Array, W: Array, forces: PortForces | None, s0: Array | None = None
     ) -> tuple[Array, Array]:
@@ -199,10 +194,11 @@ class LinearObserver:
         )  # fmt: skip
         return out
 
-    def likeliest_start(self, errors: Array) -> Array:
+    def likeliest_start(self, errors: Array, sizes: Array) -> Array:
         """Return the state at the first sample, from the innovations of a start at zero.
 
-        Nothing is known about the motion beforehand; the missing force is small.
+        `sizes` holds what the displacements and velocities may be at most, roughly; infinite
+        where nothing is known.
         """
         columns = self.respond_start(len(errors))
         root = np.linalg.cholesky(np.linalg.inv(self.gain.innovation))
@@ -210,9 +206,8 @@ class LinearObserver:
         size = np.sqrt(np.sum(X**2, axis=1))
         size[size == 0] = 1.0
         X = X / size[:, None]
-        variance = np.diag(self.gain.covariance)[-self.sites :] if self.sites else np.zeros(0)
-        known = np.zeros(len(X))
-        known[len(X) - self.sites :] = 1 / np.maximum(variance, 1e-300)
+        variance = np.diag(self.gain.covariance)[2 * len(self.model.free) :]
+        known = 1 / np.maximum(np.concatenate([sizes**2, variance]), 1e-300)
         gram = X @ X.T + np.diag(known / size**2)
         return np.linalg.lstsq(gram, X @ (errors @ root).ravel(), rcond=1e-10)[0] / size
 

@@ -25,6 +25,7 @@ from robustpolish.simulation.nonlinear_system import (
 )
 
 Array = NDArray[np.float64]
+_START = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,16 +85,17 @@ def smooth(
     Y = raw_outputs(model, record.Y)
     time = np.asarray(record.data["time"].values, dtype=float)
     observer = LinearObserver(model, record.dt, level, scales)
+    sizes = _start_sizes(model, scales, amplitude)
     forces = None
     if any(Effect(e.kind, e.at, e.parameters).definition.law is not None for e in model.effects):
         predictor = Predictor(model, record.dt, level, scales, amplitude)
         kept: Prediction = predictor.predict(model, record, zero_start(model), keep=True)
         q, v = motion_of(model, kept.states, W)
         forces = known_forces(model, np.nan_to_num(q), np.nan_to_num(v), time, record.dt)
-    s = _smoothed_states(observer, Y, W, forces)
+    s = _smoothed_states(observer, Y, W, forces, sizes)
     if forces is not None:  # once more, along the smoothed motion
         forces = known_forces(model, *motion_of(model, s, W), time, record.dt)
-        s = _smoothed_states(observer, Y, W, forces)
+        s = _smoothed_states(observer, Y, W, forces, sizes)
     q, v = motion_of(model, s, W)
     n = 2 * len(model.free)
     force = s[:, n:].T
@@ -110,14 +112,32 @@ def _through(model: MechanicalModel, forces: PortForces) -> Array:
 
 
 def _smoothed_states(
-    observer: LinearObserver, Y: Array, W: Array, forces: PortForces | None
+    observer: LinearObserver, Y: Array, W: Array, forces: PortForces | None, sizes: Array
 ) -> Array:
     """Smooth; the start is fitted to the first part of the record."""
     first = min(len(Y), 4000)
     head = None if forces is None else forces.head(first)
     errors = observer.innovations(Y[:first], W[:first], head)[1]
-    states, errors = observer.innovations(Y, W, forces, observer.likeliest_start(errors))
+    states, errors = observer.innovations(Y, W, forces, observer.likeliest_start(errors, sizes))
     return observer.smooth(states, errors)
+
+
+def _start_sizes(model: MechanicalModel, scales: Scales, amplitude: float) -> Array:
+    """Return what free displacements and velocities may be at the start, roughly.
+
+    No coordinate holds much more energy than the softest one does at the measured amplitude, and
+    none moves much faster than its displacement and the bandwidth allow. This holds still what
+    the outputs hardly show, a stiff mass that is not measured.
+    """
+    m = model.matrices
+    mass, stiffness = np.diag(m.M)[m.free], np.diag(m.K)[m.free]
+    elastic = np.where(stiffness > 0, stiffness, mass * scales.bandwidth**2)
+    if amplitude == 0 or not elastic.size:
+        return np.full(2 * len(elastic), np.inf)
+    energy = np.min(elastic) * (_START * amplitude) ** 2
+    q = np.where(stiffness > 0, np.sqrt(energy / elastic), np.inf)
+    v = np.minimum(np.sqrt(energy / mass), _START * scales.bandwidth * q)
+    return np.concatenate([q, v])
 
 
 def motion_of(model: MechanicalModel, states: Array, W: Array) -> tuple[Array, Array]:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from robustpolish.identification.diagnosis import Confusion, RankedCandidate
 from robustpolish.identification.evaluation import free_errors
 from robustpolish.identification.homotopy import Stage
-from robustpolish.identification.ledger import Ledger
 from robustpolish.identification.screening import Screening
 from robustpolish.identification.setting import Setting
 from robustpolish.models.mechanical import MechanicalModel
@@ -20,12 +19,12 @@ Array = NDArray[np.float64]
 
 @dataclass
 class Search:
-    """What the search knows so far."""
+    """What the search knows so far; `steps` are the entries of the ledger to come."""
 
     setting: Setting
     reference: MechanicalModel
     stage: Stage
-    ledger: Ledger
+    steps: list[tuple[str, MechanicalModel]]
     guided: MechanicalModel
     linear: Stage
     candidates: list[RankedCandidate] = field(default_factory=list)
@@ -34,12 +33,15 @@ class Search:
     screening: Screening | None = None
 
 
-def whole_error(model: MechanicalModel, setting: Setting) -> Array:
-    """Return the free-run error of each output over the whole record."""
+def whole_error(model: MechanicalModel, setting: Setting, steady: bool = True) -> Array:
+    """Return the free-run error of each output over the whole record.
+
+    A model whose long runs are not reproducible is run in windows.
+    """
+    pieces = setting.everything if steady else setting.windows
     errors = free_errors(
-        model, setting.everything, setting.scales, setting.dt, setting.amplitude,
-        setting.state_scale,
-    )  # fmt: skip
+        model, pieces, setting.scales, setting.dt, setting.amplitude, setting.state_scale
+    )
     rms = np.sqrt(np.mean(errors**2, axis=0))
     return np.where(np.isfinite(rms), rms, np.inf)
 

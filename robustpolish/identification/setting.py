@@ -34,6 +34,8 @@ class Setting:
     ----------
     estimation, trial, held_out, everything : list of Piece
         `trial` is the first part of each estimation piece, for first fits of candidates.
+    windows : list of Piece
+        The whole record in short pieces, for models whose long free runs judge nothing.
     """
 
     record: Record
@@ -44,6 +46,7 @@ class Setting:
     trial: list[Piece]
     held_out: list[Piece]
     everything: list[Piece]
+    windows: list[Piece]
 
     @property
     def dt(self) -> float:
@@ -67,9 +70,8 @@ def prepare(model: MechanicalModel, record: Record) -> Setting:
     amplitude = amplitude_of(model, record, scales.bandwidth)
     motion = motion_along(model.without_effects(), record, scales, amplitude)
     parts = split(record.samples, decays=not model.inputs)
-    length = record.samples
-    if drifts(model, record.samples * record.dt):
-        length = max(60, record.samples // _WINDOWS)
+    short = max(60, record.samples // _WINDOWS)
+    length = short if drifts(model, record.samples * record.dt) else record.samples
 
     def pieces(ranges: Sequence[tuple[int, int]]) -> list[Piece]:
         return pieces_of(model, record, _windows(ranges, length), motion)
@@ -78,6 +80,7 @@ def prepare(model: MechanicalModel, record: Record) -> Setting:
         record, scales, amplitude, state_scale(model, motion),
         pieces(parts.estimation), pieces([(a, min(b, a + _TRIAL)) for a, b in parts.estimation]),
         pieces(parts.held_out), pieces([(0, record.samples)]),
+        pieces_of(model, record, _windows([(0, record.samples)], short), motion),
     )  # fmt: skip
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.identification.homotopy import Stage
 from robustpolish.identification.screening import Screening
 from robustpolish.identification.setting import Setting
 
@@ -19,7 +18,7 @@ SILENT = 0.002
 
 def choose_verdict(
     setting: Setting,
-    stage: Stage,
+    steady: bool,
     screening: Screening | None,
     base: Array,
     refitted: Array,
@@ -31,8 +30,8 @@ def choose_verdict(
     Parameters
     ----------
     setting : Setting
-    stage : Stage
-        The last one that was accepted.
+    steady : bool
+        Whether free runs over the whole record judge; otherwise the errors are of windows.
     screening : Screening, optional
         The last one.
     base, refitted, error : ndarray, shape (ny,)
@@ -42,12 +41,11 @@ def choose_verdict(
     """
     size = np.std(setting.record.Y, axis=0)
     white = setting.scales.noise
-    judged = error if stage.reproducible else stage.guided
-    at_floor = float(np.max(judged / white)) < AT_FLOOR or _noise_like(screening)
+    at_floor = float(np.max(error / white)) < AT_FLOOR or _noise_like(screening)
     floor = (error if at_floor else np.minimum(white, error)) / size
     if added:
         share = _explained(refitted, error, white)
-        if at_floor or share > EXPLAINED or not stage.reproducible:
+        if at_floor or share > EXPLAINED or not steady:
             told = f"The effects explain {100 * share:.0f} % of the error above the noise."
             return "missing_effect", [told] if share > 0 else [], floor
         why = f"What was found explains {100 * share:.0f} % of the error above the noise only."

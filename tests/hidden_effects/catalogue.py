@@ -195,7 +195,7 @@ def _many():
         "bearing: cubic",
         bearing(),
         [("cubic_stiffness", ("x", "x_m"), [2e10])],
-        drive=40,
+        drive=12,
         samples=12000,
     )
 
