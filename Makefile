@@ -8,7 +8,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint docs bench hidden-effects clean clean-cache
+.PHONY: help demo test test-slow lint docs linkcheck notebooks figure validation bench hidden-effects clean clean-cache
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 18
@@ -36,7 +36,20 @@ lint: $(READY) ## Check style, types and the direction of imports
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 
-docs: $(READY) ## Measure every figure of the validation page again
+docs: $(READY) ## Build the documentation, warnings are errors; pages go to docs/_build/html
+	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
+
+linkcheck: $(READY) ## Follow every link of the documentation; needs a network
+	$(BIN)/python docs/list_links.py
+	$(BIN)/sphinx-build -b linkcheck docs docs/_build/linkcheck
+
+notebooks: $(READY) ## Run every notebook in full
+	$(BIN)/python notebooks/run.py
+
+figure: demo ## Refresh the README's figure with what the demo drew
+	cp demo-results/figure.png docs/_static/demo.png
+
+validation: $(READY) ## Measure every figure of the validation page again (a few minutes)
 	$(BIN)/python docs/build_validation.py
 
 bench: $(READY) ## Compare all synthesis methods on the benchmark plants

@@ -15,8 +15,12 @@ import numpy as np
 
 import robustpolish as rp
 from robustpolish.analysis import modes
-from robustpolish.closed_loop import thesis_comparison, thesis_structures
-from robustpolish.synthesis import PUBLISHED_CONTROLLERS, published_gain
+from robustpolish.closed_loop import (
+    PUBLISHED_DEVIATIONS,
+    thesis_comparison,
+    thesis_structures,
+)
+from robustpolish.synthesis import PUBLISHED_CONTROLLERS, PUBLISHED_NORMS, published_gain
 
 PAGE = Path(__file__).with_name("validation.md")
 
@@ -62,41 +66,18 @@ def open_loop() -> Iterable[Row]:
 
 def controllers() -> Iterable[Row]:
     """Sections 11.1.1 and 11.2.1: the controllers of appendix C."""
-    printed = {
-        "first": ("C.3", 3.4459e-6, "displacement"),
-        "first_scaled": ("C.4", 5.0011e-6, "displacement"),
-        "second": ("C.5", 6.5060e-5, "force"),
-        "second_scaled": ("C.6", 5.3719e-5, "force"),
-    }
-    for name, (label, published, actuation) in printed.items():
+    for name, published in PUBLISHED_NORMS.items():
+        actuation = "displacement" if name.startswith("first") else "force"
         loop = rp.air_bearing(actuation=actuation).state_feedback_loop(published_gain(name))
         found = rp.hinf_norm(loop)
         yield (
-            f"H-infinity norm with {label}",
+            f"H-infinity norm with {PUBLISHED_CONTROLLERS[name]}",
             published,
             found.value,
             "n = 0.001; stable; the thesis prints the solver's bound, not the loop's norm"
             if found.stable
             else "unstable",
         )
-
-
-PRINTED_DEVIATIONS = {  # tables 11.1, 11.5 and 11.3, 11.7: x, y, z in m
-    1: {
-        "without control": (7.8095e-4, 0.0177, 1.9855e-4),
-        "first": (0.0, 7.5486e-4, 7.1232e-6),
-        "first_scaled": (0.0, 4.5467e-4, 8.0705e-6),
-        "second": (0.0, 7.4643e-5, 2.4510e-5),
-        "second_scaled": (0.0, 6.8915e-4, 9.7659e-6),
-    },
-    4: {
-        "without control": (0.0011, 0.0094, 1.5049e-4),
-        "first": (0.0, 7.9841e-4, 1.2877e-5),
-        "first_scaled": (0.0, 4.9490e-4, 1.2861e-5),
-        "second": (0.0, 8.2640e-5, 4.6829e-5),
-        "second_scaled": (0.0, 8.0809e-4, 1.9925e-5),
-    },
-}
 
 
 def chapter_11(run: int) -> str:
@@ -107,7 +88,7 @@ def chapter_11(run: int) -> str:
         "| controller |" + "".join(f" {s} thesis | {s} ours | gap |" for s in signals),
         "|---|" + "---:|" * 9,
     ]
-    for row, printed in PRINTED_DEVIATIONS[run].items():
+    for row, printed in PUBLISHED_DEVIATIONS[run].items():
         cells = [PUBLISHED_CONTROLLERS.get(row, row)]
         for signal, published in zip(signals, printed, strict=True):
             ours = float(found.sel(row=row, signal=signal))

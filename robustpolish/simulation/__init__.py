@@ -1,5 +1,13 @@
-"""Simulation: the exact response of linear systems."""
+"""Simulation: the exact response of linear systems, and models with physical effects."""
 
 from robustpolish.simulation.linear_response import Response, first_order_hold, linear_response
+from robustpolish.simulation.nonlinear import NonlinearResponse
+from robustpolish.simulation.nonlinear import simulate as simulate_model
 
-__all__ = ["Response", "first_order_hold", "linear_response"]
+__all__ = [
+    "NonlinearResponse",
+    "Response",
+    "first_order_hold",
+    "linear_response",
+    "simulate_model",
+]

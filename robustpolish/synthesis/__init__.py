@@ -13,12 +13,17 @@ from robustpolish.synthesis.observer_feedback import observer_controller, observ
 from robustpolish.synthesis.output_feedback import output_feedback
 from robustpolish.synthesis.passive_feedback import PassiveElement, passive_feedback
 from robustpolish.synthesis.pole_regions import Disk, HalfPlane, Sector
-from robustpolish.synthesis.published_controllers import PUBLISHED_CONTROLLERS, published_gain
+from robustpolish.synthesis.published_controllers import (
+    PUBLISHED_CONTROLLERS,
+    PUBLISHED_NORMS,
+    published_gain,
+)
 from robustpolish.synthesis.state_feedback import state_feedback
 from robustpolish.synthesis.static_output_feedback import static_output_feedback
 
 __all__ = [
     "PUBLISHED_CONTROLLERS",
+    "PUBLISHED_NORMS",
     "Certificate",
     "Design",
     "Disk",

@@ -88,6 +88,11 @@ PUBLISHED_CONTROLLERS: Mapping[str, str] = MappingProxyType(
 )
 """Names of the controllers and their numbers in appendix C."""
 
+PUBLISHED_NORMS: Mapping[str, float] = MappingProxyType(
+    {"first": 3.4459e-6, "first_scaled": 5.0011e-6, "second": 6.5060e-5, "second_scaled": 5.3719e-5}
+)
+"""H-infinity norms [m/N] that sections 11.1.1 and 11.2.1 print: the solver's bounds."""
+
 
 def published_gain(name: str) -> NDArray[np.float64]:
     """Return one of the printed state feedbacks.

@@ -1,0 +1,127 @@
+"""The API reference, one page per room, written from what each room exports.
+
+A name of the top level is listed as ``robustpolish.name``, the way it is meant to be used; the
+others as ``robustpolish.room.name``. Nothing public can be forgotten.
+"""
+
+from __future__ import annotations
+
+import inspect
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from docutils import nodes
+from sphinx.addnodes import pending_xref
+from sphinx.application import Sphinx
+from sphinx.config import Config
+from sphinx.environment import BuildEnvironment
+from sphinx.util.nodes import make_refnode
+
+import robustpolish
+
+ROOMS = {
+    "models": "Machines and plants",
+    "effects": "Physical effects",
+    "brush": "The polishing brush",
+    "analysis": "Analysis",
+    "synthesis": "Synthesis and certificates",
+    "closed_loop": "Closed loop",
+    "measurements": "Measurements",
+    "identification": "Identification",
+    "simulation": "Simulation",
+    "plotting": "Plotting",
+    "report": "Reports",
+}
+KINDS = ("Functions", "Classes", "Errors and warnings", "Data")
+
+
+def public_names(module: ModuleType) -> list[str]:
+    """Return what a package exports: its `__all__`, or all names that it imports by name."""
+    listed = getattr(module, "__all__", None)
+    if listed is None:
+        listed = [
+            name
+            for name, value in vars(module).items()
+            if not name.startswith("_") and not inspect.ismodule(value) and name != "annotations"
+        ]
+    return sorted(listed, key=str.lower)
+
+
+def kind_of(value: Any) -> str:
+    """Return the heading under which a name is listed."""
+    if inspect.isclass(value):
+        return KINDS[2] if issubclass(value, Exception) else KINDS[1]
+    return KINDS[0] if inspect.isroutine(value) else KINDS[3]
+
+
+def room_page(title: str, intro: str, names: dict[str, Any], prefix: str) -> str:
+    """Return one page: a table per kind of name."""
+    lines = [title, "=" * len(title), "", intro, ""]
+    top = set(robustpolish.__all__)
+    for kind in KINDS:
+        chosen = [name for name, value in names.items() if kind_of(value) == kind]
+        if not chosen:
+            continue
+        lines += [kind, "-" * len(kind), "", ".. autosummary::", "   :toctree: reference", ""]
+        lines += [
+            f"   robustpolish.{name}"
+            if name in top and getattr(robustpolish, name) is names[name]
+            else f"   {prefix}.{name}"
+            for name in chosen
+        ]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def pages() -> dict[str, str]:
+    """Return all pages by name of file."""
+    found: dict[str, str] = {}
+    seen: set[int] = set()
+    for room, title in ROOMS.items():
+        module = import_module(f"robustpolish.{room}")
+        names = {name: getattr(module, name) for name in public_names(module)}
+        seen |= {id(value) for value in names.values()}
+        intro = (inspect.getdoc(module) or "").splitlines()[0]
+        found[f"{room}.rst"] = room_page(title, intro, names, module.__name__)
+    rest = {
+        name: getattr(robustpolish, name)
+        for name in robustpolish.__all__
+        if id(getattr(robustpolish, name)) not in seen
+    }
+    intro = "How the package complains, and what belongs to no room."
+    found["general.rst"] = room_page("Errors and the rest", intro, rest, "robustpolish")
+    return found
+
+
+def _write(app: Sphinx, config: Config) -> None:
+    folder = Path(app.srcdir) / "api"
+    folder.mkdir(exist_ok=True)
+    for name, text in pages().items():
+        page = folder / name
+        if not page.exists() or page.read_text(encoding="utf-8") != text:
+            page.write_text(text, encoding="utf-8")
+
+
+def _resolve(
+    app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.TextElement
+) -> nodes.reference | None:
+    """Find a name that a docstring gives without its room, or with it where it has none here."""
+    if node.get("refdomain") != "py":
+        return None
+    name = node["reftarget"].split(".")[-1]
+    domain = env.domains.python_domain
+    for prefix in ("robustpolish", *(f"robustpolish.{room}" for room in ROOMS)):
+        found = domain.objects.get(f"{prefix}.{name}")
+        if found is not None:
+            place = node["refdoc"], found.docname, found.node_id
+            return make_refnode(app.builder, *place, content, f"{prefix}.{name}")
+    return None
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Write the pages before Sphinx looks for sources."""
+    app.connect("config-inited", _write)
+    app.connect("missing-reference", _resolve)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

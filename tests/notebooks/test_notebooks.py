@@ -1,0 +1,55 @@
+"""Every notebook runs from end to end, at a small size, without a warning."""
+
+from pathlib import Path
+
+import jupytext
+import nbclient
+import pytest
+
+NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.md"))
+
+
+@pytest.fixture(scope="module", params=NOTEBOOKS, ids=lambda path: path.stem)
+def executed(request, tmp_path_factory):
+    """Run a notebook in an empty folder: it must bring its data with it."""
+    patch = pytest.MonkeyPatch()
+    patch.setenv("ROBUSTPOLISH_SMALL", "1")
+    notebook = jupytext.read(request.param)
+    folder = tmp_path_factory.mktemp(request.param.stem)
+    try:
+        nbclient.NotebookClient(
+            notebook,
+            timeout=300,
+            kernel_name="python3",
+            resources={"metadata": {"path": str(folder)}},
+        ).execute()
+    finally:
+        patch.undo()
+    return notebook
+
+
+def test_a_notebook_runs_asks_and_answers(executed):
+    code = [cell for cell in executed.cells if cell.cell_type == "code"]
+    assert all(cell.execution_count for cell in code)
+    complaints = [
+        output["text"]
+        for cell in code
+        for output in cell.outputs
+        if output.output_type == "stream" and output["name"] == "stderr"
+    ]
+    assert not complaints
+    first = next(cell for cell in executed.cells if cell.cell_type == "markdown")
+    assert "**Question:" in first.source
+    headings = [cell.source for cell in executed.cells if cell.cell_type == "markdown"]
+    assert headings[-1].splitlines()[0] == "## Answer" or "## Answer" in headings[-1]
+    (answer,) = code[-1].outputs
+    assert "**" in answer["data"]["text/markdown"]
+    assert any("image/png" in o.get("data", {}) for cell in code for o in cell.outputs)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_no_output_is_committed(path):
+    notebook = jupytext.read(path)
+    assert all(not cell.get("outputs") for cell in notebook.cells)
+    assert notebook.metadata["jupytext"]["text_representation"]["format_name"] == "myst"
+    assert "../shared" not in path.read_text(encoding="utf-8")
