@@ -26,7 +26,7 @@ def simulate(
     disturbance : xarray.Dataset
         One variable over `time` (s, uniform) for every disturbance w, by name, such as the
         forces of :func:`robustpolish.simulate_brush`; other variables are ignored. Measurement
-        noise that a synthesis added to w, "noise_...", is zero unless it is given.
+        noise that a synthesis added to w, ``"noise_..."``, is zero unless it is given.
 
     Returns
     -------
