@@ -110,8 +110,10 @@ def _resolve(
     """Find a name that a docstring gives without its room, or with it where it has none here."""
     if node.get("refdomain") != "py":
         return None
-    name = node["reftarget"].split(".")[-1]
     domain = env.domains.python_domain
+    name = node["reftarget"]
+    if name.startswith("robustpolish."):
+        name = name.removeprefix("robustpolish.").split(".", 1)[-1]
     for prefix in ("robustpolish", *(f"robustpolish.{room}" for room in ROOMS)):
         found = domain.objects.get(f"{prefix}.{name}")
         if found is not None:
