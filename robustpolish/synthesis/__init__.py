@@ -9,6 +9,7 @@ from robustpolish.synthesis.compare_methods import (
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.given_controller import given_controller
 from robustpolish.synthesis.mixed_output_feedback import mixed_output_feedback
+from robustpolish.synthesis.mixed_state_feedback import mixed_state_feedback
 from robustpolish.synthesis.observer_feedback import observer_controller, observer_feedback
 from robustpolish.synthesis.output_feedback import output_feedback
 from robustpolish.synthesis.passive_feedback import PassiveElement, passive_feedback
@@ -36,6 +37,7 @@ __all__ = [
     "compare_methods",
     "given_controller",
     "mixed_output_feedback",
+    "mixed_state_feedback",
     "observer_controller",
     "observer_feedback",
     "output_feedback",

@@ -15,6 +15,10 @@ from typing import Any
 from robustpolish.errors import RobustPolishError
 
 
+# Longer waits may exceed what the system's clock can hold.
+_A_DAY = 86400.0
+
+
 def run_limited(call: Callable[[], Any], seconds: float) -> Any:
     """Run `call` in a process of its own and end it after some seconds.
 
@@ -89,8 +93,8 @@ def _answer(call: Callable[[], Any], writer: int) -> None:
 def _read(reader: int, until: float) -> Any:
     data = b""
     while True:
-        ready, _, _ = select.select([reader], [], [], max(0.0, until - time.monotonic()))
-        if not ready:
+        left = until - time.monotonic()
+        if not select.select([reader], [], [], min(max(0.0, left), _A_DAY))[0]:
             return None
         piece = os.read(reader, 1 << 20)
         if not piece:

@@ -1,4 +1,4 @@
-"""Full-order controllers of one part under several specifications at once."""
+"""Controllers of one part under several specifications at once: static or of full order."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.channels import channel as cut
 from robustpolish.synthesis.fixed_modes import refuse_fixed_modes
 from robustpolish.synthesis.mixed_inequalities import Specification, mixed_start
+from robustpolish.synthesis.mixed_state_inequalities import mixed_state_start
 from robustpolish.synthesis.nonsmooth import (
     AffineGain,
     Loop,
@@ -29,6 +30,7 @@ from robustpolish.synthesis.static_search import (
     bounded_loops,
     free_gain,
     gain_requirement,
+    projected_regulator,
     unscaled_controller,
 )
 from robustpolish.synthesis.structured_search import Norm, Setting, objective
@@ -60,6 +62,8 @@ class MixedTask:
     gain_bound : float or None
     backend : str
     solver : str or None
+    order : int
+        States of the controller: those of the part, or 0 for a static gain.
     """
 
     whole: GeneralizedPlant
@@ -71,6 +75,7 @@ class MixedTask:
     gain_bound: float | None
     backend: str
     solver: str | None
+    order: int
 
 
 def mixed_setting(task: MixedTask) -> Setting:
@@ -82,10 +87,10 @@ def mixed_setting(task: MixedTask) -> Setting:
         If an unstable mode cannot be moved, or no controller makes the H2 norm finite.
     """
     scaled = scale_plant(task.whole)
-    n = task.whole.nx
+    n, what = task.order, "controller" if task.order else "static gain"
     inner = Loop.of(scaled.plant)
     everything = np.ones((task.whole.nu, task.whole.ny), bool)
-    refuse_fixed_modes(inner, everything, task.whole.states, scaled.time, "controller")
+    refuse_fixed_modes(inner, everything, task.whole.states, scaled.time, what)
     goal = _scaled_channel(scaled, task.goal)
     goal_loop = augmented(Loop.of(goal), n)
     side = None if task.side is None else _scaled_channel(scaled, task.side)
@@ -107,11 +112,16 @@ def mixed_setting(task: MixedTask) -> Setting:
     requirements.extend(gain_requirement(task.gain_bound, n, scaled))
 
     def starts(deadline: float, rng: np.random.Generator) -> Iterator[Vector]:
-        if not task.whole.is_discrete and n <= _LARGEST_FOR_INEQUALITIES:
-            first = mixed_start(specifications, regions, deadline, task.backend, task.solver)
+        small = task.whole.nx <= _LARGEST_FOR_INEQUALITIES
+        start = mixed_start if n else mixed_state_start
+        if not task.whole.is_discrete and small and (n or _measures_the_state(task.whole)):
+            first = start(specifications, regions, deadline, task.backend, task.solver)
             if first is not None:
                 yield parametrisation.coordinates(first)
-        yield from _proposed(goal, task.norm, parametrisation, deadline, rng)
+        if n:
+            yield from _proposed(goal, task.norm, parametrisation, deadline, rng)
+        else:
+            yield from _regulators(inner, parametrisation, rng)
 
     return Setting(
         scaled=scaled,
@@ -120,7 +130,7 @@ def mixed_setting(task: MixedTask) -> Setting:
         parametrisation=parametrisation,
         starts=starts,
         controller=lambda K: unscaled_controller(scaled, K, n),
-        what="controller",
+        what=what,
         requirements=tuple(requirements),
         bound_named="all specifications" if requirements else "",
         descents=8,
@@ -147,6 +157,28 @@ def _region(loop: Loop, region: PoleRegion) -> RegionMeasure:
         return float(values[-1]) + _INSIDE * scale, complex(2 * moved.real, -2 * moved.imag)
 
     return RegionMeasure(loop, distance, scale)
+
+
+def _measures_the_state(plant: GeneralizedPlant) -> bool:
+    """Tell whether y = x, as the inequalities of state feedback assume."""
+    return (
+        np.array_equal(plant.C2, np.eye(plant.nx)) and not plant.D21.any() and not plant.D22.any()
+    )
+
+
+def _regulators(
+    loop: Loop, parametrisation: AffineGain | MaskedGain, rng: np.random.Generator
+) -> Iterator[Vector]:
+    """Propose a linear-quadratic gain, no gain, then random changes of the first."""
+    rest = np.zeros((loop.B2.shape[1], loop.C2.shape[0]))
+    regulator = projected_regulator(loop)
+    base = rest if regulator is None else regulator
+    yield parametrisation.coordinates(base)
+    yield parametrisation.coordinates(rest)
+    while True:
+        size = 10 ** rng.uniform(-1.5, 1)
+        changed = base + size * (np.abs(base) + 0.1) * rng.normal(size=base.shape)
+        yield parametrisation.coordinates(changed)
 
 
 def _proposed(

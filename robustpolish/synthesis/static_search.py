@@ -166,7 +166,7 @@ def _starts(
         gain = stabilising_gain(loop, task.mask, deadline)
     if gain is not None:
         yield parametrisation.coordinates(gain)
-    projected = _projected_regulator(loop)
+    projected = projected_regulator(loop)
     if projected is not None:
         yield parametrisation.coordinates(np.where(task.mask, projected, 0.0))
     while True:
@@ -175,7 +175,7 @@ def _starts(
         yield parametrisation.coordinates(np.where(task.mask, K, 0.0))
 
 
-def _projected_regulator(loop: Loop) -> Matrix | None:
+def projected_regulator(loop: Loop) -> Matrix | None:
     """Return the output gain nearest to a linear-quadratic state feedback."""
     solve = linalg.solve_discrete_are if loop.discrete else linalg.solve_continuous_are
     A, B, eye = loop.A, loop.B2, np.eye(loop.B2.shape[1])

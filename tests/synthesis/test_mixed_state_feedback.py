@@ -1,0 +1,71 @@
+"""State feedback under several specifications, each checked from outside."""
+
+import numpy as np
+import pytest
+from test_mixed_output_feedback import oscillator
+
+import robustpolish as rp
+from robustpolish.synthesis.channels import channel
+
+
+def test_one_norm_alone_is_that_of_state_feedback():
+    for norm in ("hinf", "h2"):
+        plant = oscillator()
+        mixed = rp.mixed_state_feedback(plant, norm, time_limit=5)
+        plain = rp.state_feedback(plant, norm)
+        assert mixed.certificate.achieved == pytest.approx(plain.certificate.achieved, rel=1e-3)
+
+
+def test_a_bound_on_the_other_norm_is_kept_and_costs():
+    plant = oscillator()
+    best = rp.mixed_state_feedback(plant, "h2", time_limit=4)
+    bound = 0.95 * float(rp.hinf_norm(plant.state_feedback_loop(best.gain)))
+    both = rp.mixed_state_feedback(plant, "h2", hinf_bound=bound, time_limit=8)
+    loop = plant.state_feedback_loop(both.gain)
+    assert float(rp.hinf_norm(loop)) <= bound * (1 + 1e-6)
+    assert float(rp.h2_norm(loop)) == pytest.approx(both.certificate.achieved, rel=1e-6)
+    assert both.certificate.achieved > best.certificate.achieved * (1 - 1e-6)
+    assert set(both.details["certificates"]) == {"h2", "hinf"}
+
+
+def test_channels_poles_and_gain_together():
+    plant = oscillator()
+    region = rp.HalfPlane(-0.4)
+    design = rp.mixed_state_feedback(
+        plant,
+        "hinf",
+        hinf_channel=("force", "x"),
+        h2_channel=("force", "price"),
+        h2_bound=0.6,
+        pole_region=region,
+        gain_bound=5.0,
+        time_limit=8,
+    )
+    loop = channel(plant, "force", "price").state_feedback_loop(design.gain)
+    assert float(rp.h2_norm(loop)) <= 0.6 * (1 + 1e-6)
+    assert region.contains(np.linalg.eigvals(loop.A))
+    assert np.linalg.norm(design.gain, 2) <= 5.0 * (1 + 1e-6)
+
+
+def test_the_polishing_robot_with_a_sector():
+    """12 states; a matrix shared by norm and region alone would be conservative."""
+    plant = rp.air_bearing(actuation="force")
+    asked = {"control_weight": 1e-5, "pole_region": rp.Sector(0.8)}
+    design = rp.mixed_state_feedback(plant, time_limit=10, **asked)
+    assert design.certificate.valid
+    assert (design.certificate.damping >= 0.8).all()
+    shared = rp.state_feedback(plant, **asked)
+    assert design.certificate.achieved <= shared.certificate.achieved * (1 + 1e-3)
+
+
+def test_what_cannot_be_met_is_not_a_success():
+    with pytest.raises(rp.SolverError, match="all specifications"):
+        rp.mixed_state_feedback(oscillator(), "h2", hinf_bound=1e-3, time_limit=3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"), [({"hinf_bound": 1.0}, "hinf_bound"), ({"minimise": "l1"}, "minimise")]
+)
+def test_bad_arguments_are_named(arguments, named):
+    with pytest.raises(rp.InvalidInputError, match=named):
+        rp.mixed_state_feedback(oscillator(), **arguments)
