@@ -14,7 +14,6 @@ from typing import Any
 
 from robustpolish.errors import RobustPolishError
 
-
 # Longer waits may exceed what the system's clock can hold.
 _A_DAY = 86400.0
 
