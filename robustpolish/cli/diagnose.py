@@ -6,10 +6,13 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import click
+import xarray as xr
 
 import robustpolish
 from robustpolish.cli.measurement import load_data, measurement_options, replaceable
 from robustpolish.cli.options import force_option, json_option, reports_errors, to_json, write_json
+from robustpolish.errors import RobustPolishError
+from robustpolish.identification import Comparison, compare
 from robustpolish.identification.diagnose import diagnose as diagnose_model
 from robustpolish.models import MechanicalModel
 from robustpolish.report.diagnosis import diagnosis_report
@@ -62,9 +65,18 @@ def diagnose(
         if save is not None:
             drafts[save].write_text(result.model.to_toml(), encoding="utf-8")
         if report is not None:
-            page = render_html(diagnosis_report(result), robustpolish.__version__)
+            held = [_held(each, record) for each in (loaded, result.model)]
+            page = render_html(diagnosis_report(result, *held), robustpolish.__version__)
             drafts[report].write_text(page, encoding="utf-8")
     if json_out is not None:
         write_json(content, json_out, force or replaceable(json_out, data, model))
     if json_out != "-":
         click.echo(result.explain())
+
+
+def _held(model: MechanicalModel, record: xr.Dataset) -> Comparison | None:
+    """Hold a model against the data; a model that cannot be has no picture in the report."""
+    try:
+        return compare(model, record)
+    except RobustPolishError:
+        return None

@@ -84,6 +84,7 @@ class BrushDesign(Displayed):
         certificate = self.design.certificate
         proven = "certified" if certificate.valid else "NOT certified"
         name = {"hinf": "H-infinity", "h2": "H2"}[self.design.norm]
+        unit = {"hinf": "m/N", "h2": "m/(N s^0.5)"}[self.design.norm]
         improvement = self.comparison.table["improvement"].sel(row="with control")
         gained = ", ".join(
             f"{axis} by {float(improvement.sel(signal=axis)):.2f} %"
@@ -94,8 +95,8 @@ class BrushDesign(Displayed):
             f"The controller is {proven}: its loop is "
             f"{'stable' if certificate.stable else 'unstable'}, and the {name} norm from the "
             f"brush's forces to the displacements falls from {float(self.open_loop_norm):.4g} to "
-            f"{float(self.closed_loop_norm):.4g}. Under the same load, it reduces the largest "
-            f"deviation in {gained}."
+            f"{float(self.closed_loop_norm):.4g} {unit}. Under the same load, it reduces the "
+            f"largest deviation in {gained}."
         )
 
     def plot(self, ax: Axes | None = None, *, signal: str | None = None) -> Axes:

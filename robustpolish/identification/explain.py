@@ -21,9 +21,9 @@ def headline(diagnosis: Diagnosis) -> str:
     """Return the verdict as a sentence, with the effects by name."""
     if diagnosis.verdict == "missing_effect" and diagnosis.effects:
         named = " and ".join(
-            f"{lookup(e.kind).title.lower()} at {', '.join(e.at)}" for e in diagnosis.effects
+            f"{lookup(e.kind).title} at {', '.join(e.at)}" for e in diagnosis.effects
         )
-        return f"The model lacked {named}."
+        return f"The model lacked: {named}."
     return _VERDICTS[diagnosis.verdict]
 
 

@@ -82,7 +82,7 @@ class Ledger(Displayed):
         return [{"step": e.step, "nrmse": dict(e.nrmse)} for e in self.entries]
 
     def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
-        """Draw the waterfall of one output's error.
+        """Draw the waterfall of one output's error, relative to its standard deviation.
 
         Parameters
         ----------
@@ -100,7 +100,7 @@ class Ledger(Displayed):
         >>> import robustpolish as rp
         >>> ledger = rp.Ledger(noise_floor={"x": 0.01}).add("base", {"x": 0.5})
         >>> ledger.add("coulomb_friction", {"x": 0.02}).plot().get_ylabel()
-        'error of x over its standard deviation'
+        'relative error of x'
         """
         names = tuple(self.entries[0].nrmse)
         name = names[0] if output is None else one_of("output", output, names)
@@ -108,7 +108,7 @@ class Ledger(Displayed):
             [entry.nrmse[name] for entry in self.entries],
             {"step": [entry.step for entry in self.entries]},
             "step",
-            name=f"error of {name} over its standard deviation",
+            name=f"relative error of {name}",
         )
         return plot_waterfall(levels, self.noise_floor.get(name), ax)
 

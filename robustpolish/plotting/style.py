@@ -103,6 +103,8 @@ def log_axis(ax: Axes, which: str, name: str, unit: str) -> None:
     low, high = ax.get_xlim() if which == "x" else ax.get_ylim()
     if math.log10(high / low) <= _FEW_DECADES:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    elif which == "x":
+        axis.set_major_locator(LogLocator(numticks=6))  # "100 kHz" needs room
     if _PREFIXABLE.match(unit):
         axis.set_major_formatter(EngFormatter(unit=unit))
         axis.set_label_text(name)

@@ -38,7 +38,8 @@ def plot_time_series(signals: Mapping[str, xr.DataArray], ax: Axes | None = None
     name, unit = "", ""
     for i, (label, signal) in enumerate(signals.items()):
         time, values = _envelope(signal["time"].to_numpy(), signal.to_numpy())
-        ax.plot(time, values, label=label, linewidth=1.0, **LINE_STYLES[i % len(LINE_STYLES)])
+        style = LINE_STYLES[(i if len(signals) > 1 else 1) % len(LINE_STYLES)]
+        ax.plot(time, values, label=label, linewidth=1.0, **style)
         name, unit = str(signal.name or ""), signal.attrs.get("units", "")
     si_axis(ax.xaxis, "time", "s")
     si_axis(ax.yaxis, name, unit)

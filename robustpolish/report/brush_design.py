@@ -13,7 +13,8 @@ from robustpolish.closed_loop import BrushDesign
 from robustpolish.display import Table
 from robustpolish.models.air_bearing import FORCES
 from robustpolish.plotting import plot_panels
-from robustpolish.report.document import Picture, Report, Section
+from robustpolish.report.document import Report, Section
+from robustpolish.report.pictures import panels, picture
 
 AXES = ("x", "y", "z")
 
@@ -88,18 +89,16 @@ def save_brush_design(job: BrushDesign, folder: Path) -> None:
         response.to_netcdf(folder / f"response-{row.replace(' ', '-')}.nc")
 
 
-def _picture(job: BrushDesign, caption: str, signals: tuple[str, ...], **responses: Any) -> Picture:
-    figure = plot_panels(responses or job.comparison.responses, signals)
-    plt.close(figure)
-    return Picture(caption, figure)
-
-
 def _gained(job: BrushDesign) -> Section:
     header, body = job.comparison.rows()
     return Section(
         "What was gained",
         ("The brush's forces drive both loops from rest; " + job.comparison.load + ".",),
-        (_picture(job, "Deviation of the brush, without and with control.", AXES),),
+        (
+            panels(
+                "Deviation of the brush, without and with control.", job.comparison.responses, AXES
+            ),
+        ),
         (Table("Largest deviations", header, tuple(body)),),
     )
 
@@ -126,7 +125,7 @@ def _effort(job: BrushDesign) -> Section:
             f"The gain's largest singular value is {largest_gain:.4g}.",
             job.design.message,
         ),
-        (_picture(job, "Control at the brush.", controls, control=response),),
+        (panels("Control at the brush.", {"control": response}, controls),),
         (Table("Control effort", ("control", f"largest [{unit}]", f"RMS [{unit}]"), rows),),
     )
 
@@ -153,9 +152,14 @@ def _certificate(job: BrushDesign) -> Section:
     return Section(
         "Certificate",
         text,
-        (),
         (
-            Table("What was checked", ("quantity", "value"), facts),
+            picture(
+                "Gain from the forces to the outputs, the price on u included.", job.design.plot
+            ),
+            picture("Poles of the closed loop.", job.design.plot_poles),
+        ),
+        (
+            Table("What was checked", ("quantity", "value"), facts, digits=6),
             Table(
                 "Closed-loop poles", ("frequency [Hz]", "damping ratio", "real part [1/s]"), modes
             ),
@@ -168,12 +172,12 @@ def _load(job: BrushDesign) -> Section:
         (name, float(np.abs(job.disturbance[name]).max()), float(job.disturbance[name].mean()))
         for name in FORCES
     )
-    picture = _picture(job, "Forces of the brush on the tool.", FORCES[:3], force=job.disturbance)
+    forces = panels("Forces of the brush on the tool.", {"force": job.disturbance}, FORCES[:3])
     simulator = job.disturbance.attrs.get("simulator", "")
     return Section(
         "Load",
         (f"Simulated by the brush model '{simulator}'.",),
-        (picture,),
+        (forces,),
         (Table("Forces", ("force", "largest [N]", "mean [N]"), largest),),
     )
 
@@ -181,5 +185,8 @@ def _load(job: BrushDesign) -> Section:
 def _machine(job: BrushDesign) -> Section:
     rows = tuple(job.parameters.table())
     return Section(
-        "Machine", (), (), (Table("Parameters", ("parameter", "value", "unit", "source"), rows),)
+        "Machine",
+        (),
+        (),
+        (Table("Parameters", ("parameter", "value", "unit", "source"), rows),),
     )

@@ -1,90 +1,161 @@
-"""The report of a diagnosis: what is missing, and the evidence."""
+"""The report of a diagnosis: where the model failed, what is missing, how much, what to check."""
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
-import numpy as np
+from collections.abc import Callable
+
+from matplotlib.axes import Axes
 
 from robustpolish.display import Table
 from robustpolish.effects import lookup
+from robustpolish.errors import InvalidInputError
+from robustpolish.identification import Comparison, ResidualAnalysis, residual_analysis
 from robustpolish.identification.diagnosis import Diagnosis
 from robustpolish.identification.explain import headline
-from robustpolish.report.document import Picture, Report, Section
+from robustpolish.report.document import Report, Section
+from robustpolish.report.pictures import picture
 
 _GOOD = ("adequate", "parameters", "missing_effect")
 
 
-def diagnosis_report(diagnosis: Diagnosis) -> Report:
-    """Tell what a model lacks, how the error fell, and what to check on the machine."""
-    sections = [_ledger(diagnosis), _effects(diagnosis), _candidates(diagnosis)]
-    if diagnosis.indistinguishable:
-        sections.append(_confusions(diagnosis))
-    sections.append(_numbers(diagnosis))
-    if diagnosis.missing_force.size:
-        sections.append(_rest(diagnosis))
+def diagnosis_report(
+    diagnosis: Diagnosis, before: Comparison | None = None, after: Comparison | None = None
+) -> Report:
+    """Tell what a model lacks: the verdict, then where, which, how much, and what to check.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    before, after : Comparison, optional
+        The model as it was, and as it is now, held against the data.
+
+    Returns
+    -------
+    Report
+    """
+    sections = [
+        _where(diagnosis, before),
+        _which(diagnosis),
+        _how_much(diagnosis, after),
+        _checks(diagnosis),
+        _candidates(diagnosis),
+        _numbers(diagnosis),
+    ]
     return Report(
         title=f"Diagnosis of {diagnosis.model.name or 'a mechanical model'}",
         verdict=" ".join([headline(diagnosis), *diagnosis.reasons]),
         good=diagnosis.verdict in _GOOD,
-        sections=tuple(sections),
+        sections=tuple(section for section in sections if section is not None),
     )
 
 
-def _ledger(diagnosis: Diagnosis) -> Section:
-    pictures = []
-    for output in diagnosis.noise_floor:
-        figure, axes = plt.subplots(figsize=(7, 3.5), layout="constrained")
-        diagnosis.ledger.plot(axes, output=output)
-        pictures.append(Picture(f"Fall of the error of {output}", figure))
-        plt.close(figure)
-    names = tuple(diagnosis.noise_floor)
-    rows = [(e.step, *(e.nrmse[n] for n in names)) for e in diagnosis.ledger.entries]
-    rows.append(("noise floor", *diagnosis.noise_floor.values()))
-    table = Table("Free-run error over the standard deviation", ("step", *names), tuple(rows))
-    return Section("The error ledger", (), tuple(pictures), (table,))
+def _where(diagnosis: Diagnosis, before: Comparison | None) -> Section | None:
+    title = "Where the model failed"
+    if before is None:
+        return None
+    try:
+        analysis = residual_analysis(before)
+    except InvalidInputError as error:
+        return Section(title, (f"The error of the model as it was has no map. {error}",))
+    head, *lines = analysis.explain().splitlines()
+    shares = [line.strip() for line in lines[: lines.index(_tests(lines))]]
+    pictures = [
+        picture(f"The error of {analysis.worst}, as the model was.", analysis.plot),
+        *(
+            picture(f"Force that the model lacked at {place}.", _surface(analysis, place))
+            for place in _places(diagnosis, analysis)
+        ),
+    ]
+    return Section(title, (head,), tuple(pictures), points=tuple(shares))
 
 
-def _effects(diagnosis: Diagnosis) -> Section:
+def _tests(lines: list[str]) -> str:
+    return next(line for line in lines if not line.startswith(" "))
+
+
+def _surface(analysis: ResidualAnalysis, place: str) -> Callable[[Axes], Axes]:
+    return lambda axes: analysis.plot_surface(axes, place=place)
+
+
+def _places(diagnosis: Diagnosis, analysis: ResidualAnalysis) -> list[str]:
+    """Return the places of the effects that were found, if their force was seen."""
+    ends = [set(effect.at) | {"ground"} for effect in diagnosis.effects]
+    return [
+        name
+        for name, place in analysis.places.items()
+        if any(set(place.at) <= at for at in ends) and place.surface["force"].notnull().any()
+    ]
+
+
+def _which(diagnosis: Diagnosis) -> Section:
+    title = "Which effects were added"
+    if not diagnosis.effects:
+        return Section(title, ("None.",))
     text, rows = [], []
     for effect in diagnosis.effects:
         kind = lookup(effect.kind)
         place = ", ".join(effect.at)
         text.append(f"{kind.title} at {place}. In the residual: {kind.looks_like}")
-        text += [f"Check: {check}" for check in kind.checks]
         rows += [
             (effect.kind, place, name, v.value, v.stderr, v.unit)
             for name, v in effect.parameters.items()
         ]
-    if not rows:
-        return Section("Effects that were added", ("None.",))
     head = ("effect", "at", "parameter", "value", "standard error", "unit")
-    return Section("Effects that were added", tuple(text), (), (Table("", head, tuple(rows)),))
+    return Section(title, tuple(text), tables=(Table("", head, tuple(rows)),))
 
 
-def _candidates(diagnosis: Diagnosis) -> Section:
+def _how_much(diagnosis: Diagnosis, after: Comparison | None) -> Section:
+    ledger = diagnosis.ledger
+    pictures = [
+        picture(f"How the error of {name} fell.", lambda axes, n=name: ledger.plot(axes, output=n))
+        for name in diagnosis.noise_floor
+    ]
+    text = ()
+    if after is not None:
+        worst = max(after.outputs.values(), key=lambda error: error.nrmse)
+        text = (f"The model now fits {after.fit_percent:.2f} % of the data in a {after.method}.",)
+        caption = f"{worst.name} as measured and as the extended model makes it."
+        pictures.append(picture(caption, after.plot))
+    if diagnosis.missing_force.size:
+        caption = "Force that is still missing at each site."
+        pictures.append(picture(caption, diagnosis.plot_missing_force))
+    names = tuple(diagnosis.noise_floor)
+    rows = [(e.step, *(e.nrmse[n] for n in names)) for e in ledger.entries]
+    rows.append(("noise floor", *diagnosis.noise_floor.values()))
+    table = Table("Free-run error over the standard deviation", ("step", *names), tuple(rows))
+    return Section("How much of the error is gone", text, tuple(pictures), (table,))
+
+
+def _checks(diagnosis: Diagnosis) -> Section:
+    points = [
+        f"{lookup(effect.kind).title} at {', '.join(effect.at)}: {check}"
+        for effect in diagnosis.effects
+        for check in lookup(effect.kind).checks
+    ]
+    tables = ()
+    text = () if points else ("Nothing was found that could be checked on the machine.",)
+    if diagnosis.indistinguishable:
+        rows = tuple(
+            (str(c.first), str(c.second), c.experiment) for c in diagnosis.indistinguishable
+        )
+        head = ("effect", "or", "what would tell")
+        tables = (Table("What this data cannot tell apart", head, rows),)
+    return Section("What to check on the machine", text, (), tables, tuple(points))
+
+
+def _candidates(diagnosis: Diagnosis) -> Section | None:
+    if not diagnosis.candidates:
+        return None
     rows = tuple(
-        (c.step, c.kind, ", ".join(c.at), c.nrmse_held_out if np.isfinite(c.nrmse_held_out)
-         else float("nan"), c.score, c.remark)
+        (c.step, c.kind, ", ".join(c.at), c.nrmse_held_out, c.score, c.remark)
         for c in diagnosis.candidates
-    )  # fmt: skip
+    )
     head = ("step", "effect", "at", "held-out error", "log odds", "remark")
-    return Section("Candidates", (), (), (Table("", head, rows),))
-
-
-def _confusions(diagnosis: Diagnosis) -> Section:
-    rows = tuple((str(c.first), str(c.second), c.experiment) for c in diagnosis.indistinguishable)
-    table = Table("", ("effect", "or", "what would tell"), rows)
-    return Section("What this data cannot tell apart", (), (), (table,))
+    text = ("What was tried, the best of each step first.",)
+    return Section("Candidates", text, tables=(Table("", head, rows),))
 
 
 def _numbers(diagnosis: Diagnosis) -> Section:
     rows = tuple((key, v.value, v.stderr, v.unit) for key, v in diagnosis.parameters.items())
     head = ("parameter", "value", "standard error", "unit")
-    return Section("All fitted numbers", (), (), (Table("", head, rows),))
-
-
-def _rest(diagnosis: Diagnosis) -> Section:
-    figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
-    diagnosis.plot_missing_force(axes)
-    plt.close(figure)
-    return Section("Force that is still missing", (), (Picture("At each site.", figure),))
+    return Section("All fitted numbers", tables=(Table("", head, rows),))

@@ -34,12 +34,15 @@ class Section:
         Paragraphs.
     pictures : tuple of Picture
     tables : tuple of Table
+    points : tuple of str
+        A list below the paragraphs.
     """
 
     title: str
     text: tuple[str, ...] = ()
     pictures: tuple[Picture, ...] = ()
     tables: tuple[Table, ...] = ()
+    points: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import math
 from importlib import resources
 from typing import Any
 
@@ -12,7 +11,9 @@ import matplotlib as mpl
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from robustpolish.display import Table, shown
 from robustpolish.report.document import Report
+from robustpolish.report.pictures import report_style
 
 
 def render_html(report: Report, version: str) -> str:
@@ -33,6 +34,7 @@ def render_html(report: Report, version: str) -> str:
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     environment.filters["svg"] = _svg
     environment.filters["cell"] = _cell
+    environment.filters["numbers"] = _numbers
     source = resources.files("robustpolish.report").joinpath("template.html").read_text("utf-8")
     return environment.from_string(source).render(report=report, version=version)
 
@@ -41,13 +43,19 @@ def _svg(figure: Figure) -> Markup:
     """Draw a figure as inline SVG; its text stays text, so that it can be searched."""
     buffer = io.StringIO()
     # A fixed salt and no date make the same report the same file.
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "robustpolish"}):
+    salted: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "robustpolish"}
+    with report_style(), mpl.rc_context(salted):  # ticks are made when they are drawn
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     text = buffer.getvalue()
     return Markup(text[text.index("<svg") :])
 
 
-def _cell(value: Any) -> str:
-    if isinstance(value, float):
-        return "–" if math.isnan(value) else f"{value:.4g}"
-    return str(value)
+def _cell(value: Any, digits: int) -> str:
+    return shown(value, digits, missing="–")
+
+
+def _numbers(table: Table) -> list[bool]:
+    """Tell which columns to set flush right: those that hold a number anywhere."""
+    columns = zip(*table.rows, strict=True)
+    found = [any(isinstance(cell, int | float) for cell in column) for column in columns]
+    return found or [False] * len(table.columns)

@@ -181,9 +181,13 @@ class Design(Displayed):
         open_loop = self.plant.open_loop
         without = "without control" + ("" if stability(open_loop) else " (unstable)")
         unit = self._gain_unit()
+        loops = {without: open_loop, "with control": self.closed_loop}
+        grids = [singular_values(loop)["frequency"].values for loop in loops.values()]
         gains = {
-            name: singular_values(loop).isel(singular_value=0).assign_attrs(units=unit)
-            for name, loop in ((without, open_loop), ("with control", self.closed_loop))
+            name: singular_values(loop, np.unique(np.concatenate(grids)))
+            .isel(singular_value=0)
+            .assign_attrs(units=unit)
+            for name, loop in loops.items()
         }
         achieved, peak = self.certificate.achieved, self.certificate.peak_frequency
         mark = {} if peak is None else {f"norm {achieved:.4g}": (peak / (2 * np.pi), achieved)}

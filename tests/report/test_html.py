@@ -30,6 +30,6 @@ def test_content_is_there_and_escaped(page):
     assert "a &lt;b&gt;" in page
     assert "<b>" not in page
     assert "1.25e-06" in page
-    assert '<td data-value="nan">–</td>' in page
+    assert '<td data-value="nan" class="number">–</td>' in page
     assert "time [s]" in page
     assert "robustpolish 1.2.3" in page

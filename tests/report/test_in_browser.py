@@ -1,0 +1,186 @@
+"""Reports in a browser: no error, all visible, sortable, legible on a desk and on a phone."""
+
+import os
+import shutil
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import robustpolish as rp
+from robustpolish.report import render_html
+from robustpolish.report.brush_design import brush_design_report
+from robustpolish.report.diagnosis import diagnosis_report
+from robustpolish.simulation.nonlinear import simulate
+from tests import made_up
+
+webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),  # sockets of the driver
+    pytest.mark.skipif(
+        not (CHROMIUM and DRIVER),
+        reason="needs chromium and chromedriver: apt-get install chromium chromium-driver",
+    ),
+]
+WIDTHS = (1280, 390)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for argument in (
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--no-first-run",
+        "--disable-background-networking",
+        f"--user-data-dir={tmp_path_factory.mktemp('profile')}",
+    ):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    service = webdriver.ChromeService(DRIVER, log_output=os.devnull)
+    driver = webdriver.Chrome(options=options, service=service)
+    yield driver
+    driver.quit()
+
+
+def diagnosis():
+    told, time = made_up.diagnosis(), np.arange(4000) / 2e3
+    push = 30 * np.random.default_rng(0).standard_normal(time.size)
+    data = xr.Dataset({"F": ("time", push, {"units": "N"})}, {"time": time})
+    data["x"] = ("time", simulate(told.model, data).outputs[:, 0], {"units": "m"})
+    held = [rp.compare(model, data) for model in (made_up.model(), told.model)]
+    return diagnosis_report(told, *held)
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pages")
+    reports = {
+        "design": brush_design_report(rp.design_against_brush(duration=0.05)),
+        "diagnosis": diagnosis(),
+    }
+    for name, report in reports.items():
+        (folder / f"{name}.html").write_text(render_html(report, "1.2.3"), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(params=["design", "diagnosis"])
+def show(request, pages, browser):
+    def at(width):
+        metrics = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
+        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+        browser.get((pages / f"{request.param}.html").as_uri())
+        return browser
+
+    return at
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_no_error_and_no_overflow(show, width):
+    browser = show(width)
+    assert browser.get_log("browser") == []
+    wide = browser.execute_script("return document.documentElement.scrollWidth")
+    assert wide <= width
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_the_verdict_comes_first_and_the_main_figure_is_visible(show, width):
+    browser = show(width)
+    tops = browser.execute_script(
+        "return ['h1', '.verdict', 'h2', 'figure svg'].map("
+        "s => document.querySelector(s).getBoundingClientRect().top)"
+    )
+    assert tops == sorted(tops)
+    assert tops[1] < 250
+    box = browser.execute_script(
+        "const r = document.querySelector('figure svg').getBoundingClientRect();"
+        "return [r.left, r.right, r.height]"
+    )
+    assert 0 <= box[0] < box[1] <= width
+    assert box[2] > 150
+    lines = browser.execute_script(
+        "return document.querySelectorAll('figure svg path, figure svg image').length"
+    )
+    assert lines > 10
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_text_is_legible(show, width):
+    browser = show(width)
+    page = browser.execute_script(
+        "return [...document.querySelectorAll('p, li, td, th, caption, figcaption')]"
+        ".map(e => parseFloat(getComputedStyle(e).fontSize))"
+    )
+    assert min(page) >= 14
+    drawn = browser.execute_script(
+        "return [...document.querySelectorAll('figure svg text')].map(e =>"
+        " parseFloat(getComputedStyle(e).fontSize) * e.getScreenCTM().a || 0).filter(x => x > 0)"
+    )
+    # Letters that are turned have no horizontal scale and are left out; the rest is the same size.
+    assert len(drawn) > 10
+    assert np.median(drawn) >= 9.5
+
+
+def test_tables_sort_by_numbers_and_back(show):
+    browser = show(1280)
+    order = browser.execute_script(
+        """
+        const found = [];
+        for (const table of document.querySelectorAll("table")) {
+          [...table.tHead.rows[0].cells].forEach((head, i) => {
+            const column = () => [...table.tBodies[0].rows].map(r => r.cells[i].dataset.value);
+            head.click(); const up = column(), said = head.getAttribute("aria-sort");
+            head.click(); found.push([up, column(), said, head.getAttribute("aria-sort")]);
+          });
+        }
+        return found;
+        """
+    )
+    sorted_numbers = 0
+    for up, down, first, second in order:
+        assert (first, second) == ("ascending", "descending")
+        assert down == up[::-1]
+        try:
+            numbers = [float(value) for value in up]
+        except ValueError:
+            continue
+        finite = [x for x in numbers if np.isfinite(x)]
+        assert finite == sorted(finite)
+        sorted_numbers += len(finite) > 2
+    assert sorted_numbers >= 2
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_figures_can_be_enlarged(show, width):
+    browser = show(width)
+    browser.execute_script("document.querySelector('figure button').click()")
+    grown = browser.execute_script(
+        "const s = document.querySelector('dialog[open] svg').getBoundingClientRect();"
+        "return [s.width * s.height, s.width]"
+    )
+    own = browser.execute_script(
+        "const s = document.querySelector('figure svg').getBoundingClientRect();"
+        "return s.width * s.height"
+    )
+    assert grown[0] > 1.5 * own
+    assert grown[1] <= width
+    browser.execute_script("document.querySelector('dialog').click()")
+    assert browser.execute_script("return document.querySelector('dialog[open]')") is None
+
+
+def test_it_prints_on_few_pages(show):
+    browser = show(1280)
+    document = browser.execute_cdp_cmd("Page.printToPDF", {"printBackground": True})
+    assert len(document["data"]) > 20_000
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    hidden = browser.execute_script(
+        "return getComputedStyle(document.querySelector('dialog')).display"
+    )
+    rule = browser.execute_script(
+        "return getComputedStyle(document.querySelector('figure')).breakInside"
+    )
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert (hidden, rule) == ("none", "avoid")
