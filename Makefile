@@ -8,7 +8,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint docs linkcheck notebooks figure validation bench hidden-effects clean clean-cache
+.PHONY: help demo test test-slow lint docs linkcheck notebooks figure validation browser bench hidden-effects clean clean-cache
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 18
@@ -51,6 +51,11 @@ figure: demo ## Refresh the README's figure with what the demo drew
 
 validation: $(READY) ## Measure every figure of the validation page again (a few minutes)
 	$(BIN)/python docs/build_validation.py
+
+browser: ## Install Chromium for the tests of reports, where that is possible
+	@{ command -v chromium && command -v chromedriver; } >/dev/null \
+		|| { test "$$(id -u)" = 0 && apt-get -qq update && apt-get -qq -y install chromium chromium-driver; } >/dev/null 2>&1 \
+		|| echo "No Chromium: the tests of reports in a browser will be skipped."
 
 bench: $(READY) ## Compare all synthesis methods on the benchmark plants
 	$(BIN)/python benchmarks/compleib_table.py
