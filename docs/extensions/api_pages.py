@@ -29,6 +29,7 @@ ROOMS = {
     "synthesis": "Synthesis and certificates",
     "closed_loop": "Closed loop",
     "measurements": "Measurements",
+    "datasets": "Measured records",
     "identification": "Identification",
     "simulation": "Simulation",
     "plotting": "Plotting",
@@ -89,6 +90,7 @@ def pages() -> dict[str, str]:
         name: getattr(robustpolish, name)
         for name in robustpolish.__all__
         if id(getattr(robustpolish, name)) not in seen
+        and not inspect.ismodule(getattr(robustpolish, name))
     }
     intro = "How the package complains, and what belongs to no room."
     found["general.rst"] = room_page("Errors and the rest", intro, rest, "robustpolish")
