@@ -1,5 +1,6 @@
 """The catalogue of physical effects: one file per kind."""
 
+from robustpolish.effects.base import CONSTANT as CONSTANT
 from robustpolish.effects.base import GROUND as GROUND
 from robustpolish.effects.base import Effect as Effect
 from robustpolish.effects.base import EffectKind as EffectKind

@@ -27,6 +27,8 @@ Domain = Literal["pair", "dof", "axes", "input", "output"]
 Law = Callable[[Any, Any, Any, Any, Any, Any, Any], None]
 
 GROUND = "ground"
+CONSTANT = "constant"
+"""The family of forces and offsets that never change."""
 _PLACES: dict[str, int] = {"pair": 2, "dof": 1, "axes": 2, "input": 1, "output": 1}
 _SI = {"F": ("N", "N m"), "L": ("m", "rad"), "T": ("s", "s"), "M": ("kg", "kg m^2")}
 
@@ -129,6 +131,8 @@ class EffectKind:
         and v.
     implausible : callable
         ``implausible(values)`` says why values cannot be physical, or None.
+    family : str
+        Kinds of one family are rivals: a place has one of them at most.
     sharp : bool
         Whether the force has corners or jumps, so that steps have to be short.
     looks_like, checks, references
@@ -146,6 +150,7 @@ class EffectKind:
     gains: Callable[[Mapping[str, float], float, float], tuple[float, float, float]] = _no_gains
     state_sizes: Callable[[Mapping[str, float], float, float], tuple[float, ...]] = _no_sizes
     implausible: Callable[[Mapping[str, float]], str | None] = _plausible
+    family: str = ""
     sharp: bool = False
     looks_like: str = ""
     checks: tuple[str, ...] = ()

@@ -68,6 +68,7 @@ KIND = EffectKind(
     implausible=_implausible,
     state_sizes=_state_sizes,
     states=1,
+    family="dry friction",
     sharp=True,
     looks_like="Rounded loops of residual force over displacement that do not depend on speed.",
     checks=(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustpolish.effects.base import EffectKind, Parameter
+from robustpolish.effects.base import CONSTANT, EffectKind, Parameter
 from robustpolish.effects.shapes import Motion, Shape, single
 
 
@@ -23,6 +23,7 @@ KIND = EffectKind(
     parameters=(Parameter("force", "F", "force along the coordinate"),),
     law=_law,
     shapes=_shapes,
+    family=CONSTANT,
     looks_like="A residual with a mean; the free run starts right and settles beside the data.",
     checks=(
         "Weight, preload, cables, an offset of the force sensor or amplifier.",

@@ -39,6 +39,7 @@ KIND = EffectKind(
     law=_law,
     shapes=_shapes,
     gains=_gains,
+    family="dry friction",
     sharp=True,
     context=("mobility",),
     looks_like="A square wave with the sign of the velocity; relatively larger at small "

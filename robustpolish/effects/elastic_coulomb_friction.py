@@ -64,6 +64,7 @@ KIND = EffectKind(
     state_sizes=_state_sizes,
     states=1,
     context=("clearance",),
+    family="dry friction",
     sharp=True,
     looks_like="Parallelogram loops of residual force over displacement; stiff after each "
     "reversal, then constant. A force without memory cannot follow it.",

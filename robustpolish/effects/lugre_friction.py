@@ -74,6 +74,7 @@ KIND = EffectKind(
     state_sizes=_state_sizes,
     implausible=_implausible,
     states=1,
+    family="dry friction",
     sharp=True,
     looks_like="Like Stribeck friction, with rounded loops after each reversal.",
     checks=(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustpolish.effects.base import EffectKind, Parameter
+from robustpolish.effects.base import CONSTANT, EffectKind, Parameter
 from robustpolish.effects.shapes import Motion, Shape
 
 
@@ -18,6 +18,7 @@ KIND = EffectKind(
     domain="output",
     parameters=(Parameter("offset", "signal", "shown when there is nothing"),),
     shapes=_shapes,
+    family=CONSTANT,
     looks_like="This channel's residual has a mean, from the first sample on.",
     checks=("Zero of the sensor and of its amplifier, drift with temperature.",),
     references=("Ljung (1999), System Identification, section 14.1, Prentice Hall",),

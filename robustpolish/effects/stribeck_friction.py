@@ -64,6 +64,7 @@ KIND = EffectKind(
     gains=_gains,
     implausible=_implausible,
     context=("mobility",),
+    family="dry friction",
     sharp=True,
     looks_like="A square wave with the sign of the velocity and peaks at reversals.",
     checks=(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,8 +81,9 @@ def columns_at(
     time: Array,
     dt: float,
 ) -> list[Columns]:
-    """Return the candidate columns of a kind at a place, none if it is there already."""
-    if any(e.kind == kind.kind and set(e.at) == set(at) for e in model.effects):
+    """Return the candidate columns of a kind at a place, none if one of its family is there."""
+    here = [e.definition for e in model.effects if set(e.at) == set(at)]
+    if any(e.kind == kind.kind or rivals(e, kind) for e in here):
         return []
     if kind.domain in ("input", "output"):
         return _signal_columns(model, kind, at, motion, time)
@@ -102,6 +104,11 @@ def columns_at(
         Columns(kind, at, shape, rows, pairs, shape.columns)
         for shape in kind.shapes(Motion(time, q, v, context, force))
     ]
+
+
+def rivals(one: EffectKind, other: EffectKind) -> bool:
+    """Return whether a place has at most one of two kinds."""
+    return bool(one.family) and one.family == other.family and one.domain == other.domain
 
 
 def _slips(model: MechanicalModel, at: tuple[str, ...]) -> bool:
@@ -125,10 +132,12 @@ def _clearances(
     base = known_forces(model, motion.q, motion.v, time, dt)
     amplitude = float(np.percentile(np.abs(port_rows(model, Effect(kind.kind, at)) @ motion.q), 95))
     found = []
-    for share in (0.03, 0.07, 0.15, 0.3, 0.5):
+    # with a clearance, the elastic part has to be stiffer than it seemed without
+    for share, ratio in itertools.product((0.03, 0.07, 0.15, 0.3, 0.5), (1.0, 2.0)):
         gap = share * amplitude
+        stiffer = _stiffer(model, at, ratio)
         moved = known_forces(
-            model.with_effect(kind.kind, at, {"gap": gap}), motion.q, motion.v, time, dt
+            stiffer.with_effect(kind.kind, at, {"gap": gap}), motion.q, motion.v, time, dt
         )
         if base is None or moved is None:
             return []
@@ -137,6 +146,16 @@ def _clearances(
         shape = Shape(change[None], lambda c, g=gap: {"gap": g}, (1,))
         found.append(Columns(kind, at, shape, moved.rows, moved.pairs, change[None]))
     return found
+
+
+def _stiffer(model: MechanicalModel, at: tuple[str, ...], ratio: float) -> MechanicalModel:
+    """Return the model with stiffer elements that ask for the clearance at a place."""
+    changes = {
+        f"effect[{i}].stiffness": ratio * e.values["stiffness"]
+        for i, e in enumerate(model.effects)
+        if "clearance" in e.definition.context and set(e.at) == set(at) and "stiffness" in e.values
+    }
+    return model.with_parameters(changes)
 
 
 def _signal_columns(

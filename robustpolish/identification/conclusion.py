@@ -19,7 +19,7 @@ from robustpolish.identification.observer import Level, force_sites
 from robustpolish.identification.parameters import effect_unit, unit_of
 from robustpolish.identification.search import Search, by_output, steps, whole_error
 from robustpolish.identification.setting import Setting
-from robustpolish.identification.standard_errors import standard_errors
+from robustpolish.identification.standard_errors import covariance_of, errors_from
 from robustpolish.identification.verdict import choose_verdict
 from robustpolish.models.mechanical import MechanicalModel
 
@@ -65,7 +65,8 @@ def conclude(search: Search, model: MechanicalModel, say: Callable[[str], None])
     ledger = Ledger(noise_floor=dict(zip(names, floor.tolist(), strict=True)))
     for (step, _), size in zip(search.steps, errors, strict=True):
         ledger = ledger.add(step, by_output(model, size, setting))
-    deviations = standard_errors(final, setting.record)
+    covariance = covariance_of(final, setting.record)
+    deviations = errors_from(covariance)
     values = {
         key: Value(final.model.parameters[key], deviations[key], unit_of(final.model, key))
         for key in deviations
@@ -78,11 +79,12 @@ def conclude(search: Search, model: MechanicalModel, say: Callable[[str], None])
         model=final.model,
         effects=found,
         candidates=tuple(search.candidates),
-        indistinguishable=(*search.confusions, *asymmetries(found)),
+        indistinguishable=(*search.confusions, *asymmetries(model, found)),
         ledger=ledger,
         missing_force=motion.force,
         sites=tuple(force_sites(model)[1]),
         parameters=values,
+        covariance=covariance,
         reasons=(*search.reasons, *reasons),
         reproducible=steady,
         time=np.asarray(setting.record.data["time"].values, dtype=float),

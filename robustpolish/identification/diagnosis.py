@@ -96,6 +96,8 @@ class Diagnosis(Displayed):
     sites : tuple of tuple of str
     parameters : mapping
         All fitted numbers of the model.
+    covariance : xarray.DataArray or None
+        Covariance of these numbers, over their keys twice, in SI units.
     reasons : tuple of str
         Why this verdict.
     reproducible : bool
@@ -113,6 +115,7 @@ class Diagnosis(Displayed):
     missing_force: Array
     sites: tuple[tuple[str, ...], ...]
     parameters: Mapping[str, Value] = field(default_factory=dict)
+    covariance: xr.DataArray | None = None
     reasons: tuple[str, ...] = ()
     reproducible: bool = True
     time: Array = field(default_factory=lambda: np.zeros(0))

@@ -206,7 +206,8 @@ def _rms(errors: Array) -> Array:
 
 def _cost(residuals: Residuals, x: Array, errors: Array, sigma: Array) -> float:
     prior = (x - residuals.centre) * residuals.prior
-    total = 0.5 * float(np.sum((errors / sigma) ** 2) + prior @ prior)
+    with np.errstate(over="ignore", invalid="ignore"):  # a step may lead to a run that diverges
+        total = 0.5 * float(np.sum((errors / sigma) ** 2) + prior @ prior)
     return total if np.isfinite(total) else np.inf
 
 

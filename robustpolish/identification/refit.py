@@ -17,7 +17,7 @@ from robustpolish.identification.parameters import unit_of
 from robustpolish.identification.record import Record, record_of
 from robustpolish.identification.refitted import Refit
 from robustpolish.identification.setting import Setting, prepare
-from robustpolish.identification.standard_errors import standard_errors
+from robustpolish.identification.standard_errors import covariance_of, errors_from
 from robustpolish.models.mechanical import MechanicalModel
 
 Array = NDArray[np.float64]
@@ -94,7 +94,8 @@ def _with_start_values(model: MechanicalModel, setting: Setting) -> MechanicalMo
 
 def summarise(fitted: Fit, record: Record) -> Refit:
     """Return values, bounds and standard errors of a fit."""
-    errors = standard_errors(fitted, record)
+    covariance = covariance_of(fitted, record)
+    errors = errors_from(covariance)
     parameters = lmfit.Parameters()
     units, undetermined = {}, []
     for f in fitted.free:
@@ -107,7 +108,7 @@ def summarise(fitted: Fit, record: Record) -> Refit:
             undetermined.append(f.key)
     size = np.std(record.Y, axis=0)
     nrmse = dict(zip(fitted.model.output_names, (fitted.rmse / size).tolist(), strict=True))
-    return Refit(fitted.model, parameters, units, nrmse, tuple(undetermined), errors)
+    return Refit(fitted.model, parameters, units, nrmse, tuple(undetermined), errors, covariance)
 
 
 def lmfit_name(key: str) -> str:

@@ -35,6 +35,8 @@ class Refit(Displayed):
         Keys that the data leaves undetermined (a standard error above a third of the value).
     stderr : mapping of str to float
         Standard error by key of `units`.
+    covariance : xarray.DataArray
+        Covariance of the parameters, over their keys twice, in SI units.
     """
 
     model: MechanicalModel
@@ -43,6 +45,7 @@ class Refit(Displayed):
     nrmse: dict[str, float]
     undetermined: tuple[str, ...]
     stderr: Mapping[str, float]
+    covariance: xr.DataArray
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the standard error of every parameter relative to its value.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.effects import Effect, kinds
+from robustpolish.effects import CONSTANT, Effect, kinds
 from robustpolish.identification.candidates import Columns, columns_at, places
 from robustpolish.identification.filtered import ORDERS, Filtered
 from robustpolish.identification.following import following
@@ -23,6 +23,9 @@ LEVELS = (
     Level(3.0), Level(1.0), Level(0.3), Level(0.1), Level(0.03), Level(0.01), Level(0.002),
     Level(0.0), Level(0.0, 0.03), Level(0.0, 0.12),
 )  # fmt: skip
+# Where the error is far above the noise, the odds go to what explains its fine structure. What is
+# large shows in runs that are hardly led.
+HARDLY_LED = (Level(0.01), Level(0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +56,26 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Screening:
-    """All candidates, best first, and what the data says without any."""
+    """All candidates, best first, and what the data says without any.
+
+    Attributes
+    ----------
+    candidates : tuple of Candidate
+        By their odds, the sensible ones first.
+    large : tuple of Candidate
+        The same effects as they come closest to runs that are hardly led, by the share of the
+        error that they take away.
+    level : Level
+        At which the model is likeliest without any.
+    order : int
+        Of the noise there.
+    motion : Smoothed
+    levels : dict
+        Information criterion without any, by level.
+    """
 
     candidates: tuple[Candidate, ...]
+    large: tuple[Candidate, ...]
     level: Level
     order: int
     motion: Smoothed
@@ -102,22 +122,30 @@ def screen(
         c for kind, at in tried_at for c in columns_at(model, kind, at, motion, time, record.dt)
     ]
     coarse = dict.fromkeys([best_level, Level(0.3), Level(0.01)])
+    hardly = dict.fromkeys(HARDLY_LED)
     rough: list[tuple[float, Columns]] = []
+    wide: list[tuple[float, Columns]] = []
     for entry in entries:
-        scores = [_try(filtered[level], entry, (0,))[0][0] for level in coarse]
-        rough.append((min(scores), entry))
-    rough.sort(key=lambda item: item[0])
-    found = []
-    for entry in _finalists(rough, finalists):
+        scores = {level: _try(filtered[level], entry, (0,))[0][0] for level in {**coarse, **hardly}}
+        rough.append((min(scores[level] for level in coarse), entry))
+        wide.append((min(scores[level] - nulls[level, 0] for level in hardly), entry))
+    found, large = [], []
+    for entry in _finalists(rough, wide, finalists):
         tried = {level: _try(f, entry, ORDERS) for level, f in filtered.items()}
         score, level = min(
             ((score, level) for level, (scores, _) in tried.items() for score in scores.values()),
             key=lambda o: o[0],
         )
         found.append(_candidate(entry, (null - score) / 2, level, tried, filtered))
+        for level in HARDLY_LED:
+            if np.isfinite(tried[level][0][0]):
+                large.append(_candidate(entry, (null - score) / 2, level, tried, filtered))
     found.sort(key=lambda c: (-c.sensible, -c.score))
+    large.sort(key=lambda c: (-c.sensible, -c.fall))
     levels = {level: min(nulls[level, o] for o in ORDERS) for level in LEVELS}
-    return Screening(tuple(_best_of_each(found)), best_level, best_order, motion, levels)
+    return Screening(
+        _best_of_each(found), _best_of_each(large), best_level, best_order, motion, levels
+    )
 
 
 def _try(f: Filtered, entry: Columns, orders: Sequence[int]) -> tuple[dict[int, float], Array]:
@@ -140,19 +168,29 @@ def _try(f: Filtered, entry: Columns, orders: Sequence[int]) -> tuple[dict[int, 
     return scores, c
 
 
-def _finalists(rough: list[tuple[float, Columns]], count: int) -> list[Columns]:
-    """Return the best shape of each effect and place, the best places first."""
-    seen: dict[tuple[str, tuple[str, ...]], int] = {}
-    chosen = []
-    for score, entry in rough:
-        key = (entry.kind.kind, entry.at)
-        if seen.get(key, 0) >= 2 or not np.isfinite(score):
-            continue
-        if key not in seen and len(seen) >= count:
-            continue
-        seen[key] = seen.get(key, 0) + 1
-        chosen.append(entry)
-    return chosen
+def _finalists(
+    rough: list[tuple[float, Columns]], wide: list[tuple[float, Columns]], count: int
+) -> list[Columns]:
+    """Return the best shapes of each effect and place, the best places first.
+
+    Parameters
+    ----------
+    rough, wide : list of tuple
+        All entries with their information criterion: at any level, and hardly led.
+    count : int
+        Most places by the first; a quarter as many are added by the second.
+    """
+    chosen: dict[int, Columns] = {}
+    for scored, most, shapes in ((rough, count, 2), (wide, count // 4, 1)):
+        seen: dict[tuple[str, tuple[str, ...]], int] = {}
+        for score, entry in sorted(scored, key=lambda item: item[0]):
+            key = (entry.kind.kind, entry.at)
+            full = key not in seen and len(seen) >= most
+            if seen.get(key, 0) >= shapes or full or not np.isfinite(score):
+                continue
+            seen[key] = seen.get(key, 0) + 1
+            chosen[id(entry)] = entry
+    return list(chosen.values())
 
 
 def _candidate(
@@ -172,14 +210,21 @@ def _candidate(
         values[name] = float(np.clip(value, parameter.lower, parameter.upper))
     effect = Effect(entry.kind.kind, entry.at, values)
     f = filtered[level]
-    before = np.sqrt(np.mean(f.residual(None)[0] ** 2, axis=0))
-    after = np.sqrt(np.mean(f.residual(f.weighted(f.respond(entry)))[0] ** 2, axis=0))
+    before = _size(f.residual(None)[0], entry)
+    after = _size(f.residual(f.weighted(f.respond(entry)))[0], entry)
     fall = float(1 - np.min(after / before))
     return Candidate(effect, score, fall, level, not remark, remark)
 
 
-def _best_of_each(found: list[Candidate]) -> list[Candidate]:
+def _size(errors: Array, entry: Columns) -> Array:
+    """Return the size of errors; their mean is the business of constants alone."""
+    if entry.kind.family == CONSTANT:
+        return np.sqrt(np.mean(errors**2, axis=0))
+    return np.std(errors, axis=0)
+
+
+def _best_of_each(found: list[Candidate]) -> tuple[Candidate, ...]:
     best: dict[tuple[str, tuple[str, ...]], Candidate] = {}
     for candidate in found:
         best.setdefault((candidate.effect.kind, candidate.effect.at), candidate)
-    return list(best.values())
+    return tuple(best.values())

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 _TRIAL = 3500
 _WINDOWS = 25
 _SCREENED = 9000
+_SCREENED_IMPOSED = 30000
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +56,13 @@ class Setting:
 
     @property
     def screened(self) -> Record:
-        """The contiguous part of the record that is screened: the liveliest."""
-        length = min(self.record.samples, _SCREENED)
+        """The contiguous part of the record that is screened: the liveliest.
+
+        Where all motion is imposed, screening is quick, and the amplitudes of the whole record
+        are welcome.
+        """
+        most = _SCREENED if self.state_scale.size else _SCREENED_IMPOSED
+        length = min(self.record.samples, most)
         power = np.sum((self.record.Y / np.std(self.record.Y, axis=0)) ** 2, axis=1)
         total = np.concatenate([[0.0], np.cumsum(power)])
         starts = np.arange(0, self.record.samples - length + 1, max(1, length // 20))

@@ -1,36 +1,57 @@
-"""Standard errors of fitted numbers."""
+"""Standard errors and covariance of fitted numbers."""
 
 from __future__ import annotations
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from robustpolish.identification.least_squares import Fit
-from robustpolish.identification.parameters import FreeParameter
 from robustpolish.identification.record import Record
 
 Array = NDArray[np.float64]
 
 
-def standard_errors(fitted: Fit, record: Record) -> dict[str, float]:
-    """Return standard errors, residuals taken as coloured as they are.
+def covariance_of(fitted: Fit, record: Record) -> xr.DataArray:
+    """Return the covariance of the fitted numbers, residuals taken as coloured as they are.
 
     The information is divided by the variance inflation of autocorrelated residuals.
+
+    Parameters
+    ----------
+    fitted : Fit
+    record : Record
+
+    Returns
+    -------
+    xarray.DataArray
+        Over ``parameter`` and ``other``, the keys of the fitted numbers, in products of their SI
+        units. Numbers that the data does not see have an infinite variance.
     """
     inflation = max(_inflation(e) for e in (fitted.errors / fitted.sigma).T)
     information = fitted.information
-    keep = [j for j in range(len(fitted.free)) if information[j, j] > 0]
-    errors = {f.key: np.inf for f in fitted.free}
-    if keep:
-        block = information[np.ix_(keep, keep)]
+    keys = [f.key for f in fitted.free]
+    seen = np.flatnonzero(np.diag(information) > 0).tolist()
+    matrix = np.diag(np.full(len(keys), np.inf))
+    if seen:
+        block = information[np.ix_(seen, seen)]
         size = np.sqrt(np.diag(block))
-        covariance = np.linalg.pinv(block / np.outer(size, size), rcond=1e-12, hermitian=True)
+        relative = np.linalg.pinv(block / np.outer(size, size), rcond=1e-12, hermitian=True)
         share = float(np.mean((fitted.errors / fitted.sigma) ** 2))
-        for row, j in enumerate(keep):
-            f: FreeParameter = fitted.free[j]
-            variance = max(covariance[row, row], 0.0) / size[row] ** 2 * inflation * share
-            errors[f.key] = float(np.sqrt(variance) * f.scale)
-    return errors
+        unit = np.array([fitted.free[j].scale for j in seen]) / size
+        matrix[np.ix_(seen, seen)] = relative * np.outer(unit, unit) * inflation * share
+    return xr.DataArray(matrix, {"parameter": keys, "other": keys}, ("parameter", "other"))
+
+
+def standard_errors(fitted: Fit, record: Record) -> dict[str, float]:
+    """Return the standard errors of the fitted numbers by their keys, in SI units."""
+    return errors_from(covariance_of(fitted, record))
+
+
+def errors_from(covariance: xr.DataArray) -> dict[str, float]:
+    """Return the standard errors that belong to a covariance."""
+    errors = np.sqrt(np.maximum(np.diag(covariance.values), 0.0))
+    return dict(zip(covariance["parameter"].values.tolist(), errors.tolist(), strict=True))
 
 
 def _inflation(e: Array) -> float:

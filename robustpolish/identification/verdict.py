@@ -14,6 +14,7 @@ AT_FLOOR = 1.25
 EXPLAINED = 0.7
 IMPROVED = 1.1
 SILENT = 0.002
+LOUDEST = 0.4
 
 
 def choose_verdict(
@@ -41,7 +42,8 @@ def choose_verdict(
     """
     size = np.std(setting.record.Y, axis=0)
     white = setting.scales.noise
-    at_floor = float(np.max(error / white)) < AT_FLOOR or _noise_like(screening)
+    noise_like = _noise_like(screening) and bool(np.all(error < LOUDEST * size))
+    at_floor = float(np.max(error / white)) < AT_FLOOR or noise_like
     floor = (error if at_floor else np.minimum(white, error)) / size
     if added:
         share = _explained(refitted, error, white)
