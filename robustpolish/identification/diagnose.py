@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from robustpolish.effects import CONSTANT
 from robustpolish.identification.conclusion import conclude
 from robustpolish.identification.confusion import experiment
 from robustpolish.identification.diagnosis import Confusion, Diagnosis
@@ -20,16 +19,16 @@ from robustpolish.identification.homotopy import Stage, best_stage, homotopy
 from robustpolish.identification.hopeful import VISIBLE_FALL, hopeful
 from robustpolish.identification.noting import note_confusions, remember
 from robustpolish.identification.observer import Level
+from robustpolish.identification.pairs import before_constant, fitted_with, hiding
 from robustpolish.identification.ranking import (
     Refitted,
     first_earned,
     in_turn,
     judgement,
-    objection,
 )
 from robustpolish.identification.record import record_of
-from robustpolish.identification.screening import Candidate, screen
-from robustpolish.identification.search import Search, steps
+from robustpolish.identification.screening import screen
+from robustpolish.identification.search import Search
 from robustpolish.identification.setting import Setting, prepare
 from robustpolish.identification.verdict import SILENT
 from robustpolish.models.mechanical import MechanicalModel
@@ -39,9 +38,7 @@ Array = NDArray[np.float64]
 MOST_EFFECTS = 4
 # An effect whose score is below this share of the best is no rival to one that explains all.
 NEAR_SCORE = 0.6
-MOST_BESIDE = 4
 _LINEAR = (Level(1.0), Level(0.1), FREE)
-_EXTENDED = (Level(0.1), Level(0.01), Level(0.001), FREE)
 
 Progress = Callable[[str], None]
 
@@ -84,7 +81,8 @@ def diagnose(
     say("how inputs act between their samples")
     model = with_holds(model, setting)
     say("refit of the model's own parameters")
-    stages = homotopy(model, setting, setting.trial, model, _LINEAR)
+    pieces = setting.trial if model.free else setting.estimation  # quick where nothing swings
+    stages = homotopy(model, setting, pieces, model, _LINEAR)
     stage = best_stage(stages, setting)
     search = Search(setting, model, stage, entries, stages[min(1, len(stages) - 1)].model, stage)
     entries.append(("refit", stage.model))
@@ -114,14 +112,19 @@ def _add_one(search: Search, say: Progress) -> bool:
             if explained and candidate.score < NEAR_SCORE * chosen[0].score:
                 break
             say(f"refit with {candidate.effect}")
-            fitted = _refit_with(candidate, start, search)
+            fitted = fitted_with(start, candidate.effect, search)
             if fitted is not None:
                 refits.append((candidate, fitted))
         ranked = sorted(refits, key=lambda item: judgement(item[1], refits))
         remember(search, ranked, screening.candidates, number)
         earned = first_earned(in_turn(ranked, search), search)
         if earned is not None:
-            _accept(search, _before_constant(earned, ranked, search), ranked)
+            earned = before_constant(earned, ranked, search)
+            note_confusions(search, earned, ranked)
+        else:
+            earned = hiding(ranked, search)
+        if earned is not None:
+            _accept(search, earned)
             return True
         if screening.level.force <= SILENT:
             break  # no missing force is seen: another start will not show one
@@ -133,36 +136,11 @@ def _at_floor(stage: Stage, setting: Setting) -> bool:
     return bool(np.all(stage.error * (1 - VISIBLE_FALL) < setting.scales.noise))
 
 
-def _before_constant(earned: Refitted, ranked: Sequence[Refitted], search: Search) -> Refitted:
-    """Return the effect that is to be named before a constant, or the constant.
-
-    An offset or a preload hides how well other effects do. If one of them earns its place beside
-    the constant, it comes first, and the constant later.
-    """
-    constant, alone = earned
-    if constant.effect.definition.family != CONSTANT:
-        return earned
-    setting, effect = search.setting, alone.model.effects[-1]
-    found: list[tuple[float, Refitted]] = []
-    for candidate, fitted in ranked[:MOST_BESIDE]:
-        if candidate.effect.definition.family == CONSTANT:
-            continue
-        both = fitted.model.with_effect(effect.kind, effect.at, effect.parameters)
-        stage = _fitted(both, search)
-        if stage is not None and not objection(alone, stage, setting, place=-2):
-            found.append((float(np.mean(np.log(stage.error))), (candidate, fitted)))
-    return min(found, key=lambda item: item[0])[1] if found else earned
-
-
-def _accept(
-    search: Search,
-    earned: Refitted,
-    ranked: Sequence[Refitted],
-) -> None:
-    candidate, fitted = earned
-    note_confusions(search, earned, ranked)
-    search.stage = fitted
-    search.steps.append((candidate.effect.kind, fitted.model))
+def _accept(search: Search, earned: Refitted) -> None:
+    candidate, search.stage = earned
+    search.steps.append((candidate.effect.kind, search.stage.model))
+    refused = f"{candidate.effect} was not added"
+    search.reasons = [reason for reason in search.reasons if not reason.startswith(refused)]
 
 
 def _starts(search: Search) -> list[MechanicalModel]:
@@ -196,16 +174,3 @@ def _add_gain(search: Search, found: WrongGain, say: Progress) -> None:
         search.confusions.append(Confusion(effect, other, experiment(effect, other)))
     search.reasons.append(found.reason)
     search.steps.append((effect.kind, stage.model))
-
-
-def _refit_with(candidate: Candidate, start: MechanicalModel, search: Search) -> Stage | None:
-    effect = candidate.effect
-    return _fitted(start.with_effect(effect.kind, effect.at, effect.values), search)
-
-
-def _fitted(model: MechanicalModel, search: Search) -> Stage | None:
-    setting = search.setting
-    # where all motion is imposed, no run can go astray, and none can be led
-    levels, most = (_EXTENDED, steps(setting)) if model.free else ((FREE,), 2 * steps(setting))
-    stages = homotopy(model, setting, setting.trial, search.reference, levels, most)
-    return best_stage(stages, setting) if stages else None
