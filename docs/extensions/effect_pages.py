@@ -25,6 +25,11 @@ PLACES = {
     "input": "On a measured input",
     "output": "On a sensor",
 }
+STYLES: tuple[dict[str, Any], ...] = (
+    {"color": "#0072b2", "linestyle": "-"},
+    {"color": "#d55e00", "linestyle": "--"},
+    {"color": "#009e73", "linestyle": ":"},
+)
 INTRO = """# Catalogue of effects
 
 Every kind that the installed robustpolish knows, with what it does to a residual and what to check
@@ -34,15 +39,16 @@ on the machine. `rp.diagnose` tries each at every place where it could act;
 
 Units are those of a translation; at a rotation read N m for N and rad for m. The pictures show the
 force on the first coordinate along a swelling vibration, largest value 1: what screening
-compares with the force that is missing, one line for each guess of the parameters that enter
-nonlinearly.
+compares with the force that is missing, one line for each of up to three guesses of the parameters
+that enter nonlinearly.
 """
 
 
 def swelling_motion() -> Motion:
     """Return a vibration of 1 Hz that swells to an amplitude of 1."""
-    time = np.linspace(0.0, 4.0, 2401)
-    q = (0.25 + 0.75 * time / time[-1]) * np.sin(2 * np.pi * time)
+    time = np.linspace(0.0, 2.0, 2401)
+    q = (0.4 + 0.6 * time / time[-1]) * np.sin(2 * np.pi * time)
+    q /= np.abs(q).max()
     context = {"spring_stiffness": 1.0, "mobility": 1e-3}
     return Motion(time, q[None], np.gradient(q, time)[None], context)
 
@@ -52,17 +58,21 @@ def picture(kind: EffectKind) -> Figure | None:
     motion = swelling_motion()
     if kind.domain != "pair" or kind.law is None:
         return None
-    columns = [column[0] for shape in kind.shapes(motion) for column in shape.columns]
-    if not columns:
+    # a unit of each coefficient; three guesses are enough for the eye
+    forces = [shape.columns.sum(axis=0)[0] for shape in kind.shapes(motion)]
+    if not forces:
         return None
+    chosen = forces[:: max(len(forces) // 3, 1)][:3]
     figure = Figure(figsize=(4.2, 2.4), layout="constrained")
     ax = figure.subplots()
-    for i, column in enumerate(columns[:6]):
-        shade = 0.15 + 0.7 * i / max(len(columns[:6]) - 1, 1)
-        largest = float(np.abs(column).max()) or 1.0
-        ax.plot(motion.q[0], column / largest, color=mpl.colormaps["viridis"](shade), lw=1)
+    for force, style in zip(chosen, STYLES, strict=False):
+        largest = float(np.abs(force).max()) or 1.0
+        ax.plot(motion.q[0], force / largest, lw=1.2, **style)
     ax.axhline(0.0, color="0.7", lw=0.5, zorder=0)
     ax.axvline(0.0, color="0.7", lw=0.5, zorder=0)
+    ax.set_xticks([-1, 0, 1])
+    ax.set_yticks([-1, 0, 1])
+    ax.set_ylim(-1.1, 1.1)
     ax.set_xlabel("displacement / amplitude")
     ax.set_ylabel("force / largest")
     return figure
