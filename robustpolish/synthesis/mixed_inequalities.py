@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.affine import Affine, symmetric_block
-from robustpolish.synthesis.dynamic.matrices import Controller, shift
+from robustpolish.synthesis.dynamic.lmi_forms import Variables, stacked
+from robustpolish.synthesis.dynamic.matrices import matrices, shift
+from robustpolish.synthesis.dynamic.reconstruction import reconstruct
 from robustpolish.synthesis.pole_regions import PoleRegion
 from robustpolish.synthesis.semidefinite import SemidefiniteProgram, SemidefiniteSolution
 
@@ -110,7 +112,7 @@ def mixed_start(
 def _size(program: SemidefiniteProgram, v: _Variables) -> Affine:
     """Bound the largest singular value of all variables by a scalar."""
     size = program.scalar()
-    whole = _stacked([[v.A, v.B], [v.C, v.D]])
+    whole = stacked([[v.A, v.B], [v.C, v.D]])
     rows, columns = (size.times(np.eye(n)) for n in whole.shape)
     program.positive(symmetric_block([[rows, whole], [columns]]))
     for M in (v.X, v.Y):
@@ -137,7 +139,7 @@ def mixed_program(
     eye = np.eye(n)
     lyapunov = symmetric_block([[v.Y, eye], [v.X]])
     program.positive(lyapunov)
-    A = _stacked([[P.A @ v.Y + P.B2 @ v.C, P.B2 @ v.D @ P.C2 + P.A], [v.A, v.X @ P.A + v.B @ P.C2]])
+    A = stacked([[P.A @ v.Y + P.B2 @ v.C, P.B2 @ v.D @ P.C2 + P.A], [v.A, v.X @ P.A + v.B @ P.C2]])
     for s in specifications:
         target = square if s.bound is None else Affine.of(s.bound**2)
         _add_norm(program, s, v, lyapunov, A, target)
@@ -168,8 +170,8 @@ def _add_norm(
     square: Affine,
 ) -> None:
     P = s.plant
-    B = _stacked([[P.B2 @ v.D @ P.D21 + P.B1], [v.X @ P.B1 + v.B @ P.D21]])
-    C = _stacked([[P.C1 @ v.Y + P.D12 @ v.C, P.D12 @ v.D @ P.C2 + P.C1]])
+    B = stacked([[P.B2 @ v.D @ P.D21 + P.B1], [v.X @ P.B1 + v.B @ P.D21]])
+    C = stacked([[P.C1 @ v.Y + P.D12 @ v.C, P.D12 @ v.D @ P.C2 + P.C1]])
     D = P.D12 @ v.D @ P.D21 + P.D11
     decay = -(A + A.T)
     if s.norm == "hinf":
@@ -184,36 +186,13 @@ def _add_norm(
     program.zero(D)
 
 
-def _stacked(blocks: Sequence[Sequence[Affine]]) -> Affine:
-    """Assemble a block matrix, each block placed by constant factors."""
-    heights = [row[0].shape[0] for row in blocks]
-    widths = [block.shape[1] for block in blocks[0]]
-    eye_rows, eye_columns = np.eye(sum(heights)), np.eye(sum(widths))
-    tops, lefts = np.cumsum([0, *heights]), np.cumsum([0, *widths])
-    total = Affine.of(np.zeros((sum(heights), sum(widths))))
-    for i, row in enumerate(blocks):
-        for j, block in enumerate(row):
-            place = eye_rows[:, tops[i] : tops[i + 1]]
-            across = eye_columns[lefts[j] : lefts[j + 1]]
-            total = total + place @ block @ across
-    return total
-
-
 def reconstructed(
     P: GeneralizedPlant, variables: _Variables, solution: SemidefiniteSolution
 ) -> Matrix | None:
-    """Undo the change of variables, (10.23) and (10.24), with I - XY split evenly."""
+    """Undo the change of variables, (10.23) and (10.24)."""
     X, Y, Ah, Bh, Ch, Dk = (solution.value(M) for M in variables)
-    U, sizes, Vt = np.linalg.svd(np.eye(P.nx) - X @ Y)
-    if not sizes.min(initial=1.0) > 1e-13 * sizes.max(initial=1.0):
-        return None
-    root = np.sqrt(sizes)
-    left, right = U * root, (Vt.T * root).T
-    Ck = np.linalg.solve(right.T, (Ch - Dk @ P.C2 @ Y).T).T
-    Bk = np.linalg.solve(left, Bh - X @ P.B2 @ Dk)
-    inner = Ah - left @ Bk @ P.C2 @ Y - X @ P.B2 @ Ck @ right - X @ (P.A + P.B2 @ Dk @ P.C2) @ Y
-    Ak = np.linalg.solve(right.T, np.linalg.solve(left, inner).T).T
-    K = shift(Controller(Ak, Bk, Ck, Dk), P.D22)
+    inner = reconstruct(matrices(P), Variables(Y, X, Ah, Bh, Ch, Dk))
+    K = None if inner is None else shift(inner, P.D22)
     if K is None or not all(np.isfinite(M).all() for M in K):
         return None
     return np.block([[K.A, K.B], [K.C, K.D]])

@@ -12,7 +12,7 @@ import numpy as np
 
 from robustpolish.synthesis.affine import Affine, symmetric_block
 from robustpolish.synthesis.certificate import Norm
-from robustpolish.synthesis.dynamic.matrices import Controller, Matrix, PlantMatrices
+from robustpolish.synthesis.dynamic.matrices import Matrix, PlantMatrices
 from robustpolish.synthesis.semidefinite import SemidefiniteProgram, SemidefiniteSolution
 
 
@@ -150,21 +150,3 @@ def stacked(blocks: list[list[Affine]]) -> Affine:
             left += width
         top += row[0].shape[0]
     return total
-
-
-def reconstruct(plant: PlantMatrices, found: Variables) -> Controller | None:
-    """Undo the change of variables, with a balanced factorisation of I - XY."""
-    P, (X, Y, Ah, Bh, Ch, D) = plant, found
-    U, s, Vt = np.linalg.svd(np.eye(len(X)) - X @ Y)
-    if s[-1] <= np.finfo(float).eps * s[0]:
-        return None
-    root = np.sqrt(s)
-    M, N = U * root, Vt.T * root
-    try:
-        C = np.linalg.solve(M, (Ch - D @ P.C2 @ X).T).T
-        B = np.linalg.solve(N, Bh - Y @ P.B2 @ D)
-        inner = Ah - N @ B @ P.C2 @ X - Y @ P.B2 @ C @ M.T - Y @ (P.A + P.B2 @ D @ P.C2) @ X
-        A = np.linalg.solve(M, np.linalg.solve(N, inner).T).T
-    except np.linalg.LinAlgError:
-        return None
-    return Controller(A, B, C, D)
