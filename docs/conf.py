@@ -6,6 +6,7 @@ other project's index is read.
 
 import os
 import sys
+from hashlib import sha256
 from pathlib import Path
 
 DOCS = Path(__file__).parent
@@ -57,11 +58,16 @@ numpydoc_xref_param_type = False
 myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist", "fieldlist"]
 myst_heading_anchors = 3
 nb_execution_mode = "cache"
-nb_execution_cache_path = str(DOCS / "_build" / "executed")
+# Executed notebooks are kept until the package changes: no page shows what older code computed.
+_code = sha256()
+for _path in sorted((DOCS.parent / "robustpolish").rglob("*.py")):
+    _code.update(_path.read_bytes())
+nb_execution_cache_path = str(DOCS / "_build" / "executed" / _code.hexdigest()[:12])
 nb_execution_timeout = 600
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
 nb_merge_streams = True
+nb_render_markdown_format = "gfm"  # tables in the output of cells
 
 # --- pages --------------------------------------------------------------------------------------
 html_theme = "pydata_sphinx_theme"
