@@ -45,6 +45,8 @@ def _at(motion: Motion, slip: float, velocity: float, ratio: float) -> Shape:
 def _implausible(values: Mapping[str, float]) -> str | None:
     if values["static_force"] < values["force"]:
         return "the static friction is below the sliding friction"
+    if values["static_force"] > 6 * values["force"]:
+        return "the static friction is many times the sliding friction"
     return None
 
 

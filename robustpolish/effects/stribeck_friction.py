@@ -39,6 +39,8 @@ def _at(motion: Motion, direction: NDArray[np.float64], velocity: float) -> Shap
 def _implausible(values: Mapping[str, float]) -> str | None:
     if values["static_force"] < values["force"]:
         return "the static friction is below the sliding friction"
+    if values["static_force"] > 6 * values["force"]:
+        return "the static friction is many times the sliding friction"
     return None
 
 

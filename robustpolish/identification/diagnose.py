@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +25,7 @@ from robustpolish.identification.ranking import (
     first_earned,
     in_turn,
     judgement,
+    objection,
 )
 from robustpolish.identification.record import record_of
 from robustpolish.identification.screening import screen
@@ -106,10 +107,12 @@ def _add_one(search: Search, say: Progress) -> bool:
         screening = screen(start, setting.screened, setting.scales, setting.amplitude)
         search.screening = screening
         refits: list[Refitted] = []
-        chosen = hopeful(screening)
-        for candidate in chosen:
+        chosen, further = hopeful(screening)
+        for candidate in [*chosen, *further]:
             explained = any(_at_floor(s, setting) for _, s in refits)
             if explained and candidate.score < NEAR_SCORE * chosen[0].score:
+                break
+            if candidate in further and _any_earned(refits, search):
                 break
             say(f"refit with {candidate.effect}")
             fitted = fitted_with(start, candidate.effect, search)
@@ -134,6 +137,11 @@ def _add_one(search: Search, say: Progress) -> bool:
 def _at_floor(stage: Stage, setting: Setting) -> bool:
     """Return whether not even the noise alone would make the error fall visibly."""
     return bool(np.all(stage.error * (1 - VISIBLE_FALL) < setting.scales.noise))
+
+
+def _any_earned(refits: Sequence[Refitted], search: Search) -> bool:
+    """Return whether one of the candidates earns its place."""
+    return any(not objection(search.stage, stage, search.setting) for _, stage in refits)
 
 
 def _accept(search: Search, earned: Refitted) -> None:

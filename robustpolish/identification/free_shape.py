@@ -59,7 +59,7 @@ def _places(model: MechanicalModel) -> list[tuple[str, ...]]:
     found = []
     for added in model.effects:
         effect = Effect(added.kind, added.at, added.parameters)
-        if effect.definition.domain == "pair" and not effect.definition.has_memory:
+        if effect.definition.domain == "pair":
             found.append(effect.at)
         elif effect.definition.domain == "dof":
             found.append((effect.at[0], "ground"))

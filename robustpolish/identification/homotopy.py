@@ -87,6 +87,7 @@ def homotopy(
     iterations: int = 8,
     held: Sequence[str] = (),
     progress: Callable[[], None] | None = None,
+    enough: Callable[[Level, Fit], bool] | None = None,
 ) -> list[Fit]:
     """Fit at falling levels of guidance; return the fit of every stage.
 
@@ -106,6 +107,8 @@ def homotopy(
         Most steps per stage.
     held : sequence of str
         Keys that stay as they are.
+    enough : callable, optional
+        Asked after each stage whether it is worth while to go on; if not, nothing is returned.
     """
     stages: list[Fit] = []
     kept: Fit | None = None
@@ -126,6 +129,8 @@ def homotopy(
         result = fit(residuals, iterations=iterations, progress=progress)
         if not np.isfinite(result.cost):
             continue
+        if enough is not None and not enough(level, result):
+            return []
         stages.append(result)
         if kept is not None and _lost(result, kept):
             continue  # the next stage starts where this one did
@@ -135,6 +140,14 @@ def homotopy(
     if kept is not None and all(kept is not stage for stage in stages[-2:]):
         stages.insert(len(stages) - 1, kept)
     return stages
+
+
+def guided_rms(
+    model: MechanicalModel, setting: Setting, pieces: Sequence[Piece], level: Level
+) -> Array:
+    """Return the prediction errors of a model as it is, at a level, shape (ny,)."""
+    common = (setting.scales, setting.dt, setting.amplitude)
+    return np.sqrt(np.mean(guided_errors(model, pieces, *common, level) ** 2, axis=0))
 
 
 def _lost(after: Fit, before: Fit) -> bool:

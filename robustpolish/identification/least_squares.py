@@ -201,7 +201,8 @@ def _weights(errors: Array, before: Array) -> Array:
 def _rms(errors: Array) -> Array:
     """Return the root mean square of the finite errors of each output."""
     finite = np.where(np.isfinite(errors), errors, 0.0)
-    return np.sqrt(np.mean(finite**2, axis=0))
+    with np.errstate(over="ignore"):
+        return np.sqrt(np.mean(finite**2, axis=0))
 
 
 def _cost(residuals: Residuals, x: Array, errors: Array, sigma: Array) -> float:

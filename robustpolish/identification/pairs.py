@@ -10,7 +10,8 @@ import numpy as np
 from robustpolish.effects import CONSTANT, Effect
 from robustpolish.identification.candidates import rivals
 from robustpolish.identification.evaluation import FREE
-from robustpolish.identification.homotopy import Stage, best_stage, homotopy
+from robustpolish.identification.homotopy import Stage, best_stage, guided_rms, homotopy
+from robustpolish.identification.least_squares import Fit
 from robustpolish.identification.observer import Level
 from robustpolish.identification.ranking import Refitted, judgement, objection
 from robustpolish.identification.search import Search, steps
@@ -19,16 +20,30 @@ from robustpolish.models.mechanical import MechanicalModel
 # Share by which an effect that hides behind another lets the error fall at least.
 _LEAST_FALL = 0.1
 _MOST = 3
-_EXTENDED = (Level(0.1), Level(0.01), Level(0.001), FREE)
+_ASKED, _HELPS = Level(0.01), 0.97
+_EXTENDED = (Level(0.1), _ASKED, Level(0.001), FREE)
 
 
 def fitted_with(model: MechanicalModel, effect: Effect, search: Search) -> Stage | None:
-    """Return a model with one more effect, fitted; None if no fit ended well."""
+    """Return a model with one more effect, fitted.
+
+    None if no fit ended well, or if the effect does not help even a model that is led by the data.
+    """
     setting = search.setting
     extended = model.with_effect(effect.kind, effect.at, effect.values)
-    # where all motion is imposed, no run can go astray, and none can be led
-    levels, most = (_EXTENDED, steps(setting)) if model.free else ((FREE,), 2 * steps(setting))
-    stages = homotopy(extended, setting, setting.trial, search.reference, levels, most)
+    if not model.free:  # all motion is imposed: no run can go astray, and none can be led
+        most = 2 * steps(setting)
+        stages = homotopy(extended, setting, setting.trial, search.reference, (FREE,), most)
+        return best_stage(stages, setting) if stages else None
+    before = guided_rms(model, setting, setting.trial, _ASKED)
+
+    def enough(level: Level, fit: Fit) -> bool:
+        return level != _ASKED or bool(np.any(fit.rmse < _HELPS * before))
+
+    stages = homotopy(
+        extended, setting, setting.trial, search.reference, _EXTENDED, steps(setting),
+        enough=enough,
+    )  # fmt: skip
     return best_stage(stages, setting) if stages else None
 
 
