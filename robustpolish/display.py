@@ -31,7 +31,17 @@ class Table:
     digits: int = 4
 
     def cells(self, missing: str = "-") -> list[list[str]]:
-        """Return the rows as text."""
+        """Return the rows as text.
+
+        Parameters
+        ----------
+        missing : str, optional
+            What stands where there is nothing.
+
+        Returns
+        -------
+        list of list of str
+        """
         return [[shown(cell, self.digits, missing) for cell in row] for row in self.rows]
 
     def numeric(self) -> list[bool]:

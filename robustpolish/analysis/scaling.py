@@ -60,6 +60,16 @@ class Scaling(Displayed):
     >>> _, scaling = rp.scale_system(plant)
     >>> scaling.state.shape, scaling.time > 1
     ((2,), True)
+
+    Gains and controllers that were found for the scaled system are mapped back:
+
+    >>> scaled = scaling.apply(plant)
+    >>> bool(abs(scaled.A).max() < 4)
+    True
+    >>> scaling.state_gain([[1.0, 1.0]]).shape, scaling.output_gain([[1.0]]).shape
+    ((1, 2), (1, 1))
+    >>> scaling.controller(control.ss([[-1.0]], [[1.0]], [[1.0]], 0)).nstates
+    1
     """
 
     state: Vector
@@ -105,6 +115,14 @@ class Scaling(Displayed):
     def apply(self, system: control.StateSpace) -> control.StateSpace:
         """Return the system in scaled variables, with its names; `dt` stays as it is.
 
+        Parameters
+        ----------
+        system : control.StateSpace
+
+        Returns
+        -------
+        control.StateSpace
+
         Raises
         ------
         InvalidInputError
@@ -142,6 +160,10 @@ class Scaling(Displayed):
             F_s, found for the scaled system.
         inputs : sequence of int, optional
             Which inputs of the system are the controls; all by default.
+
+        Returns
+        -------
+        ndarray, shape (number of `inputs`, n)
         """
         U = self.inputs[_chosen("inputs", inputs, self.inputs.size)]
         return U[:, None] * matrix("gain", gain, (U.size, self.state.size)) / self.state
@@ -160,6 +182,10 @@ class Scaling(Displayed):
             K_s, found for the scaled system.
         inputs, outputs : sequence of int, optional
             Which inputs are the controls and which outputs the measurements; all by default.
+
+        Returns
+        -------
+        ndarray, shape (number of `inputs`, number of `outputs`)
         """
         U = self.inputs[_chosen("inputs", inputs, self.inputs.size)]
         Y = self.outputs[_chosen("outputs", outputs, self.outputs.size)]
@@ -179,6 +205,10 @@ class Scaling(Displayed):
             Found for the scaled system: as many inputs as `outputs`, outputs as `inputs`.
         inputs, outputs : sequence of int, optional
             Which inputs of the system are the controls and which outputs the measurements.
+
+        Returns
+        -------
+        control.StateSpace
         """
         K = realisation("controller", controller)
         U = self.inputs[_chosen("inputs", inputs, self.inputs.size)]

@@ -68,7 +68,17 @@ class ListingDefects:
 
     @classmethod
     def none(cls, but: tuple[str, ...] = ()) -> ListingDefects:
-        """Return the listings with every mistake mended, except those named in `but`."""
+        """Return the listings with every mistake mended, except those named in `but`.
+
+        Parameters
+        ----------
+        but : tuple of str, optional
+            Names of fields.
+
+        Returns
+        -------
+        ListingDefects
+        """
         names = [item.name for item in fields(cls)]
         if isinstance(but, str):
             raise invalid("but", described(repr(but)), "a tuple of names", f"Pass ({but!r},).")

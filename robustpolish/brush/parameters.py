@@ -115,16 +115,63 @@ class BrushParameters:
 
     @classmethod
     def for_run(cls, run: int, **changes: Any) -> BrushParameters:
-        """Return the parameters with the contact stiffness of run 1, 2, 3 or 4 (table 9.2)."""
+        """Return the parameters with the contact stiffness of run 1, 2, 3 or 4 (table 9.2).
+
+        Parameters
+        ----------
+        run : {1, 2, 3, 4}
+        **changes : float or Surface
+            Other fields of the class.
+
+        Returns
+        -------
+        BrushParameters
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> rp.BrushParameters.for_run(2, mass=0.25).mass
+        0.25
+        """
         return cls(**changes).with_run(run)
 
     @classmethod
     def as_published(cls, run: int = 1) -> BrushParameters:
-        """Return the thesis's parameters, its surface (9.1) included."""
+        """Return the thesis's parameters, its surface (9.1) included.
+
+        Parameters
+        ----------
+        run : {1, 2, 3, 4}, optional
+
+        Returns
+        -------
+        BrushParameters
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> rp.BrushParameters.as_published().surface.across
+        5.0
+        """
         return cls.for_run(run, surface=Surface.as_published())
 
     def with_run(self, run: int) -> BrushParameters:
-        """Return a copy with the contact stiffness of run 1, 2, 3 or 4 (table 9.2)."""
+        """Return a copy with the contact stiffness of run 1, 2, 3 or 4 (table 9.2).
+
+        Parameters
+        ----------
+        run : {1, 2, 3, 4}
+
+        Returns
+        -------
+        BrushParameters
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> rp.BrushParameters().with_run(3).contact_stiffness
+        100000000.0
+        """
         return replace(self, contact_stiffness=RUN_STIFFNESS[one_of("run", run, RUN_STIFFNESS)])
 
     @property

@@ -42,6 +42,10 @@ class Surface:
     12.5
     >>> surface.fits(0.010), Surface.as_published().fits(0.010)
     (True, False)
+    >>> round(1e6 * float(surface.height(0.0, 0.002))), float(surface.gradient(0.0, 0.001)[1])
+    (160, 0.08)
+    >>> bool(Surface.flat().height(0.1, 0.1) == 0)
+    True
     """
 
     along: float = field(default=0.1, metadata={"unit": "1/m", "source": "eq. 9.1"})
@@ -77,18 +81,48 @@ class Surface:
         return float("inf") if sharpest == 0.0 else 1.0 / sharpest
 
     def fits(self, radius: float) -> bool:
-        """Whether a disc of that radius [m] goes into the bottom of the trough."""
+        """Whether a disc of that radius [m] goes into the bottom of the trough.
+
+        Parameters
+        ----------
+        radius : float
+            In m.
+
+        Returns
+        -------
+        bool
+        """
         return self.trough_radius > radius
 
     def height(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
-        """Height f(x, y) [m] over the zero plane (eq. 9.1); x, y in m, broadcast together."""
+        """Height f(x, y) [m] over the zero plane (eq. 9.1); x, y in m, broadcast together.
+
+        Parameters
+        ----------
+        x, y : array_like
+            In m, broadcast together.
+
+        Returns
+        -------
+        ndarray
+        """
         bend_x, bend_y = self.curvatures
         return np.asarray(0.5 * bend_x * np.square(x) + 0.5 * bend_y * np.square(y))
 
     def gradient(
         self, x: ArrayLike, y: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Slopes df/dx and df/dy [-]; x, y in m."""
+        """Slopes df/dx and df/dy [-]; x, y in m.
+
+        Parameters
+        ----------
+        x, y : array_like
+            In m, broadcast together.
+
+        Returns
+        -------
+        tuple of ndarray
+        """
         bend_x, bend_y = self.curvatures
         return bend_x * np.asarray(x, dtype=float), bend_y * np.asarray(y, dtype=float)
 

@@ -37,6 +37,14 @@ class ControllerComparison(Displayed):
         The simulated signals of each row.
     load : str
         What drives the rows: one disturbance, or the thesis's unequal ones.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> comparison = rp.design_against_brush(duration=0.02).comparison
+    >>> header, body = comparison.rows()
+    >>> header[:2], [row[0] for row in body]
+    (('', 'max |x| [m]'), ['without control', 'with control'])
     """
 
     table: xr.Dataset
@@ -44,7 +52,13 @@ class ControllerComparison(Displayed):
     load: str
 
     def rows(self) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-        """Return column names and rows, for a report or a CSV file."""
+        """Return column names and rows, for a report or a CSV file.
+
+        Returns
+        -------
+        header : tuple of str
+        body : list of tuple
+        """
         signals = [str(name) for name in self.table["signal"].to_numpy()]
         unit = self.table["deviation"].attrs.get("units", "")
         effort_unit = self.table["effort"].attrs.get("units", "")
@@ -137,6 +151,16 @@ def compare_controllers(
     See Also
     --------
     thesis_comparison : the comparison of chapter 11, in which the loads differ.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.air_bearing(actuation="force")
+    >>> designs = {"cheap": rp.state_feedback(plant, control_weight=1e-7)}
+    >>> load = rp.simulate_brush(duration=0.02)
+    >>> comparison = rp.compare_controllers(designs, load, signals=("x", "y"))
+    >>> bool(comparison.table["improvement"].sel(row="cheap", signal="y") > 90)
+    True
     """
     if not controllers:
         raise invalid("controllers", controllers, "at least one design", "Pass {'name': design}.")

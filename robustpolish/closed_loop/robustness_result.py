@@ -48,6 +48,8 @@ class RobustnessCheck(Displayed):
     (0.67, 1.2, inf)
     >>> check.worst_parameters
     {'dof.x.mass': 2.0}
+    >>> check.plot().get_ylabel()
+    'number per bin (machine)'
     """
 
     norm: str

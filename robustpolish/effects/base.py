@@ -65,6 +65,14 @@ class Parameter:
     def unit(self, rotational: bool = False) -> str:
         """Return the SI unit, for translation or for rotation.
 
+        Parameters
+        ----------
+        rotational : bool, optional
+
+        Returns
+        -------
+        str
+
         Examples
         --------
         >>> Parameter("stiffness", "F/L^3", "cubic coefficient").unit()
@@ -172,7 +180,21 @@ class EffectKind:
         return self.states > 0
 
     def parameter(self, name: str) -> Parameter:
-        """Return the parameter called `name`."""
+        """Return the parameter called `name`.
+
+        Parameters
+        ----------
+        name : str
+
+        Returns
+        -------
+        Parameter
+
+        Raises
+        ------
+        InvalidInputError
+            If the kind has none of that name.
+        """
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter
@@ -231,7 +253,17 @@ class Effect:
         return {p.name: given.get(p.name, p.default) for p in self.definition.parameters}
 
     def with_parameters(self, **changes: float) -> Effect:
-        """Return the same effect with some parameters changed."""
+        """Return the same effect with some parameters changed.
+
+        Parameters
+        ----------
+        **changes : float
+            New values in SI units.
+
+        Returns
+        -------
+        Effect
+        """
         return Effect(self.kind, self.at, {**self.parameters, **changes})
 
     def __str__(self) -> str:
@@ -297,6 +329,17 @@ def force_along(
     """Return the force of a law along a given motion, shape (ports, samples).
 
     Internal states start at rest and are stepped with the motion (Heun).
+
+    Parameters
+    ----------
+    kind : EffectKind
+    motion : Motion
+    values : ndarray
+        Of the parameters, in the kind's order.
+
+    Returns
+    -------
+    ndarray, shape (ports, samples)
     """
     from robustpolish.effects.along import run
 

@@ -47,6 +47,14 @@ def register(kind: EffectKind) -> EffectKind:
     A package that is installed does the same without a call, with an entry
     point in the group ``robustpolish.effects`` that names an `EffectKind`.
 
+    Parameters
+    ----------
+    kind : EffectKind
+
+    Returns
+    -------
+    EffectKind
+
     Raises
     ------
     InvalidInputError
@@ -74,6 +82,14 @@ def kinds() -> dict[str, EffectKind]:
 
 def lookup(name: str) -> EffectKind:
     """Return the kind called `name`.
+
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    EffectKind
 
     Raises
     ------

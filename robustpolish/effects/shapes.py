@@ -45,7 +45,16 @@ class Motion:
         return float(np.percentile(np.abs(self.v[0]), 95))
 
     def slips(self, shares: tuple[float, ...]) -> list[float]:
-        """Return the shares of the amplitude that are longer than half a sample's travel."""
+        """Return the shares of the amplitude that are longer than half a sample's travel.
+
+        Parameters
+        ----------
+        shares : tuple of float
+
+        Returns
+        -------
+        list of float
+        """
         travel = 0.5 * self.speed * float(self.time[1] - self.time[0])
         return [s * self.amplitude for s in shares if s * self.amplitude > travel]
 

@@ -104,6 +104,20 @@ class Comparison(Displayed):
         cause, if these were given.
     notes : tuple of str
         What has to be known to judge the figures.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> model, data = rp.datasets.sticky_slide()
+    >>> comparison = rp.compare(model, data)
+    >>> comparison.reproducible, comparison.outputs["x"].unit
+    (True, 'm')
+    >>> sorted(comparison.to_dict()["outputs"]["x"])
+    ['fit_percent', 'nrmse', 'rmse', 'rmse_band', 'unit']
+    >>> comparison.plot().get_ylabel()
+    'x [mm]'
+    >>> len(comparison.plot_panels().axes)  # overlay, residual and spectra
+    3
     """
 
     model: MechanicalModel
@@ -147,7 +161,12 @@ class Comparison(Displayed):
         return result
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures as in the JSON of ``robustpolish compare``."""
+        """Return the figures as in the JSON of ``robustpolish compare``.
+
+        Returns
+        -------
+        dict
+        """
         return {
             "outputs": {
                 name: {

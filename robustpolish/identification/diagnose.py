@@ -74,6 +74,15 @@ def diagnose(
     best few are refitted by homotopy and ranked on held-out blocks. An effect is added if
     the held-out error falls visibly, its sign is physical and its parameters are
     determined; then the search starts again.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> model, data = rp.datasets.sticky_slide()
+    >>> diagnosis = rp.diagnose(model, data.isel(time=slice(0, 500)))
+    >>> effect = diagnosis.effects[0]
+    >>> diagnosis.verdict, effect.kind, round(effect.parameters["force"].value, 1)
+    ('missing_effect', 'coulomb_friction', 3.0)
     """
     say = progress or (lambda text: None)
     record = record_of(model, data)

@@ -104,6 +104,24 @@ class Diagnosis(Displayed):
         Whether free runs of the model judge anything.
     time : ndarray, shape (samples,)
         When `missing_force` acts, in s.
+
+    Examples
+    --------
+    >>> import os, tempfile
+    >>> import robustpolish as rp
+    >>> model, data = rp.datasets.sticky_slide()
+    >>> diagnosis = rp.diagnose(model, data.isel(time=slice(0, 500)))
+    >>> print(diagnosis.explain().splitlines()[0])
+    The model lacked: Coulomb friction at x, ground.
+    >>> diagnosis.to_dict()["effects"][0]["kind"]
+    'coulomb_friction'
+    >>> diagnosis.plot().get_ylabel(), diagnosis.plot_missing_force().get_xlabel()
+    ('relative error of x', 'time [ms]')
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     diagnosis.save(os.path.join(folder, "slide.json"))
+    ...     again = rp.Diagnosis.load(os.path.join(folder, "slide.json"))
+    >>> again.effects == diagnosis.effects
+    True
     """
 
     verdict: str
@@ -126,7 +144,12 @@ class Diagnosis(Displayed):
         return self.ledger.noise_floor
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data, as the command line writes it."""
+        """Return plain data, as the command line writes it.
+
+        Returns
+        -------
+        dict
+        """
         return {
             "verdict": self.verdict,
             "effects": [
@@ -163,7 +186,12 @@ class Diagnosis(Displayed):
         }
 
     def explain(self) -> str:
-        """Say in words what was found, why, and what to check on the machine."""
+        """Say in words what was found, why, and what to check on the machine.
+
+        Returns
+        -------
+        str
+        """
         from robustpolish.identification.explain import explain
 
         return explain(self)

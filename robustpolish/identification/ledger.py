@@ -47,6 +47,8 @@ class Ledger(Displayed):
       base               0.5
       coulomb_friction  0.02
       noise floor       0.01
+    >>> ledger.to_list()[0]
+    {'step': 'base', 'nrmse': {'x': 0.5}}
     """
 
     entries: tuple[Entry, ...] = ()
@@ -60,13 +62,26 @@ class Ledger(Displayed):
         step : str
         nrmse : mapping of str to float, or a comparison
             Errors by output; a comparison's outputs are read.
+
+        Returns
+        -------
+        Ledger
         """
         if not isinstance(nrmse, Mapping):
             nrmse = {name: output.nrmse for name, output in nrmse.outputs.items()}
         return replace(self, entries=(*self.entries, Entry(step, dict(nrmse))))
 
     def falls(self, output: str) -> list[tuple[str, float, float]]:
-        """Return step, change and level for a waterfall picture of one output."""
+        """Return step, change and level for a waterfall picture of one output.
+
+        Parameters
+        ----------
+        output : str
+
+        Returns
+        -------
+        list of (str, float, float)
+        """
         steps, last = [], 0.0
         for entry in self.entries:
             level = entry.nrmse[output]

@@ -37,6 +37,16 @@ class Refit(Displayed):
         Standard error by key of `units`.
     covariance : xarray.DataArray
         Covariance of the parameters, over their keys twice, in SI units.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> model, data = rp.datasets.sticky_slide()
+    >>> fitted = rp.refit(model.with_effect("coulomb_friction", ("x", "ground")), data)
+    >>> round(fitted.model.parameters["effect[0].force"], 1), fitted.undetermined
+    (3.0, ())
+    >>> fitted.plot().get_xlabel()
+    'relative standard error [%]'
     """
 
     model: MechanicalModel

@@ -73,6 +73,19 @@ class ResidualAnalysis(Displayed):
         Of each input with each output's residual.
     nrmse : mapping of str to float
         Size of the error by output; effect size comes before any test.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> analysis = rp.residual_analysis(rp.compare(*rp.datasets.sticky_slide()))
+    >>> print(analysis.explain().splitlines()[1].split(",")[0].strip())
+    x: 100% of the error
+    >>> round(float(analysis.overall(analysis.windows).sum()), 6), analysis.worst
+    (1.0, 'x')
+    >>> analysis.plot().get_ylabel(), analysis.plot_surface(place="x").get_ylabel()
+    ('frequency', 'velocity [mm/s]')
+    >>> sorted(analysis.to_dict())[:2], len(analysis.plot_panels().axes) > 5
+    (['autocorrelation', 'bands'], True)
     """
 
     residual: xr.Dataset
@@ -90,17 +103,37 @@ class ResidualAnalysis(Displayed):
     nrmse: Mapping[str, float]
 
     def overall(self, shares: xr.DataArray) -> xr.DataArray:
-        """Return the shares of the total error: those of the outputs, weighted by `channels`."""
+        """Return the shares of the total error: those of the outputs, weighted by `channels`.
+
+        Parameters
+        ----------
+        shares : xarray.DataArray
+            One of the tables of shares, over ``output``.
+
+        Returns
+        -------
+        xarray.DataArray
+        """
         return (shares * self.channels).sum("output")
 
     def explain(self) -> str:
-        """Say in words where the error is."""
+        """Say in words where the error is.
+
+        Returns
+        -------
+        str
+        """
         from robustpolish.identification.residual_words import explain
 
         return explain(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the shares and the figures of the tests as plain numbers."""
+        """Return the shares and the figures of the tests as plain numbers.
+
+        Returns
+        -------
+        dict
+        """
         from robustpolish.identification.residual_words import to_dict
 
         return to_dict(self)

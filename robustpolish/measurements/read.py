@@ -227,6 +227,14 @@ def _common_length(raw: RawTable, time: str | None) -> int:
 def sampling_time(data: xr.Dataset) -> float:
     """Return the sampling time in s of a dataset over a uniform ``time``.
 
+    Parameters
+    ----------
+    data : xarray.Dataset
+
+    Returns
+    -------
+    float
+
     Examples
     --------
     >>> import xarray as xr

@@ -78,6 +78,14 @@ def same_kind(first: str, second: str) -> bool:
 
     An angle is a ratio too, but no number of turns is a strain: rad fits rad only.
 
+    Parameters
+    ----------
+    first, second : str
+
+    Returns
+    -------
+    bool
+
     Examples
     --------
     >>> same_kind("m", "rad"), same_kind("N", ""), same_kind("mm", "m")

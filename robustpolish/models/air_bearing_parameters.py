@@ -49,6 +49,33 @@ class AirBearingParameters(Displayed):
     :meth:`as_published` (also ``AirBearingParameters()``), :meth:`as_printed` and
     :meth:`corrected`.
 
+    Parameters
+    ----------
+    brush_radius, brush_height : float
+        In m.
+    brush_mass : float
+        In kg.
+    rod_radius, rod_length : float
+        In m.
+    rod_mass : float
+        In kg; the listings neglect it.
+    young_modulus : float
+        Of the rod, in N/m^2.
+    bearing_mass : float
+        In kg.
+    bearing_height, bearing_width : float
+        In m.
+    bearing_stiffness : float
+        Transverse, in N/m.
+    bearing_torsional_stiffness : float
+        In N m/rad.
+    holder_stiffness : float
+        In N/m.
+    mould_damping : float
+        In N s/m.
+    inertia_reading : {"listing", "physical"}
+        As in listing D.2, or that of rigid bodies.
+
     Raises
     ------
     InvalidInputError
@@ -61,6 +88,13 @@ class AirBearingParameters(Displayed):
     >>> parameters = AirBearingParameters.as_published()
     >>> round(parameters.m_x, 4), round(parameters.k_t / 1e8, 4)
     (0.6376, 1.0752)
+    >>> upper, lower = parameters.natural_frequencies()["x"]  # in rad/s
+    >>> round(lower / 6.283185307, 1), parameters.damping(0.001).c_D > 0
+    (194.1, True)
+    >>> AirBearingParameters.as_printed().bearing_mass, parameters.table()[0][:3]
+    (0.337, ('brush_radius', 0.01, 'm'))
+    >>> round(AirBearingParameters.corrected().m_x, 3)
+    0.242
     """
 
     brush_radius: float = _quantity(0.010, "m", "r_d", "table 9.1")

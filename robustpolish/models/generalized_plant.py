@@ -70,6 +70,16 @@ class GeneralizedPlant(Displayed):
       performance z (1)   z1
       measurements y (1)  y1
       states x (1)        x1
+
+    What is measured and what is judged can be changed, and loops be closed:
+
+    >>> plant.with_full_state().measurement_names, plant.with_control_outputs().nz
+    (('measured_x[0]',), 2)
+    >>> loops = plant.closed_loop([[-2.0]]), plant.state_feedback_loop([[-2.0]])
+    >>> [float(loop.A[0, 0]) for loop in loops]
+    [-3.0, -3.0]
+    >>> plant.static_controller([[-2.0]]).input_labels
+    ['y[1]']
     """
 
     system: control.StateSpace

@@ -59,17 +59,29 @@ class MechanicalModel(Displayed):
 
     Examples
     --------
-    >>> from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
-    >>> model = MechanicalModel(
-    ...     dofs=[Dof("x", 2.0)],
-    ...     springs=[Spring(("x", "ground"), 800.0)],
-    ...     dampers=[Damper(("x", "ground"), 4.0)],
-    ...     inputs=[Input("F", ("x", "ground"))],
-    ...     outputs=[Output("x", ("x", "ground"))],
+    >>> import robustpolish as rp
+    >>> model = rp.MechanicalModel(
+    ...     dofs=[rp.Dof("x", 2.0)],
+    ...     springs=[rp.Spring(("x", "ground"), 800.0)],
+    ...     dampers=[rp.Damper(("x", "ground"), 4.0)],
+    ...     inputs=[rp.Input("F", ("x", "ground"))],
+    ...     outputs=[rp.Output("x", ("x", "ground"))],
     ... )
     >>> model.state_space().A
     array([[   0.,    1.],
            [-400.,   -2.]])
+
+    Everything about a model is found by name, and every change makes a new model:
+
+    >>> model.dof("x").mass, model.unit_of(model.inputs[0])
+    (2.0, 'N')
+    >>> model.parameters
+    {'dof.x.mass': 2.0, 'spring[0].stiffness': 800.0, 'damper[0].damping': 4.0, 'input.F.gain': 1.0}
+    >>> stiffer = model.with_parameters({"spring[0].stiffness": 900.0})
+    >>> stiffer == rp.MechanicalModel.from_toml(stiffer.to_toml())
+    True
+    >>> stiffer.with_effect("cubic_stiffness", "x").without_effects() == stiffer
+    True
     """
 
     dofs: tuple[Dof, ...]
@@ -114,11 +126,29 @@ class MechanicalModel(Displayed):
         return tuple(item.name for item in self.outputs)
 
     def dof(self, name: str) -> Dof:
-        """Return the degree of freedom with this name."""
+        """Return the degree of freedom with this name.
+
+        Parameters
+        ----------
+        name : str
+
+        Returns
+        -------
+        Dof
+        """
         return self.dofs[self.dof_names.index(name)]
 
     def unit_of(self, item: Input | Output) -> str:
-        """Return the SI unit of an input or output of this model, before its gain."""
+        """Return the SI unit of an input or output of this model, before its gain.
+
+        Parameters
+        ----------
+        item : Input or Output
+
+        Returns
+        -------
+        str
+        """
         if item.unit is not None:
             return item.unit
         if isinstance(item, Input):
@@ -139,6 +169,10 @@ class MechanicalModel(Displayed):
         States are the free displacements, then their velocities (``x``, ``x_dot``). An
         imposed motion has an input for its displacement, ``name``, one for its velocity,
         ``name_dot``, and one for its acceleration, ``name_ddot``, if an output needs it.
+
+        Returns
+        -------
+        control.StateSpace
         """
         return self.matrices.state_space()
 
@@ -233,7 +267,12 @@ class MechanicalModel(Displayed):
         return replace(self, effects=(*self.effects, effect))
 
     def without_effects(self) -> MechanicalModel:
-        """Return the linear model."""
+        """Return the linear model.
+
+        Returns
+        -------
+        MechanicalModel
+        """
         return replace(self, effects=())
 
     @property
@@ -246,7 +285,22 @@ class MechanicalModel(Displayed):
         return _parameters.values(self)
 
     def with_parameters(self, values: Mapping[str, float]) -> MechanicalModel:
-        """Return the model with some numbers changed, by the keys of `parameters`."""
+        """Return the model with some numbers changed, by the keys of `parameters`.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            New values in SI units, by the keys of `parameters`.
+
+        Returns
+        -------
+        MechanicalModel
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such key, or a value is not allowed.
+        """
         return _parameters.replaced(self, values)
 
     # Files and machines --------------------------------------------------------------
@@ -270,6 +324,12 @@ class MechanicalModel(Displayed):
         Returns
         -------
         MechanicalModel
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> rp.MechanicalModel.from_air_bearing().free
+        ('x_m', 'x', 'y_m', 'y', 'z_m', 'z')
         """
         from robustpolish.models.mechanical_air_bearing import from_air_bearing
 
@@ -278,6 +338,14 @@ class MechanicalModel(Displayed):
     @classmethod
     def from_toml(cls, source: str | Path) -> MechanicalModel:
         """Read a model from a TOML file, or from its text if `source` has a line break.
+
+        Parameters
+        ----------
+        source : path or str
+
+        Returns
+        -------
+        MechanicalModel
 
         Raises
         ------
@@ -289,7 +357,17 @@ class MechanicalModel(Displayed):
         return read_model(source)
 
     def to_toml(self, path: str | Path | None = None) -> str:
-        """Return the model as TOML text, and write it to `path` if one is given."""
+        """Return the model as TOML text, and write it to `path` if one is given.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where to write it, whole or not at all; an existing file is replaced.
+
+        Returns
+        -------
+        str
+        """
         from robustpolish.models.mechanical_toml import write_model
 
         return write_model(self, path)

@@ -54,6 +54,12 @@ class Dof:
         only where an input imposes the motion.
     rotational : bool, optional
         Whether the coordinate is an angle in rad.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> rp.Dof("phi", 0.02, rotational=True).unit
+    'kg m^2'
     """
 
     name: str
@@ -89,6 +95,12 @@ class Spring:
     stiffness : float
         In N/m, or N m/rad. Zero and negative values are allowed: a refit may
         start at zero, and a magnet is a negative spring.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> rp.Spring(("x", "ground"), 8e4).stiffness
+    80000.0
     """
 
     between: tuple[str, str]
@@ -105,6 +117,12 @@ class Damper:
         Two coordinates, or one and ``"ground"``.
     damping : float
         In N s/m, or N m s/rad. Negative values stand for self-excitation.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> rp.Damper(("x", "ground"), 12.0).damping
+    12.0
     """
 
     between: tuple[str, str]
@@ -131,6 +149,14 @@ class Input:
         Factor from the column to the force or motion.
     unit : str, optional
         Unit of the column if `gain` converts, such as ``"V"``.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> motor = rp.Input("current", ("x", "ground"), gain=35.0, unit="A")  # 35 N/A
+    >>> table = rp.Input("table", ("base", "ground"), imposes="displacement")
+    >>> motor.gain, table.imposes
+    (35.0, 'displacement')
     """
 
     name: str
@@ -169,6 +195,12 @@ class Output:
         ``of[0]``, its inertia and all its connections included.
     unit : str, optional
         Unit of the column where the coordinate is measured in another one, such as ``"V"``.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> rp.Output("a_tool", ("tool", "ground"), quantity="acceleration").of
+    ('tool', 'ground')
     """
 
     name: str

@@ -70,7 +70,18 @@ def plot_residual_analysis(
 
 
 def plot_window_shares(shares: xr.DataArray, ax: Axes | None = None) -> Axes:
-    """Draw the share of the error over time, from ``begin`` and ``end`` in s."""
+    """Draw the share of the error over time, from ``begin`` and ``end`` in s.
+
+    Parameters
+    ----------
+    shares : xarray.DataArray
+        Over windows from ``begin`` to ``end`` in s.
+    ax : matplotlib.axes.Axes, optional
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
     ax = new_axes(ax)
     begin, end = shares["begin"].values, shares["end"].values
     ax.bar(begin, 100 * shares.values, width=end - begin, align="edge", color="#0072b2")
@@ -112,7 +123,18 @@ def plot_band_shares(
 
 
 def plot_correlation(value: xr.DataArray, band: xr.DataArray, ax: Axes | None = None) -> Axes:
-    """Draw correlation coefficients over ``lag`` in s, the smallest lags only, with their band."""
+    """Draw correlation coefficients over ``lag`` in s, the smallest lags only, with their band.
+
+    Parameters
+    ----------
+    value, band : xarray.DataArray
+        Coefficients and half width of their band, over ``lag`` in s.
+    ax : matplotlib.axes.Axes, optional
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
     ax = new_axes(ax)
     near = np.sort(np.argsort(np.abs(value["lag"].values), kind="stable")[: 2 * _LAGS])
     lag = value["lag"].values[near]
@@ -124,7 +146,19 @@ def plot_correlation(value: xr.DataArray, band: xr.DataArray, ax: Axes | None = 
 
 
 def plot_coherence(value: xr.DataArray, threshold: float, ax: Axes | None = None) -> Axes:
-    """Draw the coherence over ``frequency`` in Hz with the threshold of chance."""
+    """Draw the coherence over ``frequency`` in Hz with the threshold of chance.
+
+    Parameters
+    ----------
+    value : xarray.DataArray
+        Over ``frequency`` in Hz.
+    threshold : float
+    ax : matplotlib.axes.Axes, optional
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
     ax = new_axes(ax)
     frequency = value["frequency"].values
     ax.plot(
@@ -140,7 +174,18 @@ def plot_coherence(value: xr.DataArray, threshold: float, ax: Axes | None = None
 
 
 def plot_surface(shown: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw a restoring-force surface: ``force`` over ``displacement`` and ``velocity``."""
+    """Draw a restoring-force surface: ``force`` over ``displacement`` and ``velocity``.
+
+    Parameters
+    ----------
+    shown : xarray.Dataset
+        ``force`` over ``displacement`` and ``velocity``, with units.
+    ax : matplotlib.axes.Axes, optional
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
     ax = new_axes(ax)
     force = shown["force"]
     largest = float(np.nanmax(np.abs(force.values))) if force.notnull().any() else 1.0

@@ -41,7 +41,16 @@ _FEW_DECADES = 1.5
 
 
 def new_axes(ax: Axes | None) -> Axes:
-    """Return `ax`, or the axes of a new figure."""
+    """Return `ax`, or the axes of a new figure.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes or None
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
     return plt.subplots(layout="constrained")[1] if ax is None else ax
 
 
@@ -50,6 +59,11 @@ def si_axis(axis: Axis, name: str, unit: str) -> None:
 
     Units that bear no prefix (none at all, %, 1/s, m^2, kg) stay as they are. The label follows
     when the limits change, unless it was changed by hand.
+
+    Parameters
+    ----------
+    axis : matplotlib.axis.Axis
+    name, unit : str
     """
     if _PREFIXABLE.match(unit):
         axis.set_major_formatter(_Prefixed(axis, name, unit))

@@ -1,6 +1,7 @@
 """Controllers with certificates: one method per file, and the certificate that judges them all."""
 
 from robustpolish.synthesis.certificate import Certificate, certify
+from robustpolish.synthesis.channels import channel
 from robustpolish.synthesis.compare_methods import (
     MethodComparison,
     MethodResult,
@@ -34,6 +35,7 @@ __all__ = [
     "PassiveElement",
     "Sector",
     "certify",
+    "channel",
     "compare_methods",
     "given_controller",
     "mixed_output_feedback",

@@ -51,6 +51,18 @@ class MethodResult(Displayed):
     message : str
         What the method said.
     design : Design or None
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices(
+    ...     [[1.0]], [[1.0, 0.0]], [[1.0]], [[1.0], [0.0]], [[1.0]],
+    ...     D12=[[0.0], [1.0]], D21=[[0.0, 1.0]])
+    >>> result = rp.compare_methods(plant, ["riccati"])["riccati"]
+    >>> result.row()[:2], result.design.certificate.valid
+    (('riccati', 'optimal'), True)
+    >>> result.plot().get_xlabel()
+    'frequency'
     """
 
     method: str
@@ -65,7 +77,12 @@ class MethodResult(Displayed):
     design: Design | None = field(default=None, repr=False)
 
     def row(self) -> tuple[Any, ...]:
-        """Return the figures in the order of the table's columns."""
+        """Return the figures in the order of the table's columns.
+
+        Returns
+        -------
+        tuple
+        """
         rounded = [float(f"{x:.{d}g}") for x, d in ((self.gain, 2), (self.condition, 2))]
         order = self.order if self.order >= 0 else None
         figures = (self.claimed, self.achieved, *rounded, order, round(self.seconds, 2))
@@ -100,6 +117,15 @@ class MethodComparison(Displayed):
     ----------
     norm : {"hinf", "h2"}
     results : tuple of MethodResult
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices(
+    ...     [[1.0]], [[1.0, 0.0]], [[1.0]], [[1.0], [0.0]], [[1.0]],
+    ...     D12=[[0.0], [1.0]], D21=[[0.0, 1.0]])
+    >>> [result.method for result in rp.compare_methods(plant, ["riccati", "lmi/cvxpy"])]
+    ['riccati', 'lmi/cvxpy']
     """
 
     norm: Norm

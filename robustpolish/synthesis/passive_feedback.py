@@ -52,6 +52,12 @@ class PassiveElement:
         Stiffness in N/m or damping in N s/m (for rotations N m/rad and N m s/rad).
     unit : str
         "N/m" or "N s/m", or what follows from the units of the plant.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> print(rp.PassiveElement("spring", ("x", "ground"), 8e4, "N/m"))
+    spring between x and ground: 80000 N/m
     """
 
     kind: str

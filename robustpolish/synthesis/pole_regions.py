@@ -112,7 +112,23 @@ class HalfPlane(_Region):
         return np.eye(1)
 
     def in_unit_of_time(self, seconds: float) -> HalfPlane:
-        """Return the region for time counted in units of `seconds`."""
+        """Return the region for time counted in units of `seconds`.
+
+        Parameters
+        ----------
+        seconds : float
+            The new unit of time in s.
+
+        Returns
+        -------
+        HalfPlane
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> rp.HalfPlane(-10.0).in_unit_of_time(1e-3)
+        HalfPlane(max_real=-0.01)
+        """
         return HalfPlane(self.max_real * seconds)
 
 
@@ -154,7 +170,23 @@ class Disk(_Region):
         return np.array([[0.0, 1.0], [0.0, 0.0]])
 
     def in_unit_of_time(self, seconds: float) -> Disk:
-        """Return the region for time counted in units of `seconds`."""
+        """Return the region for time counted in units of `seconds`.
+
+        Parameters
+        ----------
+        seconds : float
+            The new unit of time in s.
+
+        Returns
+        -------
+        Disk
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> rp.Disk(-10.0, 5.0).in_unit_of_time(1e-3)
+        Disk(center=-0.01, radius=0.005)
+        """
         return Disk(self.center * seconds, self.radius * seconds)
 
 
@@ -207,7 +239,23 @@ class Sector(_Region):
         return np.array([[sine, cosine], [-cosine, sine]])
 
     def in_unit_of_time(self, seconds: float) -> Sector:
-        """Return the region for time counted in units of `seconds`."""
+        """Return the region for time counted in units of `seconds`.
+
+        Parameters
+        ----------
+        seconds : float
+            The new unit of time in s.
+
+        Returns
+        -------
+        Sector
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> rp.Sector(0.5, -10.0).in_unit_of_time(1e-3)
+        Sector(damping=0.5, apex=-0.01)
+        """
         return Sector(self.damping, self.apex * seconds)
 
 

@@ -1,0 +1,160 @@
+"""Every public name says what it takes, takes nothing else, and has an example that runs."""
+
+import doctest
+import enum
+import importlib
+import inspect
+import pkgutil
+import re
+
+import pytest
+
+import robustpolish as rp
+from robustpolish.display import Displayed
+
+ROOMS = sorted(
+    module.name
+    for module in pkgutil.iter_modules(rp.__path__, "robustpolish.")
+    if module.ispkg and not module.name.endswith((".cli", ".plotting"))
+)
+# What python-control, xarray or the language would document: their parameters are not ours.
+INHERITED = (dict, tuple, Exception, enum.Enum)
+
+
+def public_names():
+    """Yield (name, object) for what robustpolish and its rooms offer, each object once."""
+    seen = set()
+    for room in ("robustpolish", *ROOMS, "robustpolish.plotting"):
+        module = importlib.import_module(room)
+        names = getattr(module, "__all__", None) or [n for n in vars(module) if n[0] != "_"]
+        for name in names:
+            found = getattr(module, name)
+            ours = getattr(found, "__module__", "").startswith("robustpolish")
+            if ours and callable(found) and id(found) not in seen:
+                seen.add(id(found))
+                yield f"{room}.{name}", found
+
+
+def methods(cls):
+    """Yield (name, function) for the public methods that a class defines itself."""
+    for name, member in vars(cls).items():
+        function = member.__func__ if isinstance(member, classmethod | staticmethod) else member
+        own = inspect.isfunction(function) and name not in getattr(cls, "__dataclass_fields__", {})
+        if own and not name.startswith("_"):
+            yield name, function
+
+
+def functions():
+    for name, found in public_names():
+        if inspect.isclass(found):
+            yield from ((f"{name}.{method}", function) for method, function in methods(found))
+        elif inspect.isfunction(found):
+            yield name, found
+
+
+FUNCTIONS = dict(functions())
+CLASSES = {n: c for n, c in public_names() if inspect.isclass(c) and not issubclass(c, INHERITED)}
+
+
+def documented(docstring, sections=("Parameters",)):
+    """Return the names that numpydoc sections list, with the stars of *args and **kwargs."""
+    names = []
+    for section in sections:
+        found = re.search(rf"^{section}\n-+\n(.*?)(?=^\w[^\n]*\n-+\n|\Z)", docstring, re.S | re.M)
+        for line in found[1].splitlines() if found else ():
+            if line and not line.startswith(" "):
+                names += [name.strip() for name in line.split(" : ")[0].split(",")]
+    return names
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_parameters_are_documented(name):
+    function = FUNCTIONS[name]
+    docstring = inspect.getdoc(function) or ""
+    assert docstring, f"{name} has no docstring"
+    parameters = [
+        parameter
+        for parameter in inspect.signature(function).parameters.values()
+        if parameter.name not in ("self", "cls")
+    ]
+    swallowed = [p.name for p in parameters if p.kind is p.VAR_KEYWORD]
+    assert not swallowed or name in FORWARDED, f"{name} swallows keywords"
+    stars = {"VAR_POSITIONAL": "*", "VAR_KEYWORD": "**"}
+    taken = [stars.get(p.kind.name, "") + p.name for p in parameters]
+    assert sorted(documented(docstring)) == sorted(taken)
+
+
+# Keywords that name fields or parameters of another object, which refuses what it does not know.
+FORWARDED = (
+    "robustpolish.BrushParameters.for_run",
+    "robustpolish.effects.Effect.with_parameters",
+)
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_fields_are_documented(name):
+    docstring = inspect.getdoc(CLASSES[name]) or ""
+    fields = list(getattr(CLASSES[name], "__dataclass_fields__", {}))
+    listed = documented(docstring, ("Parameters", "Attributes"))
+    assert docstring
+    assert [field for field in fields if field not in listed and field[0] != "_"] == []
+    known = {*fields, *dir(CLASSES[name]), *inspect.signature(CLASSES[name]).parameters}
+    assert [item for item in listed if item not in known] == []
+
+
+@pytest.mark.parametrize("name", [*FUNCTIONS, *CLASSES])
+def test_unknown_keywords_are_refused(name):
+    called = FUNCTIONS.get(name) or CLASSES[name]
+    if name in FORWARDED:
+        return
+    signature = inspect.signature(called)
+    with pytest.raises(TypeError, match="unexpected keyword"):
+        signature.bind_partial(no_such_keyword=1)
+
+
+def test_forwarded_keywords_are_refused_too():
+    with pytest.raises(TypeError, match="no_such_keyword"):
+        rp.BrushParameters.for_run(1, no_such_keyword=1)
+    effect = importlib.import_module("robustpolish.effects").Effect("cubic_stiffness", ("x",))
+    with pytest.raises(rp.InvalidInputError, match="no_such_keyword"):
+        effect.with_parameters(no_such_keyword=1)
+
+
+def with_examples():
+    """Yield the names at the top and the public methods of their classes."""
+    for name in sorted(set(rp.__all__) - {"__version__", "datasets"}):
+        found = getattr(rp, name)
+        if inspect.isclass(found) and issubclass(found, Exception):
+            continue
+        yield name, found
+        if inspect.isclass(found):
+            yield from ((f"{name}.{method}", function) for method, function in methods(found))
+
+
+EXAMPLES = dict(with_examples())
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_every_public_name_has_an_example(name):
+    # That the examples run is the doctests' part. A class may show its methods in one example.
+    owner, _, method = name.partition(".")
+    shown = examples(owner) if f".{method}(" in examples(owner) and method else examples(name)
+    assert shown, f"{name} has no example"
+
+
+def examples(name):
+    found = doctest.DocTestFinder(recurse=False).find(EXAMPLES[name], name)
+    return "".join(example.source for test in found for example in test.examples)
+
+
+RESULTS = [n for n, c in CLASSES.items() if issubclass(c, Displayed)]
+NO_PICTURE = ("GeneralizedPlant", "AirBearingParameters", "MechanicalModel", "LmiCheck")
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_every_result_draws_itself(name):
+    if name.rsplit(".", 1)[-1] in NO_PICTURE:
+        return
+    first, *rest = list(inspect.signature(CLASSES[name].plot).parameters.values())[1:]
+    assert (first.name, first.default) == ("ax", None)
+    assert all(p.kind is p.KEYWORD_ONLY for p in rest)
