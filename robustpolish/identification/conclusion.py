@@ -46,8 +46,10 @@ def conclude(search: Search, model: MechanicalModel, say: Callable[[str], None])
     say("errors of every step")
     errors = [whole_error(m, setting, steady) for _, m in search.steps[:-1]] + [error]
     base, refitted = errors[0], errors[min(1, len(errors) - 1)]
+    # how an input acts between its samples is no number of the model
+    as_it_was = whole_error(model, setting, steady) if model is not search.steps[0][1] else base
     verdict, reasons, floor = choose_verdict(
-        setting, steady, search.screening, base, refitted, error, added
+        setting, steady, search.screening, as_it_was, refitted, error, added
     )
     if added and verdict == "missing_effect" and np.any(error > 1.5 * setting.scales.noise):
         other = better_shape(final.model, setting)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _LEVELS = (Level(1.0), Level(0.1), Level(0.01))
 _ORDERS = (0.0, 3.0)
 _LEAST_ODDS = 20.0
+_DELAYS = (1, 2, 4)
 
 
 def with_holds(model: MechanicalModel, setting: Setting) -> MechanicalModel:
@@ -42,7 +43,21 @@ def with_holds(model: MechanicalModel, setting: Setting) -> MechanicalModel:
         tried[order] = held
     scores = {order: null_score(candidate, setting) for order, candidate in tried.items()}
     best = min(scores, key=lambda order: scores[order])
-    return tried[best] if scores[1.0] - scores[best] > 2 * _LEAST_ODDS else model
+    if scores[1.0] - scores[best] <= 2 * _LEAST_ODDS:
+        return model
+    if best == 0.0 and _late(model, names, setting) < scores[best]:
+        return model  # a longer delay, of which a hold would take half a sample
+    return tried[best]
+
+
+def _late(model: MechanicalModel, names: list[str], setting: Setting) -> float:
+    """Return the best score with one input late by some whole samples."""
+    late = [
+        model.with_effect("input_delay", (name,), {"delay": samples * setting.dt})
+        for name in names
+        for samples in _DELAYS
+    ]
+    return min(null_score(candidate, setting) for candidate in late)
 
 
 def null_score(model: MechanicalModel, setting: Setting) -> float:

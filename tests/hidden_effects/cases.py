@@ -25,6 +25,7 @@ class Machine:
     spin: float | None = None
     f_max: float = 30.0
     dt: float = 2e-3
+    turns: bool = False  # angles and moments
 
 
 @dataclass
@@ -58,6 +59,22 @@ def one(zeta=0.02, **kw):
         [("x", "displacement")],
         f_max=25.0,
         dt=2e-3,
+        **kw,
+    )
+
+
+def lever(**kw):
+    """A lever on a weak torsion spring; nothing says that it hangs."""
+    return Machine(
+        ["arm"],
+        [0.5],
+        [("arm", "ground", 8.0)],
+        [("arm", "ground", 0.25)],
+        ["arm"],
+        [("arm", "displacement")],
+        f_max=3.0,
+        dt=0.01,
+        turns=True,
         **kw,
     )
 
@@ -152,7 +169,7 @@ def model_of(case):
     m, wrong = case.machine, case.wrong
     return MechanicalModel(
         [
-            parts.Dof(n, v * (1 + wrong.get("mass", 0.0)))
+            parts.Dof(n, v * (1 + wrong.get("mass", 0.0)), m.turns)
             for n, v in zip(m.names, m.mass, strict=False)
         ],
         [

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from .cases import Case, axes, bearing, four, one, two
+from .cases import Case, axes, bearing, four, lever, one, two
 
 G = "ground"
 OUTSIDE = "unexplained"
@@ -57,6 +57,7 @@ def _single():
     )
     yield Case("input delay", one(), [("input_delay", ("F_x",), [0.005])], drive=10)
     yield Case("input gain", one(), [("input_gain", ("F_x",), [1.6])], drive=10)
+    yield Case("pendulum", lever(), [("pendulum_gravity", ("arm",), [20.0])], drive=7, noise_db=35)
     yield Case("sensor offset", one(), [("sensor_offset", ("x",), [0.004])], drive=10)
 
 
@@ -157,6 +158,15 @@ def _two_masses():
         samples=3000,
     )
     yield Case(
+        "backlash, all numbers wrong",
+        two(zeta=0.04),
+        [("backlash", ("x_m", G), [0.0006, 9000.0])],
+        drive=25,
+        wrong={"mass": -0.04, "gain": 0.05, "damping": 0.2},
+        colour=0.6,
+        chaotic=True,
+    )
+    yield Case(
         "multisine, cubic",
         one(),
         [("cubic_stiffness", ("x", G), [4e6])],
@@ -215,7 +225,7 @@ def _pairs():
         drive=20,
     )
     yield Case(
-        "stop and quadratic damping",
+        "cubic between and quadratic damping",
         two(zeta=0.05),
         [("quadratic_damping", ("x", G), [10.0]), ("cubic_stiffness", ("x_m", "x"), [3e6])],
         drive=15,

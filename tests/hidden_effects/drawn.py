@@ -22,6 +22,7 @@ PAIR = (
 DOF = ("constant_force", "harmonic_force", "attached_resonator")
 AXES = ("unbalance", "parametric_stiffness", "gyroscopic_coupling", "cross_stiffness")
 SIGNAL = ("input_delay", "input_gain", "sensor_offset", "sensor_gain")
+SEEN_AT_REST = ("constant_force", "two")
 OUTSIDE = ("drifting_stiffness", "fifth_power_stiffness", "random_walk_force", "fading_damping")
 PLAN = (
     *PAIR, *DOF, *AXES, *SIGNAL, *PAIR, "two", "two", "two", "nothing", "nothing", "numbers",
@@ -37,7 +38,7 @@ def drawn_cases(seed, count=None):
 
 
 def _case(kind, rng, seed):
-    machine = _axes(rng) if kind in AXES else _chain(rng)
+    machine = _axes(rng) if kind in AXES else _chain(rng, kind in SEEN_AT_REST)
     case = Case(f"{kind} {seed}", machine, seed=seed, drive=float(rng.uniform(5, 40)))
     case.noise_db = float(rng.uniform(20, 40))
     case.samples = int(rng.integers(5000, 12000))
@@ -70,7 +71,7 @@ def _case(kind, rng, seed):
     return case
 
 
-def _chain(rng):
+def _chain(rng, at_rest=False):
     """A chain of one, two or four masses to ground, forced somewhere."""
     n = int(rng.choice([1, 1, 2, 2, 2, 4]))
     names = [f"m{i + 1}" for i in range(n)]
@@ -82,6 +83,8 @@ def _chain(rng):
     springs = [(a, b, float(k)) for (a, b), k in zip(ends, stiffness, strict=True)]
     dampers = [(a, b, 2 * zeta * k / omega) for a, b, k in springs]
     quantity = str(rng.choice(["displacement"] * 4 + ["velocity", "acceleration"]))
+    if at_rest:  # a velocity shows no constant
+        quantity = "displacement"
     measured = [(name, quantity) for name in names]
     if n > 1 and rng.random() < 0.3:
         del measured[int(rng.integers(n - 1))]

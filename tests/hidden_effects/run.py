@@ -12,6 +12,7 @@ from robustpolish.identification import compare, diagnose
 
 from .cases import model_of, records
 from .catalogue import all_cases
+from .drawn import drawn_cases
 
 PAGE = Path(__file__).parents[2] / "docs" / "hidden_effects.md"
 
@@ -43,27 +44,34 @@ def judge(case, diagnosis):
 
 
 def run_case(case):
-    """Return one row: case, outcome, errors and time."""
+    """Return one row: case, outcome, errors and processor time."""
     (data, _), (unseen, noise) = records(case)
-    began = time.perf_counter()
-    diagnosis = diagnose(model_of(case), data)
-    seconds = time.perf_counter() - began
-    ratio = float("nan")
-    try:
-        errors = compare(diagnosis.model, unseen).outputs
-        ratio = float(np.max([errors[name].rmse / noise[name] for name in noise]))
-    except Exception as error:  # a failing comparison is a result of the case
-        print(f"  compare: {error}", file=sys.stderr)
-    return {
+    row = {
         "case": case.name,
-        "truth": " + ".join(f"{k} at {', '.join(at)}" for k, at, _ in case.effects) or "nothing",
-        "verdict": diagnosis.verdict,
-        "found": " + ".join(f"{e.kind} at {', '.join(e.at)}" for e in diagnosis.effects) or "-",
-        "alike": "; ".join(f"{p.first} / {p.second}" for p in diagnosis.indistinguishable),
-        "right": judge(case, diagnosis),
-        "ratio": ratio,
-        "seconds": seconds,
+        "truth": _named(case.effects) or "nothing",
+        "verdict": "error",
+        "found": "-",
+        "alike": "",
+        "right": False,
+        "ratio": float("nan"),
     }
+    began = time.process_time()
+    try:
+        diagnosis = diagnose(model_of(case), data)
+        row["verdict"] = diagnosis.verdict
+        row["found"] = _named((e.kind, e.at, None) for e in diagnosis.effects) or "-"
+        row["alike"] = "; ".join(f"{p.first} / {p.second}" for p in diagnosis.indistinguishable)
+        row["right"] = judge(case, diagnosis)
+        errors = compare(diagnosis.model, unseen).outputs
+        row["ratio"] = float(np.max([errors[name].rmse / noise[name] for name in noise]))
+    except Exception as error:  # a failure is a result of the case
+        row["found"] = f"{type(error).__name__}: {error}"
+    row["seconds"] = time.process_time() - began
+    return row
+
+
+def _named(effects):
+    return " + ".join(f"{kind} at {', '.join(at)}" for kind, at, _ in effects)
 
 
 def table(rows):
@@ -87,7 +95,18 @@ def table(rows):
         f"- nothing missing, nothing named: {sum(r['right'] for r in quiet)} of {len(quiet)}",
         f"- outsiders left unexplained: {sum(r['right'] for r in outside)} of {len(outside)}",
         "",
-        "| case | truth | verdict | found | alike | right | error / noise | s |",
+        "## Confusion table",
+        "",
+        "How many times each truth was diagnosed as what; the cases with two effects are in the "
+        "list below.",
+        "",
+        "| truth | diagnosed as | cases | counted right |",
+        "|---|---|---|---|",
+        *_confusion(rows),
+        "",
+        "## Cases",
+        "",
+        "| case | truth | verdict | found | alike | right | error / noise | CPU s |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for r, _ in rows:
@@ -98,9 +117,33 @@ def table(rows):
     return "\n".join(lines) + "\n"
 
 
-def main(names):
-    """Run all cases, or those whose names contain one of `names`; write the page for all."""
-    cases = [c for c in all_cases() if not names or any(name in c.name for name in names)]
+def _confusion(rows):
+    """Lines of the confusion table, by kind."""
+    counts, right = Counter(), Counter()
+    for row, case in rows:
+        if len(case.effects) > 1:
+            continue
+        truth = case.effects[0][0] if case.effects else f"nothing ({case.verdict})"
+        named = row["found"] != "-" and row["verdict"] == "missing_effect"
+        found = row["found"].split(" at ")[0] if named else row["verdict"]
+        if named and " + " in row["found"]:
+            found = "several effects"
+        counts[truth, found] += 1
+        right[truth, found] += row["right"]
+    return [f"| {a} | {b} | {n} | {right[a, b]} |" for (a, b), n in counts.items()]
+
+
+def main(arguments):
+    """Run the cases and print the tables.
+
+    Arguments are parts of names of cases, or ``--drawn SEED`` for cases drawn at random. The page
+    of the documentation is written only if all cases of the catalogue ran.
+    """
+    drawn, names = arguments[:1] == ["--drawn"], arguments
+    cases = drawn_cases(int(arguments[1])) if drawn else all_cases()
+    if drawn:
+        names = arguments[2:]
+    cases = [c for c in cases if not names or any(name in c.name for name in names)]
     rows = []
     with ProcessPoolExecutor(2) as pool:
         for row, case in zip(pool.map(run_case, cases), cases, strict=True):
@@ -112,7 +155,7 @@ def main(names):
             )
     page = table(rows)
     print(page)
-    if not names:
+    if not arguments:
         PAGE.write_text(page, encoding="utf-8")
 
 
