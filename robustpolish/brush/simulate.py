@@ -13,6 +13,7 @@ from robustpolish.brush.listing_defects import ListingDefects
 from robustpolish.brush.parameters import BrushParameters
 from robustpolish.brush.physical import run_refined
 from robustpolish.brush.physical_dataset import physical_dataset
+from robustpolish.progress import working
 from robustpolish.validation import described, invalid, one_of, positive
 
 _PHYSICAL = {"disc": "two-angle", "start": "pressed", "max_passes": 4}
@@ -129,6 +130,18 @@ def simulate_brush(
     rate = _SAMPLE_RATE[simulator] if sample_rate is None else sample_rate
     time = _sample_times(duration, rate)
     limit = positive("tolerance", _TOLERANCE[simulator] if tolerance is None else tolerance)
+    with working(f"Simulating the brush for {duration:g} s"):
+        return _run(simulator, chosen, time, limit, options)
+
+
+def _run(
+    simulator: str,
+    chosen: BrushParameters,
+    time: NDArray[np.float64],
+    limit: float,
+    options: dict[str, Any],
+) -> xr.Dataset:
+    """Run a simulator with checked options."""
     if simulator == "listing":
         return run_listing(chosen, time, relative=limit, **options)
     three_angles = options["disc"] == "three-angle"

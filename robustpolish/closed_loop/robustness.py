@@ -14,6 +14,7 @@ from robustpolish.closed_loop.robustness_result import RobustnessCheck
 from robustpolish.closed_loop.uncertain_plant import in_place_of, loop_norm
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.models import GeneralizedPlant, MechanicalModel
+from robustpolish.progress import working
 from robustpolish.synthesis.design import Design
 from robustpolish.validation import described, invalid
 
@@ -106,7 +107,11 @@ def check_robustness(
             in_place_of(design.plant, make(model)).closed_loop(design.controller)
             for model in drawn.models()
         ]
-    norms = np.array([loop_norm(loop, design.norm) for loop in loops])
+    norms = np.zeros(len(loops))
+    with working("Checking machines", len(loops)) as tell:
+        for i, loop in enumerate(loops):
+            tell("")
+            norms[i] = loop_norm(loop, design.norm)
     return _result(design, drawn, norms)
 
 

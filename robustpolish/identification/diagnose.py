@@ -33,6 +33,7 @@ from robustpolish.identification.search import Search
 from robustpolish.identification.setting import Setting, prepare
 from robustpolish.identification.verdict import SILENT
 from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.progress import working
 
 Array = NDArray[np.float64]
 
@@ -84,7 +85,13 @@ def diagnose(
     >>> diagnosis.verdict, effect.kind, round(effect.parameters["force"].value, 1)
     ('missing_effect', 'coulomb_friction', 3.0)
     """
-    say = progress or (lambda text: None)
+    if progress is not None:
+        return _diagnose(model, data, progress)
+    with working("Diagnosing") as tell:
+        return _diagnose(model, data, tell)
+
+
+def _diagnose(model: MechanicalModel, data: xr.Dataset, say: Progress) -> Diagnosis:
     record = record_of(model, data)
     setting = prepare(model, record)
     entries: list[tuple[str, MechanicalModel]] = [("base", model)]

@@ -19,6 +19,7 @@ from robustpolish.identification.refitted import Refit
 from robustpolish.identification.setting import Setting, prepare
 from robustpolish.identification.standard_errors import covariance_of, errors_from
 from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.progress import working
 
 Array = NDArray[np.float64]
 
@@ -70,7 +71,8 @@ def refit(
     record = record_of(model, data)
     setting = prepare(model, record)
     started = _with_start_values(model, setting)
-    stages = homotopy(started, setting, setting.everything, model, progress=progress)
+    with working("Refitting"):
+        stages = homotopy(started, setting, setting.everything, model, progress=progress)
     if not stages:
         raise ArithmeticError("no stage of the fit ended with finite errors")
     return summarise(stages[-1], record)

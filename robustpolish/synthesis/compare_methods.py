@@ -14,6 +14,7 @@ from robustpolish.display import Card, Displayed, Table, quantities
 from robustpolish.errors import RobustPolishError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_gain_against_norm
+from robustpolish.progress import working
 from robustpolish.synthesis.certificate import Norm
 from robustpolish.synthesis.deadline import Deadline
 from robustpolish.synthesis.design import Design
@@ -234,7 +235,12 @@ def compare_methods(
         raise invalid("methods", methods, "a list of names", f"Choose from {METHODS}.")
     tasks = [(name, *_parsed(name)) for name in methods]
     options = {"norm": norm, "tolerance": tolerance, "time_limit": time_limit}
-    return MethodComparison(norm, tuple(_run(plant, *task, options) for task in tasks))
+    results = []
+    with working("Comparing methods", len(tasks)) as tell:
+        for task in tasks:
+            tell(task[0])
+            results.append(_run(plant, *task, options))
+    return MethodComparison(norm, tuple(results))
 
 
 def _parsed(name: str) -> tuple[str, str, str | None]:

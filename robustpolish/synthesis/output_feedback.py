@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from robustpolish.analysis import h2_norm, hinf_norm
 from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
+from robustpolish.progress import working
 from robustpolish.synthesis.certificate import Certificate, Norm, certify
 from robustpolish.synthesis.deadline import Deadline
 from robustpolish.synthesis.decoupling import (
@@ -133,9 +134,10 @@ def output_feedback(
     if exact:
         raise refuse(exact)
     parts = decoupled_parts(plant) if split else (undivided(plant),)
-    chosen = _solve_parts(parts, settings, diagnosis, deadline)
-    controller = joined_controller(plant, parts, [c.controller if c else None for c in chosen])
-    certificate = _certificate(plant, parts, controller, norm, chosen)
+    with working("Designing an output feedback"):
+        chosen = _solve_parts(parts, settings, diagnosis, deadline)
+        controller = joined_controller(plant, parts, [c.controller if c else None for c in chosen])
+        certificate = _certificate(plant, parts, controller, norm, chosen)
     if deadline.remaining > 0.5 * time_limit and plant.nx <= 30:
         diagnosis = diagnose(plant, zeros=True)
     done = [c for c in chosen if c is not None]

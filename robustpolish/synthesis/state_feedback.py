@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from robustpolish.analysis import controllability, h2_norm, hinf_norm
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.models import GeneralizedPlant
+from robustpolish.progress import working
 from robustpolish.synthesis.certificate import Certificate, certify
 from robustpolish.synthesis.decoupling import PlantPart, decoupled_parts
 from robustpolish.synthesis.design import Design, Status
@@ -138,7 +139,8 @@ def state_feedback(
         remaining=lambda: time_limit - (time.perf_counter() - start),
     )
     pieces = decoupled_parts(whole) if split else (_as_part(whole),)
-    F, certificate, status, history = _certified(whole, pieces, engine, regions, gain_bound)
+    with working("Designing a state feedback"):
+        F, certificate, status, history = _certified(whole, pieces, engine, regions, gain_bound)
     controller = control.StateSpace(
         [],
         [],

@@ -14,6 +14,7 @@ import numpy as np
 from robustpolish.analysis import h2_norm, hinf_norm
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.models import GeneralizedPlant
+from robustpolish.progress import working
 from robustpolish.synthesis.certificate import certify
 from robustpolish.synthesis.decoupling import named_controller
 from robustpolish.synthesis.design import Design, Status
@@ -58,7 +59,8 @@ def design_parts(
         key = _fingerprint(task)
         if key not in done:
             share = (deadline - time.monotonic()) / left
-            done[key] = solve_setting(task.state(), time.monotonic() + share, seed, target)
+            with working("Searching a controller"):
+                done[key] = solve_setting(task.state(), time.monotonic() + share, seed, target)
         found = done[key]
         K = found.controller
         own = named_controller(task.plant, *(np.array(M) for M in (K.A, K.B, K.C, K.D)))

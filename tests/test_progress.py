@@ -1,0 +1,79 @@
+"""Bars appear for people only, and only when they have waited for a while."""
+
+import io
+import sys
+import time
+
+import pytest
+
+from robustpolish import progress
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    def open_terminal():
+        # Not before the test runs: between fixture and test pytest sets stderr anew.
+        stream = Terminal()
+        monkeypatch.setattr(sys, "stderr", stream)
+        monkeypatch.setattr(progress, "PATIENCE", 0.05)
+        return stream
+
+    return open_terminal
+
+
+def test_a_bar_appears_after_a_while_and_leaves_no_trace(terminal):
+    stream = terminal()
+    with progress.working("Polishing", total=4) as tell:
+        for i in range(3):
+            tell(f"place {i}")
+        time.sleep(0.8)
+    shown = stream.getvalue()
+    assert "Polishing" in shown
+    assert "2/4" in shown
+    assert "place 2" in shown
+    assert shown.endswith("\r")
+
+
+def test_without_steps_the_time_is_shown(terminal):
+    stream = terminal()
+    with progress.working("Polishing"):
+        time.sleep(0.8)
+    assert "Polishing 00:00" in stream.getvalue()
+
+
+def test_quick_work_shows_nothing(terminal):
+    stream = terminal()
+    with progress.working("Polishing"):
+        pass
+    assert stream.getvalue() == ""
+
+
+def test_only_the_outermost_has_a_bar(terminal):
+    stream = terminal()
+    with progress.working("Outer"), progress.working("Inner") as tell:
+        tell("unheard")
+        time.sleep(0.5)
+    assert "Inner" not in stream.getvalue()
+
+
+def test_pipes_stay_silent(monkeypatch):
+    stream = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(progress, "PATIENCE", 0.01)
+    with progress.working("Polishing"):
+        time.sleep(0.2)
+    assert stream.getvalue() == ""
+
+
+def test_an_error_ends_the_bar(terminal):
+    stream = terminal()
+    with pytest.raises(ArithmeticError), progress.working("Polishing"):
+        raise ArithmeticError
+    with progress.working("Again"):
+        time.sleep(0.5)
+    assert "Again" in stream.getvalue()
