@@ -88,7 +88,8 @@ from robustpolish.synthesis import (
     state_feedback,
     static_output_feedback,
 )
-from robustpolish.versions import __version__, show_versions
+from robustpolish.versions import __version__ as __version__
+from robustpolish.versions import show_versions
 
 __all__ = [
     "AirBearingParameters",
@@ -132,7 +133,6 @@ __all__ = [
     "Spring",
     "Stability",
     "Surface",
-    "__version__",
     "air_bearing",
     "certify",
     "channel",
