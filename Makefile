@@ -67,4 +67,4 @@ clean-cache: ## Forget compiled functions
 	find robustpolish tests -name '*.nb?' -delete
 
 clean: clean-cache ## Remove what the other targets made
-	rm -rf $(VENV) demo-results docs/_build .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) demo-results docs/_build docs/api docs/effects docs/notebooks notebooks/executed .pytest_cache .ruff_cache .import_linter_cache
