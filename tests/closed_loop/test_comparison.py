@@ -50,8 +50,8 @@ def test_plot_draws_every_row(comparison):
         "soft",
         "stiff",
     ]
-    assert axes.get_ylabel() == "y"
-    assert axes.yaxis.get_major_formatter()(2e-5) == "20 µm"
+    assert axes.get_ylabel() == "y [µm]"
+    assert axes.yaxis.get_major_formatter()(2e-5) == "20"
     plt.close(axes.figure)
 
 
