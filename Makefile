@@ -41,7 +41,7 @@ docs: $(READY) ## Build the documentation, warnings are errors; pages go to docs
 
 linkcheck: $(READY) ## Follow every link of the documentation; needs a network
 	$(BIN)/python docs/list_links.py
-	$(BIN)/sphinx-build -b linkcheck docs docs/_build/linkcheck
+	$(BIN)/sphinx-build -D nb_execution_mode=off -b linkcheck docs docs/_build/linkcheck
 
 notebooks: $(READY) ## Run every notebook in full
 	$(BIN)/python notebooks/run.py

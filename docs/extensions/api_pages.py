@@ -100,10 +100,16 @@ def pages() -> dict[str, str]:
 def _write(app: Sphinx, config: Config) -> None:
     folder = Path(app.srcdir) / "api"
     folder.mkdir(exist_ok=True)
-    for name, text in pages().items():
+    written = pages()
+    for name, text in written.items():
         page = folder / name
         if not page.exists() or page.read_text(encoding="utf-8") != text:
             page.write_text(text, encoding="utf-8")
+    # what autosummary once wrote for names that are gone would be pages that nothing leads to
+    listed = set(" ".join(written.values()).split())
+    for old in (folder / "reference").glob("*.rst"):
+        if old.stem not in listed:
+            old.unlink()
 
 
 def _resolve(
