@@ -291,8 +291,14 @@ def _choose(search: PartSearch, settings: Settings, diagnosis: Diagnosis, enough
         raise refuse(diagnosis.fixed_modes)
     late = " Time ran out; allow more with time_limit." if search.deadline.expired else ""
     why = "; ".join(dict.fromkeys(reasons)) or "no engine found a stabilising controller"
-    remarks = " ".join(remark for found in search.searches for remark in found.remarks)
-    raise SolverError(f"No certified controller was found: {why}.{late} {remarks}".strip())
+    remarks = [remark for found in search.searches for remark in found.remarks]
+    original = search.problem.original
+    if settings.norm == "h2" and not original.is_discrete and original.D11.any():
+        remarks.append(
+            "The feedthrough D11 can be cancelled up to rounding only, which leaves the H2 norm "
+            "infinite. Filter w or z so that D11 vanishes, or use norm='hinf'."
+        )
+    raise SolverError(" ".join([f"No certified controller was found: {why}.{late}", *remarks]))
 
 
 def _certificate(
