@@ -46,9 +46,10 @@ def wrong_gains(before: MechanicalModel, after: MechanicalModel) -> list[WrongGa
     """
     old, new = before.parameters, after.parameters
     found = []
+    there = {(e.kind, e.at) for e in after.effects}
     for group in connected(before):
         inputs = [i for i in before.inputs if i.imposes is None and i.on[0] in group]
-        if len(inputs) != 1:
+        if len(inputs) != 1 or ("input_gain", (inputs[0].name,)) in there:
             continue
         logs = [np.log(new[key] / old[key]) for key in _numbers(before, group, old, new)]
         if len(logs) < 2:

@@ -28,6 +28,7 @@ from robustpolish.identification.observer import Level
 from robustpolish.identification.parameters import free_parameters
 from robustpolish.identification.prediction import Predictor
 from robustpolish.identification.setting import Setting
+from robustpolish.identification.units_of_force import with_units_of_force
 from robustpolish.models.mechanical import MechanicalModel
 
 Array = NDArray[np.float64]
@@ -112,6 +113,7 @@ def homotopy(
     """
     stages: list[Fit] = []
     kept: Fit | None = None
+    model = with_units_of_force(model, reference)
     current = with_rest(model, pieces)
     for level in levels:
         predictor = Predictor(model, setting.dt, level, setting.scales, setting.amplitude)

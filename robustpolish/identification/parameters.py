@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from robustpolish.effects import Effect
 from robustpolish.identification.chains import connected
+from robustpolish.identification.units_of_force import units_of_force
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical_parts import FORCE
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ def free_parameters(
     driven = {o.of[0] for o in model.outputs if o.drive}
     result = []
     mass = float(np.mean([d.mass for d in model.dofs if d.mass > 0] or [1.0]))
-    given = _units_of_force(model)
+    given = units_of_force(model)
     for dof in model.dofs:
         if (dof.name in free or dof.name in driven) and dof.name not in given:
             key = f"dof.{dof.name}.{'inertia' if dof.rotational else 'mass'}"
@@ -103,28 +103,6 @@ def _is_gauge(model: MechanicalModel, name: str) -> bool:
         if name in inputs:
             return len(inputs) == 1
     return True
-
-
-def _units_of_force(model: MechanicalModel) -> set[str]:
-    """Return a mass of each chain in which no force is known: it stays, and gives them a unit.
-
-    A free decay, or a motion under an imposed one, shows ratios of masses and springs only. So
-    does a record all of whose inputs or outputs have an unknown gain.
-    """
-    gains = {(e.kind, e.at[0]) for e in model.effects}
-    chosen = set()
-    for group in connected(model):
-        known = any(
-            i.imposes is None and group.intersection(i.on) and ("input_gain", i.name) not in gains
-            for i in model.inputs
-        )
-        known |= any(o.quantity == FORCE and group.intersection(o.of) for o in model.outputs)
-        seen = [o.name for o in model.outputs if group.intersection(o.of)]
-        known &= not seen or any(("sensor_gain", name) not in gains for name in seen)
-        masses = [d for d in model.dofs if d.name in group and d.name in model.free]
-        if not known and masses:
-            chosen.add(max(masses, key=lambda d: d.mass).name)
-    return chosen
 
 
 def _near(key: str, value: float, centre: float, share: float) -> FreeParameter:

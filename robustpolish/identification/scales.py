@@ -48,7 +48,7 @@ def white_noise(y: Array, dt: float) -> float:
     if total == 0:
         return 1.0
     _, density = welch(y, 1 / dt, nperseg=min(256, len(y) // 4), detrend="linear")
-    bands = np.array_split(density[1:], 16)
+    bands = np.array_split(density[1:], min(16, density.size - 1))
     lowest = min(float(np.mean(band)) for band in bands)
     return max(float(np.sqrt(lowest * 0.5 / dt)), _QUIETEST * total)
 

@@ -19,6 +19,7 @@ from robustpolish.identification.observer import Scales
 from robustpolish.identification.record import Record, split
 from robustpolish.identification.scales import amplitude_of, scales_of
 from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.validation import described, invalid
 
 Array = NDArray[np.float64]
 _TRIAL = 3500
@@ -74,7 +75,15 @@ def prepare(model: MechanicalModel, record: Record) -> Setting:
     """Prepare a record for fits of a model and its extensions."""
     scales = scales_of(model, record)
     amplitude = amplitude_of(model, record, scales.bandwidth)
-    motion = motion_along(model.without_effects(), record, scales, amplitude)
+    try:
+        motion = motion_along(model.without_effects(), record, scales, amplitude)
+    except np.linalg.LinAlgError as error:
+        raise invalid(
+            "data",
+            described(f"motions of {amplitude:.3g} with forces of {np.max(scales.force):.3g}"),
+            "motions that the model can have",
+            "Check the units of the columns, and the model's masses and stiffnesses.",
+        ) from error
     parts = split(record.samples, decays=not model.inputs)
     short = max(60, record.samples // _WINDOWS)
     length = short if drifts(model, record.samples * record.dt) else record.samples
