@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -53,7 +55,9 @@ def working(what: str, total: int | None = None) -> Iterator[Callable[[str], Non
 
 
 def someone_looks() -> bool:
-    """Tell whether standard error is a terminal, or this is a notebook."""
+    """Tell whether standard error is a terminal, or this is a notebook; never if bars are off."""
+    if os.environ.get("TQDM_DISABLE", "0") not in ("", "0"):
+        return False
     if sys.stderr is not None and sys.stderr.isatty():
         return True
     interactive = sys.modules.get("IPython")
@@ -65,8 +69,11 @@ class _Bar:
     """Waits in a thread of its own, so that no loop needs to know of it."""
 
     def __init__(self, what: str, total: int | None) -> None:
-        # Imported here, for the import changes the filters of warnings, which threads share.
-        from tqdm.auto import tqdm
+        # Imported here, for the import changes the filters of warnings, which threads share. In a
+        # notebook without ipywidgets it warns, and then falls back to a bar of text, which will do.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            from tqdm.auto import tqdm
 
         self._make: Any = tqdm
         self._what, self._total = what, total
