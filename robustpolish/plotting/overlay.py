@@ -73,6 +73,7 @@ def plot_response(
     matplotlib.axes.Axes
     """
     ax = plot_time_series({"measured": measured, "simulated": simulated}, ax)
+    ax.lines[-2].set_linewidth(2.5)  # so that it shows beneath a model that fits
     if band is not None:
         _shade(ax, simulated, band)
     return ax

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from matplotlib.axes import Axes
@@ -147,7 +148,7 @@ def _candidates(diagnosis: Diagnosis) -> Section | None:
     if not diagnosis.candidates:
         return None
     rows = tuple(
-        (c.step, c.kind, ", ".join(c.at), c.nrmse_held_out, c.score, c.remark)
+        (c.step, c.kind, ", ".join(c.at), _known(c.nrmse_held_out), c.score, c.remark)
         for c in diagnosis.candidates
     )
     head = ("step", "effect", "at", "held-out error", "log odds", "remark")
@@ -156,6 +157,13 @@ def _candidates(diagnosis: Diagnosis) -> Section | None:
 
 
 def _numbers(diagnosis: Diagnosis) -> Section:
-    rows = tuple((key, v.value, v.stderr, v.unit) for key, v in diagnosis.parameters.items())
+    rows = tuple(
+        (key, v.value, _known(v.stderr), v.unit) for key, v in diagnosis.parameters.items()
+    )
     head = ("parameter", "value", "standard error", "unit")
     return Section("All fitted numbers", tables=(Table("", head, rows),))
+
+
+def _known(value: float) -> float | None:
+    """Return None for a number that was not found."""
+    return value if math.isfinite(value) else None

@@ -42,7 +42,9 @@ def filled(folder, seen=None, model=MODEL):
 def diagnosed(tmp_path_factory):
     folder = filled(tmp_path_factory.mktemp("diagnosed"))
     (folder / "unseen.csv").write_text(csv(UNSEEN))
-    result = run(folder, "--json", folder / "out.json", "--save", folder / "refined.toml")
+    written = {"--json": "out.json", "--save": "refined.toml", "--report": "report.html"}
+    places = [part for option, name in written.items() for part in (option, folder / name)]
+    result = run(folder, *places)
     assert result.exit_code == 0, result.output
     return folder, json.loads((folder / "out.json").read_text()), result.output
 
@@ -62,6 +64,21 @@ def test_the_json_that_programs_rely_on(diagnosed):
     assert [step for step, _ in steps] == ["base", "refit", "quadratic_damping"]
     assert steps[0][1] > steps[1][1] > steps[2][1]
     assert content["noise_floor"]["x"] == pytest.approx(10 ** (-30 / 20), rel=0.1)
+
+
+def test_the_report_says_where_which_how_much_and_what_to_check(diagnosed):
+    page = (diagnosed[0] / "report.html").read_text()
+    places = [
+        page.index(part)
+        for part in (
+            "The model lacked: ",
+            "Where the model failed",
+            "Which effects were added",
+            "How much of the error is gone",
+            "What to check on the machine",
+        )
+    ]
+    assert places == sorted(places)
 
 
 def test_it_tells_people_what_to_check(diagnosed):
