@@ -263,9 +263,9 @@ def scale_system(
     Examples
     --------
     >>> import control
-    >>> from robustpolish.analysis import scale_system
+    >>> import robustpolish as rp
     >>> plant = control.ss([[0, 1], [-1e12, -1e3]], [[0], [1e9]], [[1, 0]], 0)
-    >>> scaled, scaling = scale_system(plant)
+    >>> scaled, scaling = rp.scale_system(plant)
     >>> bool(abs(scaled.A).max() < 4)
     True
     >>> F = scaling.state_gain([[1.0, 2.0]])

@@ -89,8 +89,9 @@ def listing_response(
     Examples
     --------
     >>> import numpy as np
-    >>> from robustpolish.brush import listing_response, simulate_brush
-    >>> brush = simulate_brush("listing", run=1, duration=0.01)
+    >>> import robustpolish as rp
+    >>> from robustpolish.brush import listing_response
+    >>> brush = rp.simulate_brush("listing", run=1, duration=0.01)
     >>> A = np.kron(np.eye(6), [[0.0, 1.0], [-1e4, -20.0]])
     >>> B1 = np.zeros((12, 4))
     >>> B1[11, 2] = 1.0

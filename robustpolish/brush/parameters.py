@@ -70,8 +70,8 @@ class BrushParameters:
 
     Examples
     --------
-    >>> from robustpolish.brush import BrushParameters
-    >>> brush = BrushParameters.for_run(3, friction=0.2)
+    >>> import robustpolish as rp
+    >>> brush = rp.BrushParameters.for_run(3, friction=0.2)
     >>> brush.contact_stiffness, brush.friction
     (100000000.0, 0.2)
     >>> round(1e6 * brush.tilt_inertia, 3), round(1e6 * brush.spin_inertia, 3)

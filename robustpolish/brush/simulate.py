@@ -110,8 +110,8 @@ def simulate_brush(
 
     Examples
     --------
-    >>> from robustpolish.brush import simulate_brush
-    >>> signals = simulate_brush(run=2, duration=0.02)
+    >>> import robustpolish as rp
+    >>> signals = rp.simulate_brush(run=2, duration=0.02)
     >>> signals.sizes["time"], signals.F_z.attrs["units"], signals.attrs["converged"]
     (401, 'N', 1)
     >>> bool((signals.contact_force >= 0).all())

@@ -36,15 +36,15 @@ class Surface:
 
     Examples
     --------
-    >>> from robustpolish.brush import Surface
-    >>> surface = Surface()
+    >>> import robustpolish as rp
+    >>> surface = rp.Surface()
     >>> round(1e3 * surface.trough_radius, 1)
     12.5
-    >>> surface.fits(0.010), Surface.as_published().fits(0.010)
+    >>> surface.fits(0.010), rp.Surface.as_published().fits(0.010)
     (True, False)
     >>> round(1e6 * float(surface.height(0.0, 0.002))), float(surface.gradient(0.0, 0.001)[1])
     (160, 0.08)
-    >>> bool(Surface.flat().height(0.1, 0.1) == 0)
+    >>> bool(rp.Surface.flat().height(0.1, 0.1) == 0)
     True
     """
 
@@ -150,8 +150,8 @@ class Surface:
 
         Examples
         --------
-        >>> from robustpolish.brush import Surface
-        >>> float(Surface(along=0.0, across=1.0).elevation(0.0, 0.01, (0.0, 2.0)).round(6))
+        >>> import robustpolish as rp
+        >>> float(rp.Surface(along=0.0, across=1.0).elevation(0.0, 0.01, (0.0, 2.0)).round(6))
         0.309703
         """
         along, across = (np.asarray(part, dtype=float) for part in direction)

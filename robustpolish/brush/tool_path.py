@@ -25,8 +25,9 @@ def tool_position(time: ArrayLike, parameters: BrushParameters) -> NDArray[np.fl
 
     Examples
     --------
-    >>> from robustpolish.brush import BrushParameters, tool_position
-    >>> tool_position(0.0, BrushParameters()).round(4).tolist()
+    >>> import robustpolish as rp
+    >>> from robustpolish.brush import tool_position
+    >>> tool_position(0.0, rp.BrushParameters()).round(4).tolist()
     [0.016, 0.0]
     """
     moment = np.asarray(time, dtype=float)
@@ -57,8 +58,9 @@ def tool_velocity(time: ArrayLike, parameters: BrushParameters) -> NDArray[np.fl
 
     Examples
     --------
-    >>> from robustpolish.brush import BrushParameters, tool_velocity
-    >>> tool_velocity(0.0, BrushParameters()).round(4).tolist()
+    >>> import robustpolish as rp
+    >>> from robustpolish.brush import tool_velocity
+    >>> tool_velocity(0.0, rp.BrushParameters()).round(4).tolist()
     [0.001, 0.0377]
     """
     moment = np.asarray(time, dtype=float)

@@ -84,10 +84,11 @@ def check_robustness(
     Examples
     --------
     >>> import robustpolish as rp
-    >>> from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
-    >>> machine = MechanicalModel(
-    ...     [Dof("x", 2.0)], [Spring(("x", "ground"), 800.0)], [Damper(("x", "ground"), 4.0)],
-    ...     [Input("F", ("x", "ground"))], [Output("x", ("x", "ground"))])
+    >>> machine = rp.MechanicalModel(
+    ...     [rp.Dof("x", 2.0)],
+    ...     [rp.Spring(("x", "ground"), 800.0)],
+    ...     [rp.Damper(("x", "ground"), 4.0)],
+    ...     [rp.Input("F", ("x", "ground"))], [rp.Output("x", ("x", "ground"))])
     >>> design = rp.state_feedback(machine.linearize(measured="state"), control_weight=1e-3)
     >>> check = rp.check_robustness(
     ...     design, machine, standard_errors={"spring[0].stiffness": 40.0, "dof.x.mass": 0.1},

@@ -40,8 +40,8 @@ class RobustnessCheck(Displayed):
     Examples
     --------
     >>> import numpy as np
-    >>> from robustpolish.closed_loop import RobustnessCheck
-    >>> check = RobustnessCheck(
+    >>> import robustpolish as rp
+    >>> check = rp.RobustnessCheck(
     ...     "hinf", 1.0, np.array([0.9, 1.2, np.inf]), ("dof.x.mass",),
     ...     np.array([[1.0], [1.1], [2.0]]), np.array([1.0]))
     >>> round(check.share_stable, 2), check.median, check.worst

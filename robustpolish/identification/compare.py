@@ -71,15 +71,16 @@ def compare(
     --------
     >>> import numpy as np
     >>> import xarray as xr
-    >>> from robustpolish.identification import compare
-    >>> from robustpolish.models import Dof, MechanicalModel, Output, Spring
-    >>> model = MechanicalModel(
-    ...     [Dof("x", 1.0)], [Spring(("x", "ground"), 4.0)], outputs=[Output("x", ("x", "ground"))]
+    >>> import robustpolish as rp
+    >>> model = rp.MechanicalModel(
+    ...     [rp.Dof("x", 1.0)],
+    ...     [rp.Spring(("x", "ground"), 4.0)],
+    ...     outputs=[rp.Output("x", ("x", "ground"))],
     ... )
     >>> time = np.arange(1000) * 0.01
     >>> decay = np.cos(2 * time)  # a free decay of just this oscillator
     >>> data = xr.Dataset({"x": ("time", decay, {"units": "m"})}, {"time": time})
-    >>> print(f"{compare(model, data).fit_percent:.3f} %")
+    >>> print(f"{rp.compare(model, data).fit_percent:.3f} %")
     100.000 %
     """
     if window is not None and horizon is not None:

@@ -52,12 +52,14 @@ def refit(
     Examples
     --------
     >>> import numpy as np, xarray as xr
-    >>> from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+    >>> import robustpolish as rp
     >>> from robustpolish.simulation import linear_response
     >>> def oscillator(k):
-    ...     return MechanicalModel(
-    ...         [Dof("x", 1.0)], [Spring(("x", "ground"), k)], [Damper(("x", "ground"), 0.4)],
-    ...         [Input("F", ("x", "ground"))], [Output("x", ("x", "ground"))])
+    ...     return rp.MechanicalModel(
+    ...         [rp.Dof("x", 1.0)],
+    ...         [rp.Spring(("x", "ground"), k)],
+    ...         [rp.Damper(("x", "ground"), 0.4)],
+    ...         [rp.Input("F", ("x", "ground"))], [rp.Output("x", ("x", "ground"))])
     >>> t = np.arange(2000) * 0.01
     >>> rng = np.random.default_rng(0)
     >>> force, noise = rng.standard_normal(t.size), 1e-3 * rng.standard_normal(t.size)

@@ -253,19 +253,18 @@ def residual_analysis(
     --------
     >>> import numpy as np
     >>> import xarray as xr
-    >>> from robustpolish.identification import compare, residual_analysis
-    >>> from robustpolish.models import Dof, Input, MechanicalModel, Output, Spring
-    >>> model = MechanicalModel(
-    ...     [Dof("x", 1.0)],
-    ...     [Spring(("x", "ground"), 900.0)],
-    ...     inputs=[Input("F", ("x", "ground"))],
-    ...     outputs=[Output("x", ("x", "ground"))],
+    >>> import robustpolish as rp
+    >>> model = rp.MechanicalModel(
+    ...     [rp.Dof("x", 1.0)],
+    ...     [rp.Spring(("x", "ground"), 900.0)],
+    ...     inputs=[rp.Input("F", ("x", "ground"))],
+    ...     outputs=[rp.Output("x", ("x", "ground"))],
     ... )
     >>> time = np.arange(2000) * 0.01
     >>> force = np.random.default_rng(0).standard_normal(2000)
     >>> hum = 0.01 * np.sin(2 * np.pi * 20 * time)  # what the model does not know
     >>> data = xr.Dataset({"F": ("time", force), "x": ("time", hum)}, {"time": time})
-    >>> result = residual_analysis(compare(model, data))
+    >>> result = rp.residual_analysis(rp.compare(model, data))
     >>> [round(float(share), 2) for share in result.channels]
     [1.0]
     """

@@ -88,9 +88,9 @@ def read_measurement(
     Examples
     --------
     >>> import pandas as pd
-    >>> from robustpolish.measurements import read_measurement
+    >>> import robustpolish as rp
     >>> frame = pd.DataFrame({"time [ms]": [0, 1, 2], "x [um]": [0.0, 2.0, 1.0]})
-    >>> data = read_measurement(frame)
+    >>> data = rp.read_measurement(frame)
     >>> data["x"].values, data["x"].attrs["units"]
     (array([0.e+00, 2.e-06, 1.e-06]), 'm')
     """

@@ -84,16 +84,16 @@ class AirBearingParameters(Displayed):
 
     Examples
     --------
-    >>> from robustpolish import AirBearingParameters
-    >>> parameters = AirBearingParameters.as_published()
+    >>> import robustpolish as rp
+    >>> parameters = rp.AirBearingParameters.as_published()
     >>> round(parameters.m_x, 4), round(parameters.k_t / 1e8, 4)
     (0.6376, 1.0752)
     >>> upper, lower = parameters.natural_frequencies()["x"]  # in rad/s
     >>> round(lower / 6.283185307, 1), parameters.damping(0.001).c_D > 0
     (194.1, True)
-    >>> AirBearingParameters.as_printed().bearing_mass, parameters.table()[0][:3]
+    >>> rp.AirBearingParameters.as_printed().bearing_mass, parameters.table()[0][:3]
     (0.337, ('brush_radius', 0.01, 'm'))
-    >>> round(AirBearingParameters.corrected().m_x, 3)
+    >>> round(rp.AirBearingParameters.corrected().m_x, 3)
     0.242
     """
 

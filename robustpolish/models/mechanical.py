@@ -221,9 +221,9 @@ class MechanicalModel(Displayed):
 
         Examples
         --------
-        >>> from robustpolish.models import Dof, MechanicalModel, Output, Spring
-        >>> model = MechanicalModel(
-        ...     [Dof("x", 2.0)], [Spring(("x", "ground"), 8.0)], outputs=[Output("x", "x")]
+        >>> import robustpolish as rp
+        >>> model = rp.MechanicalModel(
+        ...     [rp.Dof("x", 2.0)], [rp.Spring(("x", "ground"), 8.0)], outputs=[rp.Output("x", "x")]
         ... ).with_effect("quadratic_stiffness", ("x", "ground"), {"stiffness": 3.0})
         >>> model.linearize(operating_point={"x": 0.5}).A.round(6)
         array([[ 0. ,  1. ],
@@ -258,8 +258,9 @@ class MechanicalModel(Displayed):
 
         Examples
         --------
-        >>> from robustpolish.models import Dof, MechanicalModel, Output
-        >>> model = MechanicalModel([Dof("x", 2.0)], outputs=[Output("x", ("x", "ground"))])
+        >>> import robustpolish as rp
+        >>> outputs = [rp.Output("x", ("x", "ground"))]
+        >>> model = rp.MechanicalModel([rp.Dof("x", 2.0)], outputs=outputs)
         >>> model.with_effect("coulomb_friction", ("x", "ground"), {"force": 3.1}).effects[0].kind
         'coulomb_friction'
         """

@@ -62,9 +62,11 @@ def simulate(
     Examples
     --------
     >>> import numpy as np, xarray as xr
-    >>> from robustpolish.models import Dof, MechanicalModel, Output, Spring
-    >>> model = MechanicalModel(
-    ...     [Dof("x", 1.0)], [Spring(("x", "ground"), 4.0)], outputs=[Output("x", ("x", "ground"))]
+    >>> import robustpolish as rp
+    >>> model = rp.MechanicalModel(
+    ...     [rp.Dof("x", 1.0)],
+    ...     [rp.Spring(("x", "ground"), 4.0)],
+    ...     outputs=[rp.Output("x", ("x", "ground"))],
     ... )
     >>> data = xr.Dataset(coords={"time": np.arange(101) * 0.01})
     >>> response = simulate(model, data, initial_state=[1.0, 0.0])

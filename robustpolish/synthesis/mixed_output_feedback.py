@@ -90,12 +90,11 @@ def mixed_output_feedback(
     The H2 norm of an integrator, with poles that decay at least like exp(-2 t):
 
     >>> import robustpolish as rp
-    >>> from robustpolish.synthesis.mixed_output_feedback import mixed_output_feedback
     >>> plant = rp.GeneralizedPlant.from_matrices(
     ...     [[0.0]], [[1.0, 0.0]], [[1.0]], [[1.0], [0.0]], [[1.0]],
     ...     D12=[[0.0], [1.0]], D21=[[0.0, 1.0]],
     ... )
-    >>> design = mixed_output_feedback(
+    >>> design = rp.mixed_output_feedback(
     ...     plant, "h2", pole_region=rp.HalfPlane(-2.0), time_limit=5.0
     ... )
     >>> bool(design.certificate.poles.real.max() < -2)

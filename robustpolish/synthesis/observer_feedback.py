@@ -96,12 +96,11 @@ def observer_feedback(
     Examples
     --------
     >>> import robustpolish as rp
-    >>> from robustpolish.synthesis.observer_feedback import observer_feedback
     >>> plant = rp.GeneralizedPlant.from_matrices(
     ...     [[1.0]], [[1.0, 0.0]], [[1.0]], [[1.0], [0.0]], [[1.0]],
     ...     D12=[[0.0], [1.0]], D21=[[0.0, 1.0]],
     ... )
-    >>> design = observer_feedback(plant, "h2")
+    >>> design = rp.observer_feedback(plant, "h2")
     >>> design.details["observer_gain"].round(3)  # 1 + sqrt(2), the Kalman gain
     array([[2.414]])
     """
@@ -158,9 +157,8 @@ def observer_controller(plant: GeneralizedPlant, F: ArrayLike, L: ArrayLike) -> 
     Examples
     --------
     >>> import robustpolish as rp
-    >>> from robustpolish.synthesis.observer_feedback import observer_controller
     >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
-    >>> K = observer_controller(plant, [[-3.0]], [[4.0]])
+    >>> K = rp.observer_controller(plant, [[-3.0]], [[4.0]])
     >>> sorted(plant.closed_loop(K).poles().real.round(9).tolist())
     [-3.0, -2.0]
     """

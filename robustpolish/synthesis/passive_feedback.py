@@ -131,12 +131,11 @@ def passive_feedback(
     Examples
     --------
     >>> import robustpolish as rp
-    >>> from robustpolish.synthesis.passive_feedback import passive_feedback
     >>> mass = rp.GeneralizedPlant.from_matrices(
     ...     [[0.0, 1.0], [-100.0, 0.1]], [[0.0], [1.0]], [[0.0], [1.0]], [[1.0, 0.0]],
     ...     [[1.0, 0.0]], states=["x", "dx"],
     ... )
-    >>> design = passive_feedback(mass, dampers=[("x", "ground")], damping_bound=30.0)
+    >>> design = rp.passive_feedback(mass, dampers=[("x", "ground")], damping_bound=30.0)
     >>> for element in design.details["elements"]:
     ...     print(element)
     damper between x and ground: ... N s/m

@@ -106,9 +106,8 @@ def static_output_feedback(
     The more gain, the lower the norm, so that the bound decides:
 
     >>> import robustpolish as rp
-    >>> from robustpolish.synthesis.static_output_feedback import static_output_feedback
     >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
-    >>> design = static_output_feedback(plant, gain_bound=3.0)
+    >>> design = rp.static_output_feedback(plant, gain_bound=3.0)
     >>> design.gain.round(3), round(design.certificate.achieved, 3)
     (array([[-3.]]), 0.5)
     """
