@@ -107,6 +107,8 @@ def _final_fit(
     """Fit a stage's model to the whole record; return the fit and its free-run error."""
     setting = search.setting
     levels = (Level(0.01), FREE) if steady else (Level(0.1), Level(0.01))
+    if steady and not stage.model.effects:
+        levels = (FREE,)  # led by the data, it would leave what the data hardly show
     fits = homotopy(stage.model, setting, setting.everything, model, levels, steps(setting))
     before = whole_error(stage.model, setting, steady)
     if not fits:

@@ -19,6 +19,7 @@ from robustpolish.identification.homotopy import Stage, best_stage, homotopy
 from robustpolish.identification.hopeful import VISIBLE_FALL, hopeful
 from robustpolish.identification.noting import note_confusions, remember
 from robustpolish.identification.observer import Level
+from robustpolish.identification.own_numbers import refit_own
 from robustpolish.identification.pairs import before_constant, fitted_with, hiding
 from robustpolish.identification.ranking import (
     Refitted,
@@ -98,10 +99,8 @@ def _diagnose(model: MechanicalModel, data: xr.Dataset, say: Progress) -> Diagno
     say("how inputs act between their samples")
     model = with_holds(model, setting)
     say("refit of the model's own parameters")
-    pieces = setting.trial if model.free else setting.estimation  # quick where nothing swings
-    stages = homotopy(model, setting, pieces, model, _LINEAR)
-    stage = best_stage(stages, setting)
-    search = Search(setting, model, stage, entries, stages[min(1, len(stages) - 1)].model, stage)
+    stage, guided = refit_own(model, setting)
+    search = Search(setting, model, stage, entries, guided, stage)
     entries.append(("refit", stage.model))
     while len(search.stage.model.effects) - len(model.effects) < MOST_EFFECTS:
         if not _add_one(search, say):

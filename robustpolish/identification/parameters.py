@@ -18,6 +18,7 @@ MASS_PRIOR = 0.05
 GAIN_PRIOR = 0.05
 SPRING_PRIOR = 0.3
 DAMPER_PRIOR = 1.0
+NOTHING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ def _near(key: str, value: float, centre: float, share: float) -> FreeParameter:
 def _elastic(key: str, value: float, centre: float, natural: float) -> FreeParameter:
     """Describe a stiffness or damping: it may be far off, and keeps its sign."""
     scale = abs(value) or natural
-    if centre == 0:
+    if abs(centre) <= NOTHING * natural:  # as good as none: it may well be missing
         return FreeParameter(key, value, natural, 0.0, np.inf)
     low, high = (0.0, np.inf) if centre > 0 else (-np.inf, 0.0)
     share = SPRING_PRIOR if key.startswith("spring") else DAMPER_PRIOR
