@@ -7,14 +7,12 @@ from robustpolish.analysis.hinf_norm import HinfNorm, hinf_norm
 from robustpolish.analysis.lmi import LmiCheck, h2_norm_lmi, hinf_norm_lmi, lyapunov_lmi
 from robustpolish.analysis.modes import Mode, Modes, modes
 from robustpolish.analysis.pbh import (
-    Feasibility,
-    ModeTest,
-    PbhTest,
     controllability,
     is_detectable,
     is_stabilizable,
     observability,
 )
+from robustpolish.analysis.pbh_result import Feasibility, ModeTest, PbhTest
 from robustpolish.analysis.prescale import Prescaled, prescale
 from robustpolish.analysis.scaling import Scaling, scale_system
 from robustpolish.analysis.singular_values import singular_values
