@@ -193,15 +193,15 @@ def plot_surface(shown: xr.Dataset, ax: Axes | None = None) -> Axes:
         shown["displacement"].values,
         shown["velocity"].values,
         force.values.T,
-        cmap="RdBu_r",
+        cmap="cividis",
         vmin=-largest,
         vmax=largest,
     )
     known = force.values[np.isfinite(force.values)]
-    if known.size > 1 and np.ptp(known) > 0 and min(force.shape) > 1:
-        # Red and blue are the same grey: level lines, dashed below zero, tell them apart.
+    if known.size > 1 and known.min() < 0 < known.max() and min(force.shape) > 1:
+        # Dark pushes one way, light the other, in grey too; the line is where the force turns.
         sides = shown["displacement"].values, shown["velocity"].values
-        ax.contour(*sides, force.values.T, levels=8, colors="#333333", linewidths=0.6)
+        ax.contour(*sides, force.values.T, levels=[0.0], colors="white", linewidths=1.5)
     colorbar = ax.figure.colorbar(image, ax=ax)
     si_axis(colorbar.ax.yaxis, "force", str(force.attrs.get("units", "")))
     for axis, dim in ((ax.xaxis, "displacement"), (ax.yaxis, "velocity")):

@@ -93,7 +93,7 @@ def test_the_residual_map_is_bright_where_the_residual_is():
     assert bar.get_ylabel() == "amplitude density [m/sqrt(Hz)]"
 
 
-def test_the_surface_has_units_and_level_lines():
+def test_the_surface_has_units_and_a_line_where_the_force_turns():
     shown = xr.Dataset(
         {"force": (("displacement", "velocity"), np.outer([-2.0, 0.0, 2.0], [1.0, 1.0]))},
         {"displacement": [-1e-3, 0.0, 1e-3], "velocity": [-0.1, 0.1]},
