@@ -170,6 +170,7 @@ def state_feedback(
                 "performance_norm": _performance_norm(plant, F, norm),
                 "largest_singular_value": size,
                 "parts": tuple(piece.plant.states for piece in pieces),
+                "pole_regions": regions,
             }
         ),
     )

@@ -21,7 +21,7 @@ def test_three_axes_have_the_norm_of_all_twelve_states():
 
 
 def test_displacement_actuation_cannot_hold_a_steady_force_along_the_spindle():
-    """What the damping to the ground does not carry at standstill, the spring k_A has to."""
+    """In doubles c_Z is nothing, so that the spring k_A alone carries a steady force."""
     plant = rp.air_bearing(actuation="displacement", measured="displacement")
     design = rp.output_feedback(plant, time_limit=30)
     stiffness = rp.AirBearingParameters.as_published().k_A
