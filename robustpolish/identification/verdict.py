@@ -15,7 +15,6 @@ EXPLAINED = 0.85
 IMPROVED = 1.1
 SILENT = 0.002
 LOUDEST = 0.4
-TELLING = 40.0
 
 
 def choose_verdict(
@@ -68,11 +67,5 @@ def _explained(before: Array, after: Array, noise: Array) -> float:
 
 
 def _noise_like(screening: Screening | None) -> bool:
-    """Return whether the last screening saw coloured noise: no missing force, and no candidate.
-
-    Resonators and lines do not count: they fit coloured noise as well.
-    """
-    if screening is None or screening.level.force > SILENT:
-        return False
-    told = [c for c in screening.candidates if c.effect.definition.domain != "dof"]
-    return all(c.score < TELLING for c in told if c.sensible)
+    """Return whether the last screening saw coloured noise, and no missing force."""
+    return screening is not None and screening.level.force <= SILENT
