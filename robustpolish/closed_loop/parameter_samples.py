@@ -74,7 +74,7 @@ def draw(
             "Pass standard_errors, or fit to data that determines the numbers.",
         )  # fmt: skip
     nominal = np.array([model.parameters[key] for key in used])
-    root = _root(covariance[np.ix_(known, known)])
+    root = _root(covariance[known][:, known])
     sign = np.array([0.0 if key.startswith(("effect", "input")) else 1.0 for key in used])
     sign *= np.sign(nominal)
     rng = np.random.default_rng(seed)
