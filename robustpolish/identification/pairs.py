@@ -54,11 +54,11 @@ def before_constant(earned: Refitted, ranked: Sequence[Refitted], search: Search
     the constant, it comes first, and the constant later.
     """
     constant, alone = earned
-    if constant.effect.definition.family != CONSTANT:
+    if not _is_constant(earned):
         return earned
     found: list[tuple[float, Refitted]] = []
     for candidate, fitted in ranked[:_MOST]:
-        if candidate.effect.definition.family == CONSTANT:
+        if _is_constant((candidate, fitted)):
             continue
         both = fitted_with(fitted.model, alone.model.effects[-1], search)
         if both is not None and not objection(alone, both, search.setting, place=-2):
@@ -82,6 +82,8 @@ def hiding(ranked: Sequence[Refitted], search: Search) -> Refitted | None:
     """
     limit = judgement(search.stage, ranked) + np.log(1 - _LEAST_FALL)
     near = [item for item in ranked[:_MOST] if judgement(item[1], ranked) < limit]
+    if near and not any(_is_constant(item) for item in near):
+        near += _likeliest_constant(ranked, search)
     for one, other in combinations(near, 2):
         if rivals(one[0].effect.definition, other[0].effect.definition):
             continue
@@ -92,10 +94,27 @@ def hiding(ranked: Sequence[Refitted], search: Search) -> Refitted | None:
         added = objection(one[1], both, search.setting)
         if not kept and not added:
             first, second = one, other
-            if first[0].effect.definition.family == CONSTANT:
+            if _is_constant(first):
                 first, second = second, first
             search.reasons.append(
                 f"{first[0].effect} earns its place only beside {second[0].effect}."
             )
             return first
     return None
+
+
+def _is_constant(item: Refitted) -> bool:
+    return item[0].effect.definition.family == CONSTANT
+
+
+def _likeliest_constant(ranked: Sequence[Refitted], search: Search) -> list[Refitted]:
+    """Return an offset or preload, which alone shows next to nothing of what it hides."""
+    refitted = [item for item in ranked if _is_constant(item)]
+    if refitted or search.screening is None:
+        return refitted[:1]
+    screened = [c for c in search.screening.candidates if c.effect.definition.family == CONSTANT]
+    for candidate in sorted(screened, key=lambda c: -c.score)[:1]:
+        fitted = fitted_with(search.stage.model, candidate.effect, search)
+        if fitted is not None:
+            refitted.append((candidate, fitted))
+    return refitted
