@@ -53,7 +53,7 @@ def before_constant(earned: Refitted, ranked: Sequence[Refitted], search: Search
     An offset or a preload hides how well other effects do. If one of them earns its place beside
     the constant, it comes first, and the constant later.
     """
-    constant, alone = earned
+    alone = earned[1]
     if not _is_constant(earned):
         return earned
     found: list[tuple[float, Refitted]] = []
