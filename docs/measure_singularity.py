@@ -6,16 +6,16 @@ Run with ``python docs/measure_singularity.py``.
 import numpy as np
 
 from robustpolish.models import air_bearing
-from robustpolish.synthesis.decoupling import decoupled_parts
-from robustpolish.synthesis.mixed_inequalities import (
+from robustpolish.synthesis.lmi.mixed.output import (
     Specification,
     mixed_program,
     mixed_start,
     reconstructed,
 )
 from robustpolish.synthesis.nonsmooth import HinfMeasure, Loop, augmented
-from robustpolish.synthesis.pricing import noisy, priced
-from robustpolish.synthesis.scaling import scale_plant
+from robustpolish.synthesis.problem.decoupling import decoupled_parts
+from robustpolish.synthesis.problem.pricing import noisy, priced
+from robustpolish.synthesis.problem.scaling import scale_plant
 
 
 def norm_of(plant, K):

@@ -13,7 +13,7 @@ from robustpolish.models import GeneralizedPlant, MechanicalModel
 from robustpolish.models.plant_file import plant_from
 from robustpolish.saved_file import Fields, read_saved
 from robustpolish.synthesis import Design
-from robustpolish.synthesis.design_file import design_from
+from robustpolish.synthesis.design.design_file import design_from
 from robustpolish.validation import described, invalid
 
 _READERS: Mapping[str, Callable[[Fields], Any]] = {

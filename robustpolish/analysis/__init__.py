@@ -1,23 +1,23 @@
 """Modes, norms, scaling, observability: what a linear system is like."""
 
-from robustpolish.analysis.decoupled_blocks import Block, decoupled_blocks
-from robustpolish.analysis.definite import is_positive_definite
-from robustpolish.analysis.h2_norm import H2Norm, h2_norm
-from robustpolish.analysis.hinf_norm import HinfNorm, hinf_norm
-from robustpolish.analysis.lmi import LmiCheck, h2_norm_lmi, hinf_norm_lmi, lyapunov_lmi
-from robustpolish.analysis.modes import Mode, Modes, modes
-from robustpolish.analysis.pbh import (
+from robustpolish.analysis.norms.h2_norm import H2Norm, h2_norm
+from robustpolish.analysis.norms.hinf_norm import HinfNorm, hinf_norm
+from robustpolish.analysis.norms.lmi import LmiCheck, h2_norm_lmi, hinf_norm_lmi, lyapunov_lmi
+from robustpolish.analysis.norms.singular_values import singular_values
+from robustpolish.analysis.poles.modes import Mode, Modes, modes
+from robustpolish.analysis.poles.pbh import (
     controllability,
     is_detectable,
     is_stabilizable,
     observability,
 )
-from robustpolish.analysis.pbh_result import Feasibility, ModeTest, PbhTest
-from robustpolish.analysis.prescale import Prescaled, prescale
-from robustpolish.analysis.scaling import Scaling, scale_system
-from robustpolish.analysis.singular_values import singular_values
-from robustpolish.analysis.stability import Stability, stability
-from robustpolish.analysis.zeros import AxisZero, zeros_on_axis
+from robustpolish.analysis.poles.pbh_result import Feasibility, ModeTest, PbhTest
+from robustpolish.analysis.poles.stability import Stability, stability
+from robustpolish.analysis.poles.zeros import AxisZero, zeros_on_axis
+from robustpolish.analysis.scaling.decoupled_blocks import Block, decoupled_blocks
+from robustpolish.analysis.scaling.prescale import Prescaled, prescale
+from robustpolish.analysis.scaling.units import Scaling, scale_system
+from robustpolish.exact.definite import is_positive_definite
 
 __all__ = [
     "AxisZero",

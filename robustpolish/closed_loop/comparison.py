@@ -14,7 +14,7 @@ from robustpolish.closed_loop.simulation import simulate
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_time_series
-from robustpolish.synthesis.design import Design
+from robustpolish.synthesis.design.design import Design
 from robustpolish.validation import described, invalid
 
 if TYPE_CHECKING:

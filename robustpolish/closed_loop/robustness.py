@@ -15,7 +15,7 @@ from robustpolish.closed_loop.uncertain_plant import in_place_of, loop_norm
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.models import GeneralizedPlant, MechanicalModel
 from robustpolish.progress import working
-from robustpolish.synthesis.design import Design
+from robustpolish.synthesis.design.design import Design
 from robustpolish.validation import described, invalid
 
 PlantOf = Callable[[MechanicalModel], GeneralizedPlant]

@@ -5,13 +5,16 @@ from __future__ import annotations
 from typing import Literal
 
 from robustpolish.models import air_bearing
-from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.given_controller import given_controller
-from robustpolish.synthesis.observer_feedback import observer_feedback
-from robustpolish.synthesis.output_feedback import output_feedback
-from robustpolish.synthesis.published_controllers import PUBLISHED_CONTROLLERS, published_gain
-from robustpolish.synthesis.state_feedback import state_feedback
-from robustpolish.synthesis.static_output_feedback import static_output_feedback
+from robustpolish.synthesis.design.design import Design
+from robustpolish.synthesis.methods.given_controller import given_controller
+from robustpolish.synthesis.methods.observer_feedback import observer_feedback
+from robustpolish.synthesis.methods.output_feedback import output_feedback
+from robustpolish.synthesis.methods.published_controllers import (
+    PUBLISHED_CONTROLLERS,
+    published_gain,
+)
+from robustpolish.synthesis.methods.state_feedback import state_feedback
+from robustpolish.synthesis.methods.static_output_feedback import static_output_feedback
 from robustpolish.validation import one_of
 
 # Per unit of u, so that runs 1 and 4 ask for a few N, or a few m/s.

@@ -7,7 +7,7 @@ import numpy as np
 
 from robustpolish.analysis import h2_norm, hinf_norm, stability
 from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.quick_norm import quick_norm
+from robustpolish.synthesis.certificate.quick_norm import quick_norm
 from robustpolish.validation import described, invalid
 
 

@@ -1,27 +1,27 @@
 """Controllers with certificates: one method per file, and the certificate that judges them all."""
 
-from robustpolish.synthesis.certificate import Certificate, certify
-from robustpolish.synthesis.channels import channel
-from robustpolish.synthesis.compare_methods import (
+from robustpolish.synthesis.certificate.certificate import Certificate, certify
+from robustpolish.synthesis.design.design import Design
+from robustpolish.synthesis.methods.compare_methods import (
     MethodComparison,
     MethodResult,
     compare_methods,
 )
-from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.given_controller import given_controller
-from robustpolish.synthesis.mixed_output_feedback import mixed_output_feedback
-from robustpolish.synthesis.mixed_state_feedback import mixed_state_feedback
-from robustpolish.synthesis.observer_feedback import observer_controller, observer_feedback
-from robustpolish.synthesis.output_feedback import output_feedback
-from robustpolish.synthesis.passive_feedback import PassiveElement, passive_feedback
-from robustpolish.synthesis.pole_regions import Disk, HalfPlane, Sector
-from robustpolish.synthesis.published_controllers import (
+from robustpolish.synthesis.methods.given_controller import given_controller
+from robustpolish.synthesis.methods.mixed_output_feedback import mixed_output_feedback
+from robustpolish.synthesis.methods.mixed_state_feedback import mixed_state_feedback
+from robustpolish.synthesis.methods.observer_feedback import observer_controller, observer_feedback
+from robustpolish.synthesis.methods.output_feedback import output_feedback
+from robustpolish.synthesis.methods.passive_feedback import PassiveElement, passive_feedback
+from robustpolish.synthesis.methods.published_controllers import (
     PUBLISHED_CONTROLLERS,
     PUBLISHED_NORMS,
     published_gain,
 )
-from robustpolish.synthesis.state_feedback import state_feedback
-from robustpolish.synthesis.static_output_feedback import static_output_feedback
+from robustpolish.synthesis.methods.state_feedback import state_feedback
+from robustpolish.synthesis.methods.static_output_feedback import static_output_feedback
+from robustpolish.synthesis.problem.channels import channel
+from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
 
 __all__ = [
     "PUBLISHED_CONTROLLERS",

@@ -6,8 +6,8 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.synthesis import balls, certify
-from robustpolish.synthesis.loop_balls import cayley, enclose_loop
-from robustpolish.synthesis.norm_proof import prove_hinf, prove_stability
+from robustpolish.synthesis.certificate.loop_balls import cayley, enclose_loop
+from robustpolish.synthesis.certificate.norm_proof import prove_hinf, prove_stability
 
 
 def first_order(gain=1.0, pole=1.0, dt=0):

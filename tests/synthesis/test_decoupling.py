@@ -6,7 +6,7 @@ import pytest
 
 from robustpolish.analysis import hinf_norm
 from robustpolish.models import air_bearing
-from robustpolish.synthesis.decoupling import decoupled_parts, joined_controller, undivided
+from robustpolish.synthesis.problem.decoupling import decoupled_parts, joined_controller, undivided
 
 
 def test_the_air_bearing_is_three_axes():

@@ -5,9 +5,9 @@ import time
 import numpy as np
 import pytest
 
-from robustpolish.synthesis.fixed_modes import unstable_fixed_modes
-from robustpolish.synthesis.lmi_iterations import stabilising_gain
+from robustpolish.synthesis.lmi.stabilising_gain import stabilising_gain
 from robustpolish.synthesis.nonsmooth import Loop
+from robustpolish.synthesis.problem.fixed_modes import unstable_fixed_modes
 
 
 def loop(A, B, C, discrete=False):

@@ -6,11 +6,11 @@ import pytest
 from robustpolish.analysis import h2_norm, hinf_norm
 from robustpolish.errors import InvalidInputError, SolverError
 from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.channels import channel
-from robustpolish.synthesis.mixed_inequalities import Specification, mixed_start
-from robustpolish.synthesis.mixed_output_feedback import mixed_output_feedback
+from robustpolish.synthesis.lmi.mixed.output import Specification, mixed_start
+from robustpolish.synthesis.methods.mixed_output_feedback import mixed_output_feedback
 from robustpolish.synthesis.nonsmooth import HinfMeasure, Loop, augmented
-from robustpolish.synthesis.pole_regions import Disk, HalfPlane, Sector
+from robustpolish.synthesis.problem.channels import channel
+from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
 
 
 def oscillator():

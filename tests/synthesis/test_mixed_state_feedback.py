@@ -5,7 +5,7 @@ import pytest
 from test_mixed_output_feedback import oscillator
 
 import robustpolish as rp
-from robustpolish.synthesis.channels import channel
+from robustpolish.synthesis.problem.channels import channel
 
 
 def test_one_norm_alone_is_that_of_state_feedback():

@@ -6,7 +6,7 @@ import pytest
 from robustpolish.analysis import hinf_norm
 from robustpolish.errors import InvalidInputError
 from robustpolish.models import GeneralizedPlant, air_bearing
-from robustpolish.synthesis.passive_feedback import passive_feedback
+from robustpolish.synthesis.methods.passive_feedback import passive_feedback
 
 
 def absorber(ratio):

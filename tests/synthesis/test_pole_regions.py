@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis.pole_regions import Disk, HalfPlane, PoleRegion, Sector
+from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, PoleRegion, Sector
 
 POLES = np.random.default_rng(0).normal(size=200) * 5 + 3j * np.random.default_rng(1).normal(
     size=200

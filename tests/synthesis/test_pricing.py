@@ -5,8 +5,8 @@ import pytest
 
 from robustpolish.errors import InvalidInputError
 from robustpolish.models import air_bearing
-from robustpolish.synthesis.channels import channel
-from robustpolish.synthesis.pricing import noisy, priced
+from robustpolish.synthesis.problem.channels import channel
+from robustpolish.synthesis.problem.pricing import noisy, priced
 
 
 def test_price_and_noise_make_a_singular_plant_regular():

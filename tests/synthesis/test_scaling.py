@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis.scaling import scale_plant
+from robustpolish.synthesis.problem.scaling import scale_plant
 
 
 def wild_plant(seed, dt=0):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis.affine import Affine, symmetric_block
-from robustpolish.synthesis.semidefinite import BACKENDS, SemidefiniteProgram
+from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
+from robustpolish.synthesis.lmi.semidefinite import BACKENDS, SemidefiniteProgram
 
 RNG = np.random.default_rng(0)
 

@@ -10,7 +10,7 @@ import pytest
 from robustpolish.analysis import h2_norm, hinf_norm
 from robustpolish.errors import InfeasibleError, InvalidInputError, SolverError
 from robustpolish.models import GeneralizedPlant, air_bearing
-from robustpolish.synthesis.static_output_feedback import static_output_feedback
+from robustpolish.synthesis.methods.static_output_feedback import static_output_feedback
 
 # Best published values (HIFOO, hinfstruct and searches), COMPleib names.
 PUBLISHED = {

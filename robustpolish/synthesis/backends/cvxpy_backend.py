@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.errors import MissingDependencyError
-from robustpolish.synthesis.semidefinite import ConicForm
+from robustpolish.synthesis.lmi.semidefinite import ConicForm
 from robustpolish.validation import one_of
 
 

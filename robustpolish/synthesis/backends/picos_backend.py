@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from robustpolish.errors import MissingDependencyError
-from robustpolish.synthesis.semidefinite import ConicForm
+from robustpolish.synthesis.lmi.semidefinite import ConicForm
 from robustpolish.validation import one_of
 
 try:

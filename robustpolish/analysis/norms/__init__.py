@@ -1,0 +1,1 @@
+"""H2 and H-infinity norms, their proofs, and singular values."""

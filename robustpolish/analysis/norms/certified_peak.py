@@ -1,0 +1,136 @@
+"""The peak of the gain with a bracket, proven in exact arithmetic or estimated in double."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from flint import arb, fmpq
+
+from robustpolish.analysis.norms.crossings import crossings
+from robustpolish.analysis.norms.peak_search import bounds_gain, cayley, peak
+from robustpolish.analysis.poles.eigen import EPS
+from robustpolish.analysis.scaling.realisation import Realisation, rescaled
+from robustpolish.exact.rational import ExactModel, fraction, transfer
+
+EXACT_ALWAYS = 40
+"""Up to so many coupled states the proof is exact from the start."""
+EXACT_AT_MOST = 80
+"""Up to so many it is used where double precision proves nothing."""
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The peak of a stable system's gain, in the units of its rescaled matrices.
+
+    Attributes
+    ----------
+    frequency : float
+        In the variable x of :class:`ExactModel`.
+    gain, lower, upper : float
+        The gain there, and bounds of the true peak.
+    proof : str
+        How the upper bound was found.
+    """
+
+    frequency: float
+    gain: float
+    lower: float
+    upper: float
+    proof: str
+
+    def in_units(self, model: Realisation) -> Peak:
+        """Come back from the scaled units of `model`."""
+        gain, lower, upper = (v * model.gain for v in (self.gain, self.lower, self.upper))
+        return Peak(self.frequency * model.time, gain, lower, upper, self.proof)
+
+
+def certified_peak(
+    model: Realisation, tolerance: float, exact: bool, exact_model: ExactModel | None = None
+) -> Peak:
+    """Find and bracket the peak of a stable, rescaled system."""
+    search = replace(model, time=1.0, gain=1.0)
+    if model.discrete:
+        search = rescaled(cayley(search))
+    poles = np.linalg.eigvals(search.A).astype(complex)
+    frequency, gain = peak(search, poles, tolerance)
+    if not exact or model.states > EXACT_ALWAYS:
+        found = _estimated(search, frequency, gain, tolerance)
+        found = found.in_units(search)
+        if not exact or found.upper <= (1 + max(tolerance, 1e-6)) * found.lower:
+            return found
+        if model.states > EXACT_AT_MOST:
+            return _sharper_below(model, found)
+    return _proven(exact_model or ExactModel.of(model), frequency * search.time, tolerance)
+
+
+def _proven(model: ExactModel, start: float, tolerance: float) -> Peak:
+    """Raise the gain by exact crossings until the upper bound has none."""
+    at = fraction(start) if math.isfinite(start) else None
+    gain = _gain(model, at)
+    if gain == 0 and model.is_zero():
+        return Peak(0.0, 0.0, 0.0, 0.0, "the transfer function is zero")
+    trial: list[fmpq | None] = [fmpq(0), None]
+    touching: list[fmpq] = []
+    trial += [fmpq(k, k + 2) for k in range(1, 2 * model.states + 3)] if gain == 0 else []
+    for _ in range(100):  # every pass raises the gain by more than the tolerance; few are needed
+        values = [_gain(model, x) for x in trial]
+        best = int(np.argmax(values))
+        if values[best] > gain:
+            gain, at = values[best], trial[best]
+        elif touching:  # the gain only touches the last bound, at a crossing
+            values = [_gain(model, x) for x in touching]
+            gain, at = max(values), touching[int(np.argmax(values))]
+        upper = gain * (1 + tolerance)
+        found = crossings(model, fraction(upper) ** 2)
+        if not found:
+            return _bracketed(model, at, gain, upper)
+        trial = [fmpq(0), None, *((a + b) / 2 for a, b in pairwise(found))]
+        touching = found
+    return replace(_bracketed(model, at, gain, math.inf), proof="the search did not settle")
+
+
+def _bracketed(model: ExactModel, at: fmpq | None, gain: float, upper: float) -> Peak:
+    rounding = 4 * EPS * (model.B.ncols() + model.C.nrows())
+    frequency = math.inf if at is None else float(arb(at))
+    return Peak(frequency, gain, gain * (1 - rounding), upper, "no crossing, in exact arithmetic")
+
+
+def _sharper_below(model: Realisation, found: Peak) -> Peak:
+    """Evaluate the gain in ball arithmetic where doubles leave it uncertain."""
+    at = fraction(found.frequency) if math.isfinite(found.frequency) else None
+    gain = _gain(ExactModel.of(model), at)
+    upper = found.upper if found.upper > gain else math.inf
+    return replace(found, gain=gain, lower=gain * (1 - 1e-14), upper=upper)
+
+
+def _gain(model: ExactModel, x: fmpq | None) -> float:
+    G, scale = transfer(model, x)
+    return float(np.linalg.norm(G, 2)) * scale
+
+
+def _estimated(model: Realisation, frequency: float, gain: float, tolerance: float) -> Peak:
+    """Widen the bracket until the Hamiltonian test in double precision is beyond doubt."""
+    error = _evaluation_error(model, frequency)
+    lower = gain * max(0.0, 1 - error)
+    widths = [w for w in (tolerance, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 0.1) if w >= tolerance]
+    for width in widths:
+        upper = gain * (1 + width + error)
+        if gain > 0 and bounds_gain(model, upper):
+            text = "no crossing within the rounding errors of double precision"
+            return Peak(frequency, gain, lower, upper, text)
+    return Peak(frequency, gain, lower, math.inf, "double precision proves no upper bound")
+
+
+def _evaluation_error(model: Realisation, frequency: float) -> float:
+    """Estimate the relative error of the gain from the spread of the resolvent."""
+    if not math.isfinite(frequency) or model.states == 0:
+        return 10 * EPS
+    singular = np.linalg.svd(
+        1j * frequency * np.eye(model.states) - model.A, compute_uv=False, hermitian=False
+    )
+    if singular[-1] == 0:
+        return 1.0
+    return 10 * EPS * math.sqrt(model.states) * float(singular[0] / singular[-1])

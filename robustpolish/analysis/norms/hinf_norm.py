@@ -1,0 +1,237 @@
+"""The H-infinity norm with its peak frequency and a bracket around the true value."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import control
+import numpy as np
+
+from robustpolish.analysis.norms.certified_peak import Peak, certified_peak
+from robustpolish.analysis.norms.singular_values import singular_values
+from robustpolish.analysis.poles.exact_poles import count_poles
+from robustpolish.analysis.poles.stability import Stability, stability_of
+from robustpolish.analysis.scaling.parts import parts
+from robustpolish.analysis.scaling.realisation import Realisation, realisation, rescaled
+from robustpolish.display import Card, Displayed, quantities
+from robustpolish.exact.rational import ExactModel, to_float
+from robustpolish.plotting import plot_gains
+from robustpolish.validation import invalid, positive, source_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+REDUCIBLE_STATES = 60
+"""Up to so many coupled states are searched for hidden modes in exact arithmetic."""
+
+
+@dataclass(frozen=True, repr=False)
+class HinfNorm(Displayed):
+    """Largest gain of a system over all frequencies; ``float(norm)`` is its value.
+
+    Attributes
+    ----------
+    value : float
+        The norm, in output units per input unit; infinite if a pole is on or
+        beyond the stability boundary (see :func:`hinf_norm` for hidden ones).
+    frequency : float
+        Where the gain peaks, in rad/s (rad per sample if ``dt`` is True); infinite if
+        only the limit reaches it, nan if there is no peak.
+    lower, upper : float
+        The true norm lies between the two.
+    stable : bool
+        Whether all poles are strictly stable, hidden ones included.
+    reason : str
+        How the bracket was proven, or why the norm is infinite.
+    system : control.StateSpace or None
+        What it is the norm of.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> rp.hinf_norm(control.ss([[-2.0]], [[2.0]], [[1.0]], 0))
+    H-infinity norm
+      value         1
+      peak at [Hz]  0
+      at least      1
+      at most       1
+      stable        yes
+      proof: no crossing, in exact arithmetic
+    """
+
+    value: float
+    frequency: float
+    lower: float
+    upper: float
+    stable: bool
+    reason: str
+    system: control.StateSpace | None = field(default=None, compare=False)
+
+    def __float__(self) -> float:
+        return self.value
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the largest singular value over frequency with the norm marked.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import control
+        >>> import robustpolish as rp
+        >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0)
+        >>> rp.hinf_norm(lag).plot().get_xlabel()
+        'frequency'
+        """
+        gain = singular_values(source_of(self.system)).isel(singular_value=0)
+        mark = {f"norm {self.value:.4g}": (self.frequency / (2 * np.pi), self.value)}
+        return plot_gains({"largest singular value": gain}, mark, ax)
+
+    def _card(self) -> Card:
+        rows = (
+            ("value", self.value),
+            ("peak at [Hz]", self.frequency / (2 * np.pi)),
+            ("at least", self.lower),
+            ("at most", self.upper),
+            ("stable", self.stable),
+        )
+        return Card("H-infinity norm", (quantities(*rows),), (self.reason,))
+
+
+def hinf_norm(
+    system: control.StateSpace, *, tolerance: float = 1e-9, exact: bool = True
+) -> HinfNorm:
+    r"""Compute the H-infinity norm, the largest singular value over all frequencies.
+
+    The peak is sought in double precision on a system whose states, time and
+    gain are scaled by powers of two, by the two-step Hamiltonian iteration
+    [1]_, [2]_. It is then evaluated in ball arithmetic, and the upper bound is
+    proven: the characteristic polynomial of the Hamiltonian matrix (the symplectic
+    pencil in discrete time) at that gain, formed from the stored numbers
+    without rounding, has no root on the stability boundary. Where a root is left,
+    the search goes on from it. So the answer is right for any damping and any
+    units, and does not miss peaks.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        Continuous or discrete; an unspecified sampling time means continuous.
+    tolerance : float, optional
+        Relative width of the bracket, at least 1e-12.
+    exact : bool, optional
+        False proves nothing in exact arithmetic: the bracket then rests on
+        estimates of rounding errors, is wider for light damping and may have no
+        upper end. Three to ten times as quick; meant for searches whose result is checked
+        afterwards. With True, a block of more than 40 coupled states still takes the
+        estimate if its bracket is at most 1e-6 wide, and one of more than 80 in any case.
+
+    Returns
+    -------
+    HinfNorm
+        Infinite if the state matrix has an eigenvalue beyond the stability boundary,
+        even if it is hidden from inputs or outputs. An eigenvalue exactly on the
+        boundary counts only if it is reachable and observable; a
+        hidden one leaves the norm finite and `stable` False, and `reason` says so.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no ``StateSpace``, has entries that are not finite, or if the
+        tolerance is out of range.
+
+    Notes
+    -----
+    Measured on one core: 2 states 2 ms; 12 coupled states 7 ms, 15 ms with D or in discrete
+    time (2 ms with ``exact=False``); 50 states 20 to 700 ms; 120 states 0.2 to 0.4 s, where the
+    bracket of a mode with damping ratio 1e-4 is 1e-4 to 1e-2 wide. Decoupled parts are treated
+    one by one.
+
+    References
+    ----------
+    .. [1] S. Boyd, V. Balakrishnan, P. Kabamba, "A bisection method for computing the
+       H-infinity norm of a transfer matrix and related problems", Mathematics of
+       Control, Signals and Systems 2 (1989) 207-219.
+    .. [2] N. A. Bruinsma, M. Steinbuch, "A fast algorithm to compute the H-infinity norm
+       of a transfer function matrix", Systems & Control Letters 14 (1990) 287-293.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> w, zeta = 1e9, 0.05
+    >>> norm = rp.hinf_norm(control.ss([[0, 1], [-w**2, -2*zeta*w]], [[0], [w**2]], [[1, 0]], 0))
+    >>> round(norm.value, 6), norm.lower <= norm.value <= norm.upper
+    (10.012523, True)
+    """
+    tolerance = positive("tolerance", tolerance)
+    if not 1e-12 <= tolerance <= 0.5:
+        raise invalid("tolerance", tolerance, "1e-12 to 0.5", "The default is 1e-9.")
+    model = realisation("system", system)
+    found = [_part_norm(part, tolerance, exact) for part in parts(model)]
+    if not found:
+        nothing = "there are no states, inputs or outputs"
+        return HinfNorm(0.0, 0.0, 0.0, 0.0, True, nothing, system)
+    largest = max(found, key=lambda norm: (norm.value, norm.upper))
+    unsteady = next((norm.reason for norm in found if not norm.stable), largest.reason)
+    return replace(
+        largest,
+        system=system,
+        lower=max(norm.lower for norm in found),
+        upper=max(norm.upper for norm in found),
+        stable=all(norm.stable for norm in found),
+        reason=unsteady if math.isfinite(largest.value) else largest.reason,
+    )
+
+
+def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
+    if model.states == 0:
+        gain = float(np.linalg.norm(model.D, 2)) if model.D.size else 0.0
+        return HinfNorm(gain, 0.0, gain, gain, True, "a static gain")
+    model = rescaled(model)
+    verdict = stability_of(model)
+    if verdict.verdict == "unstable":
+        return _infinite(verdict.reason)
+    if model.D.size == 0:
+        reason = "no input acts on any output" if verdict else verdict.reason
+        return HinfNorm(0.0, 0.0, 0.0, 0.0, bool(verdict), reason)
+    if not verdict:
+        return _marginal_norm(model, verdict, tolerance)
+    return _in_units(model, certified_peak(model, tolerance, exact))
+
+
+def _in_units(model: Realisation, found: Peak) -> HinfNorm:
+    if model.discrete:
+        found = replace(found, frequency=2 * math.atan(found.frequency) / model.step)
+    found = found.in_units(model)
+    return HinfNorm(
+        found.gain, found.frequency, found.lower, found.upper, True, f"proof: {found.proof}"
+    )
+
+
+def _marginal_norm(model: Realisation, verdict: Stability, tolerance: float) -> HinfNorm:
+    """Decide exactly whether the poles on the boundary reach from an input to an output."""
+    if model.states > REDUCIBLE_STATES or not verdict.exact:
+        return _infinite(verdict.reason)
+    minimal = ExactModel.of(model).minimal()
+    left = count_poles(minimal.A, model.discrete)
+    if left.marginal or left.unstable:
+        return _infinite(verdict.reason)
+    A, B, C, D = (to_float(M) for M in (minimal.A, minimal.B, minimal.C, minimal.D))
+    rounded = Realisation(A, B, C, D, model.discrete)
+    found = certified_peak(rounded, tolerance, True, minimal)
+    reason = f"{verdict.reason}, but hidden from the inputs or outputs: not internally stable"
+    return replace(_in_units(model, found), stable=False, reason=reason)
+
+
+def _infinite(reason: str) -> HinfNorm:
+    return HinfNorm(math.inf, math.nan, math.inf, math.inf, False, reason)

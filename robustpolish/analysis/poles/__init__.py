@@ -1,0 +1,1 @@
+"""Modes, stability, zeros, and which modes can be moved or seen."""

@@ -1,0 +1,1 @@
+"""State-space matrices as plain arrays, their units and their decoupled parts."""

@@ -1,0 +1,1 @@
+"""Exact and enclosed numbers: rational matrices, ball arithmetic, definiteness."""

@@ -1,0 +1,187 @@
+"""Exact arithmetic on state-space matrices: doubles are fractions, so nothing need be rounded.
+
+Hidden modes are split off exactly, and the frequency response is evaluated in ball
+arithmetic, with as many bits as it takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+from flint import acb, acb_mat, arb, arb_mat, ctx, fmpq, fmpq_mat, fmpz_mat, nmod_mat
+from numpy.typing import NDArray
+
+from robustpolish.analysis.scaling.realisation import Realisation
+
+_PRIME = 4611686018427387847  # the largest below 2^62
+
+
+@contextmanager
+def precision(bits: int) -> Iterator[None]:
+    """Work with the given number of bits, then go back."""
+    before = ctx.prec
+    ctx.prec = bits
+    try:
+        yield
+    finally:
+        ctx.prec = before
+
+
+def fraction(value: float) -> fmpq:
+    """Return a double as the fraction that it is."""
+    return fmpq(*float(value).as_integer_ratio())
+
+
+def rational(M: NDArray[np.float64]) -> fmpq_mat:
+    """Return a matrix of doubles as the fractions that they are."""
+    ratios = [value.as_integer_ratio() for value in M.ravel().tolist()]
+    common = max((den for _, den in ratios), default=1)
+    rows, columns = M.shape
+    whole = fmpz_mat(rows, columns, [num * (common // den) for num, den in ratios])
+    return fmpq_mat(whole) / common
+
+
+def to_float(M: fmpq_mat) -> NDArray[np.float64]:
+    """Round a rational matrix to doubles."""
+    with precision(53):
+        values = [float(arb(entry)) for entry in M.entries()]
+    return np.array(values, dtype=float).reshape(M.nrows(), M.ncols())
+
+
+def identity(n: int) -> fmpq_mat:
+    """Return the n x n identity."""
+    return fmpq_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
+
+
+def joined(blocks: list[list[fmpq_mat]]) -> fmpq_mat:
+    """Join rows of blocks into one matrix; blocks without columns are passed over."""
+    rows: list[list[fmpq]] = []
+    for line in blocks:
+        tables = [block.table() for block in line if block.ncols()]
+        rows += [[e for table in tables for e in table[i]] for i in range(line[0].nrows())]
+    return fmpq_mat(rows)
+
+
+@dataclass(frozen=True, eq=False)
+class ExactModel:
+    """A system with rational matrices.
+
+    Its frequency variable is s = i x in continuous time and z = (1 + i x)/(1 - i x)
+    in discrete time, with x from 0 to infinity.
+    """
+
+    A: fmpq_mat
+    B: fmpq_mat
+    C: fmpq_mat
+    D: fmpq_mat
+    discrete: bool
+
+    @classmethod
+    def of(cls, model: Realisation) -> ExactModel:
+        """Read the doubles of `model` as fractions."""
+        A, B, C, D = (rational(M) for M in (model.A, model.B, model.C, model.D))
+        return cls(A, B, C, D, model.discrete)
+
+    @property
+    def states(self) -> int:
+        """Number of states."""
+        return self.A.nrows()
+
+    def minimal(self) -> ExactModel:
+        """Remove the modes that no input moves or no output sees, exactly."""
+        A, B, C = reachable(self.A, self.B, self.C)
+        A, C, B = reachable(A.transpose(), C.transpose(), B.transpose())
+        return ExactModel(A.transpose(), B.transpose(), C.transpose(), self.D, self.discrete)
+
+    def is_zero(self) -> bool:
+        """Say whether the output is zero whatever the input."""
+        zero = fmpq_mat(self.C.nrows(), self.B.ncols())
+        return zero == self.D and self.minimal().states == 0
+
+
+def _fully_reachable(A: fmpq_mat, B: fmpq_mat) -> bool:
+    """Say whether B, A B, A^2 B, ... span everything modulo a prime, hence exactly.
+
+    False proves nothing, but is rare for a reachable pair.
+    """
+    n, m = A.nrows(), B.ncols()
+    if n == 0 or m == 0:
+        return n == 0
+    step, block = (nmod_mat(M.numer_denom()[0], _PRIME) for M in (A, B))
+    columns = []
+    for _ in range(n):
+        columns += block.transpose().entries()
+        block = step * block
+    return nmod_mat(n * m, n, columns, _PRIME).rank() == n
+
+
+def reachable(A: fmpq_mat, B: fmpq_mat, C: fmpq_mat) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat]:
+    """Restrict a system to the span of B, A B, A^2 B, ..."""
+    if _fully_reachable(A, B):
+        return A, B, C
+    n, m = A.nrows(), B.ncols()
+    basis, rank = fmpq_mat(0, n), 0
+    block = B.transpose()
+    for _ in range(n):
+        stacked = fmpq_mat(rank + m, n, basis.entries() + block.entries())
+        reduced, found = stacked.rref()
+        if found == rank:
+            break
+        basis, rank = _rows(reduced, range(found)), found
+        block = block * A.transpose()
+    pivots = [next(j for j in range(n) if basis[i, j] != 0) for i in range(rank)]
+    onto = basis.transpose()  # x = onto * (reduced x), the identity in the pivot rows
+    return _rows(A * onto, pivots), _rows(B, pivots), C * onto
+
+
+def _rows(M: fmpq_mat, rows: range | list[int]) -> fmpq_mat:
+    columns = range(M.ncols())
+    return fmpq_mat(len(rows), M.ncols(), [M[i, j] for i in rows for j in columns])
+
+
+def transfer(model: ExactModel, x: fmpq | None) -> tuple[NDArray[np.complex128], float]:
+    """Evaluate the transfer matrix at frequency x (None: infinity) as if without rounding.
+
+    Returns
+    -------
+    G : ndarray of complex
+        Correct to double precision relative to its largest entry.
+    scale : float
+        A power of two by which G has to be multiplied.
+    """
+    bits = 128
+    while True:
+        with precision(bits):
+            try:
+                G = _transfer(model, x)
+            except ZeroDivisionError:  # too few bits to tell the resolvent from a singular one
+                bits *= 2
+                continue
+            entries = G.entries()
+            size = max((abs(e).upper() for e in entries), key=float, default=None)
+            radius = max((e.rad() for e in entries), key=float, default=None)
+            if size is None or radius is None or size == 0 or bits > 4096:
+                return np.zeros((G.nrows(), G.ncols()), complex), 1.0
+            if radius < size * 2**-60:
+                exponent = int(size.log_base(2).floor().unique_fmpz() or 0)
+                values = [complex(e * acb(2) ** (-exponent)) for e in entries]
+                return np.array(values).reshape(G.nrows(), G.ncols()), float(2.0**exponent)
+        bits *= 2
+
+
+def _transfer(model: ExactModel, x: fmpq | None) -> acb_mat:
+    D = acb_mat(arb_mat(model.D))
+    n = model.states
+    if n == 0 or (x is None and not model.discrete):
+        return D
+    one = acb(1)
+    z = acb(-1) if x is None else acb(0, x)
+    if model.discrete and x is not None:
+        z = (one + z) / (one - z)
+    resolvent = -acb_mat(arb_mat(model.A))
+    for i in range(n):
+        resolvent[i, i] += z
+    return D + acb_mat(arb_mat(model.C)) * resolvent.solve(acb_mat(arb_mat(model.B)))

@@ -1,0 +1,363 @@
+"""The certificate of a controller: everything about its loop, computed afresh.
+
+No solver is believed. The loop is connected in ball arithmetic, its poles and its norm are
+computed from it, and a matrix proves both stability and the bound on the norm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robustpolish.display import Card, Displayed, quantities
+from robustpolish.models import GeneralizedPlant
+from robustpolish.plotting import plot_poles
+from robustpolish.synthesis.certificate.achieved_norm import achieved_h2, achieved_hinf
+from robustpolish.synthesis.certificate.loop_balls import (
+    LoopBalls,
+    cayley,
+    enclose_loop,
+    rounding_level,
+)
+from robustpolish.synthesis.certificate.norm_proof import (
+    NormProof,
+    prove_h2,
+    prove_hinf,
+    prove_stability,
+)
+from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries
+from robustpolish.validation import described, invalid, matrix, one_of, positive
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Norm = Literal["hinf", "h2"]
+_LARGE = 60
+# How far above the computed norm the proven bound may lie, tried in this order.
+_PROOF_SLACK = (1e-5, 2e-4, 9e-4)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Certificate(Displayed):
+    """What is known about a closed loop, whoever designed it.
+
+    Attributes
+    ----------
+    norm : {"hinf", "h2"}
+        The norm that is certified.
+    valid : bool
+        True only if the loop is proven stable, the norm proven to lie below `bound` and
+        confirmed on a frequency grid, if rounding the loop's matrices to doubles changes it
+        by less than 1 %, and if the claim, if any, is kept.
+    reasons : tuple of str
+        Why it is not valid; empty if it is.
+    stable : bool
+        Whether all closed-loop poles are stable.
+    achieved : float
+        The norm from w to z, computed from the loop, exact or with matrices rounded to
+        doubles, whichever is larger; infinite if unstable.
+    claimed : float or None
+        The bound that a solver claimed.
+    gap : float or None
+        claimed / achieved - 1: positive where the claim is a true upper bound.
+    bound : float
+        Proven upper bound on the norm, within 0.1 % of `achieved` or of a larger claim;
+        infinite if nothing could be proven.
+    peak_frequency : float or None
+        Where the largest singular value peaks, rad/s; None for the H2 norm.
+    largest_gain : float
+        Largest absolute entry of the controller's matrices, in the plant's units.
+    poles : ndarray of complex, shape (nx + nk,)
+        Closed-loop poles, rad/s (discrete time: eigenvalues of the state matrix).
+    damping : ndarray, shape (nx + nk,)
+        Damping ratio of each pole.
+    frequencies_hz : ndarray, shape (nx + nk,)
+        Natural frequency of each pole, Hz (cycles per sample if dt is True).
+    proof : NormProof or None
+        The matrix behind `bound`.
+    discrete : bool
+        Whether it is a discrete-time loop.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    >>> rp.certify(plant, [[-3.0]], "hinf", claimed=0.5)
+    Certificate: valid
+      H-infinity norm achieved         0.5
+      proven to be at most        0.500005
+      claimed                          0.5
+      peak at [Hz]                       0
+      largest entry of K                 3
+      slowest pole [Hz]            0.31831
+      least damping ratio                1
+    """
+
+    norm: Norm
+    valid: bool
+    reasons: tuple[str, ...]
+    stable: bool
+    achieved: float
+    claimed: float | None
+    gap: float | None
+    bound: float
+    peak_frequency: float | None
+    largest_gain: float
+    poles: NDArray[np.complex128]
+    damping: NDArray[np.float64]
+    frequencies_hz: NDArray[np.float64]
+    proof: NormProof | None = field(repr=False)
+    discrete: bool = False
+
+    def plot(
+        self, ax: Axes | None = None, *, regions: PoleRegion | Sequence[PoleRegion] = ()
+    ) -> Axes:
+        """Draw the closed-loop poles, and the regions that they were to lie in.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        regions : HalfPlane, Disk, Sector or a sequence of them, optional
+            What lies outside of them is hatched.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> rp.certify(plant, [[-3.0]]).plot(regions=rp.HalfPlane(-1.0)).get_xlabel()
+        'real part [1/s]'
+        """
+        return plot_poles(
+            {"closed-loop poles": self.poles}, boundaries(regions), ax, discrete=self.discrete
+        )
+
+    def _card(self) -> Card:
+        name = "H-infinity" if self.norm == "hinf" else "H2"
+        peak = None if self.peak_frequency is None else self.peak_frequency / (2 * np.pi)
+        rows = (
+            (f"{name} norm achieved", self.achieved),
+            ("proven to be at most", self.bound),
+            ("claimed", self.claimed),
+            *([("peak at [Hz]", peak)] if self.norm == "hinf" else []),
+            ("largest entry of K", self.largest_gain),
+            ("slowest pole [Hz]", float(self.frequencies_hz.min(initial=np.inf))),
+            ("least damping ratio", float(self.damping.min(initial=1.0))),
+        )
+        verdict = "valid" if self.valid else "NOT valid"
+        return Card(f"Certificate: {verdict}", (quantities(*rows),), self.reasons)
+
+    def with_claim(self, claimed: float) -> Certificate:
+        """Return the certificate with a claim that is kept, for a loop certified without one.
+
+        Parameters
+        ----------
+        claimed : float
+            A bound that the loop keeps.
+
+        Returns
+        -------
+        Certificate
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> round(rp.certify(plant, [[-3.0]]).with_claim(0.6).gap, 6)
+        0.2
+        """
+        return replace(self, claimed=claimed, gap=_gap(claimed, self.achieved))
+
+
+def certify(
+    plant: GeneralizedPlant,
+    controller: control.StateSpace | ArrayLike,
+    norm: Norm = "hinf",
+    claimed: float | None = None,
+    tolerance: float = 1e-3,
+) -> Certificate:
+    r"""Check a controller against its plant, trusting nobody.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+        With nw disturbances and nz performance outputs, continuous or discrete.
+    controller : control.StateSpace or array_like, shape (nu, ny)
+        K in u = K y (positive sign): a system or a gain.
+    norm : {"hinf", "h2"}
+        The norm from w to z to be certified.
+    claimed : float, optional
+        The bound that a solver claims, in the plant's units.
+    tolerance : float
+        How far the achieved norm may lie above the claim (relative) before the claim
+        is called false.
+
+    Returns
+    -------
+    Certificate
+
+    Raises
+    ------
+    InvalidInputError
+        If shapes, sampling times or options do not fit, or the loop is not well posed.
+
+    Notes
+    -----
+    For the H-infinity norm a P > 0 satisfies the strict bounded-real inequality
+
+    .. math:: \begin{bmatrix} A^T P + P A + C^T C & P B + C^T D \\
+              B^T P + D^T C & D^T D - \gamma^2 I \end{bmatrix} < 0
+
+    for the H2 norm a Gramian bounds trace(C X C'). Both are checked in ball arithmetic, so
+    that a valid certificate is a proof for the controller's entries exactly as they are stored.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    >>> certificate = rp.certify(plant, [[-3.0]], "hinf", claimed=0.5)
+    >>> certificate.valid, round(certificate.achieved, 6)
+    (True, 0.5)
+    >>> rp.certify(plant, [[-3.0]], "hinf", claimed=0.4).reasons
+    ('the claimed bound 0.4 is false: the loop has 0.5',)
+    """
+    one_of("norm", norm, ("hinf", "h2"))
+    if claimed is not None:
+        claimed = positive("claimed", claimed, zero=True)
+    positive("tolerance", tolerance, zero=True)
+    K = _as_system(plant, controller)
+    rounded = plant.closed_loop(K)  # checks shapes, times and that the loop is well posed
+    reasons: list[str] = []
+    try:
+        loop = enclose_loop(plant, K)
+    except ZeroDivisionError:
+        raise invalid(
+            "controller",
+            described("a loop matrix I - Dk D22 that is singular to working accuracy"),
+            "a well-posed loop",
+            "Change the controller's feedthrough.",
+        ) from None
+    system = control.StateSpace(*loop.doubles, plant.dt)
+    poles, damping, hertz = _poles(system, plant.dt)
+    stable = bool((np.abs(poles) < 1).all() if plant.is_discrete else (poles.real < 0).all())
+    achieved, peak = np.inf, None
+    if not stable:
+        reasons.append(f"the loop is unstable: {_worst(poles, plant.is_discrete)}")
+    elif norm == "hinf":
+        achieved, peak = achieved_hinf(system, rounded, rounding_level(loop), reasons)
+    else:
+        achieved = achieved_h2(system, reasons)
+    proof, bound = None, np.inf
+    if stable and np.isfinite(achieved):
+        proof = _prove(loop, norm, achieved, claimed, plant.is_discrete)
+        if proof is not None and np.isfinite(proof.bound) and achieved <= rounding_level(loop):
+            # All that double precision can say of such a norm is that it is below a bound.
+            achieved = proof.bound
+        if proof is None:
+            reasons.append("stability and norm could not be proven in ball arithmetic")
+        else:
+            bound = proof.bound
+            if bound > (1 + 1e-3) * max(achieved, claimed or 0.0):
+                reasons.append(f"only the bound {bound:.6g} could be proven, not {achieved:.6g}")
+    if claimed is not None and np.isfinite(achieved) and achieved > claimed * (1 + tolerance):
+        reasons.append(f"the claimed bound {claimed:.6g} is false: the loop has {achieved:.6g}")
+    return Certificate(
+        norm=norm,
+        valid=not reasons,
+        reasons=tuple(reasons),
+        stable=stable,
+        achieved=float(achieved),
+        claimed=claimed,
+        gap=_gap(claimed, achieved),
+        bound=float(bound),
+        peak_frequency=peak,
+        largest_gain=max(float(np.abs(M).max(initial=0)) for M in (K.A, K.B, K.C, K.D)),
+        poles=poles,
+        damping=damping,
+        frequencies_hz=hertz,
+        proof=proof,
+        discrete=plant.is_discrete,
+    )
+
+
+def _as_system(
+    plant: GeneralizedPlant, controller: control.StateSpace | ArrayLike
+) -> control.StateSpace:
+    if isinstance(controller, control.StateSpace):
+        return controller
+    return control.StateSpace(
+        [], [], [], matrix("controller", controller, (plant.nu, plant.ny)), plant.dt
+    )
+
+
+def _poles(
+    system: control.StateSpace, dt: float | bool
+) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]:
+    """Return poles with damping ratio and natural frequency, slowest first."""
+    A = np.asarray(system.A)
+    poles: Any = np.linalg.eigvals(A).astype(complex) if A.size else np.zeros(0, complex)
+    if dt:
+        with np.errstate(divide="ignore", invalid="ignore"):  # a pole at zero: infinitely fast
+            rate = np.log(poles) / (1.0 if dt is True else float(dt))
+    else:
+        rate = poles
+    size = np.abs(rate)
+    with np.errstate(invalid="ignore"):
+        damping = np.where(size > 0, -rate.real / np.where(size > 0, size, 1), -1.0)
+    damping = np.where(np.isinf(size), 1.0, damping)
+    order = np.argsort(size, kind="stable")
+    return poles[order], damping[order], size[order] / (2 * np.pi)
+
+
+def _worst(poles: NDArray[np.complex128], discrete: bool) -> str:
+    worst = poles[np.argmax(np.abs(poles) if discrete else poles.real)]
+    return f"a pole at {worst:.6g}"
+
+
+def _prove(
+    loop: LoopBalls, norm: Norm, achieved: float, claimed: float | None, discrete: bool
+) -> NormProof | None:
+    """Prove the smallest bound that can be proven; stability alone if no bound can."""
+    flow = loop
+    if discrete:
+        try:
+            flow = cayley(loop)
+        except ZeroDivisionError:
+            return None
+    if norm == "hinf":
+        proofs = _hinf_proofs(flow, achieved, claimed)
+    else:
+        proofs = (prove_h2(loop, discrete, slack) for slack in _PROOF_SLACK)
+    return next((proof for proof in proofs if proof is not None), None) or prove_stability(flow)
+
+
+def _hinf_proofs(
+    loop: LoopBalls, achieved: float, claimed: float | None
+) -> Iterator[NormProof | None]:
+    # Where a trial takes long, the tightest bound is left out.
+    for slack in _PROOF_SLACK[loop.A.nrows() > _LARGE :]:
+        yield prove_hinf(loop, achieved * (1 + slack), slack)
+    yield prove_hinf(loop, achieved * (1 + _PROOF_SLACK[-1]), precise=True)
+    if claimed is not None and claimed > achieved * (1 + _PROOF_SLACK[-1]):
+        yield prove_hinf(loop, claimed, min(0.1, claimed / achieved - 1) if achieved else 0.1)
+    level = rounding_level(loop)
+    if achieved <= level:
+        for factor in (1.0, 1e3):
+            yield prove_hinf(loop, level * factor, 0.1)
+
+
+def _gap(claimed: float | None, achieved: float) -> float | None:
+    if claimed is None:
+        return None
+    if achieved == 0:
+        return 0.0 if claimed == 0 else np.inf
+    return claimed / achieved - 1 if np.isfinite(achieved) else -1.0

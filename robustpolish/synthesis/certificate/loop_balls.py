@@ -1,0 +1,123 @@
+"""The closed loop in ball arithmetic: an enclosure of the exact interconnection."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import flint
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.exact import balls
+from robustpolish.exact.balls import Ball
+from robustpolish.models import GeneralizedPlant
+from robustpolish.synthesis.problem.balancing import balancing_scale
+
+Matrix = NDArray[Any]
+BITS = 240
+"""Precision of the balls; twice as much where doubles do not suffice for P."""
+
+
+@dataclass(frozen=True, eq=False)
+class LoopBalls:
+    """The closed loop in balls, in scaled states: an enclosure of the exact interconnection."""
+
+    A: Ball
+    B: Ball
+    C: Ball
+    D: Ball
+    scale: Matrix
+
+    @property
+    def doubles(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+        """The centres as doubles."""
+        return tuple(balls.midpoint(M) for M in (self.A, self.B, self.C, self.D))  # type: ignore[return-value]
+
+
+def enclose_loop(plant: GeneralizedPlant, controller: Any) -> LoopBalls:
+    """Connect u = K y without rounding errors and scale the loop's states by powers of two.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+    controller : control.StateSpace
+
+    Raises
+    ------
+    ZeroDivisionError
+        If I - Dk D22 cannot be shown to be nonsingular.
+    """
+    with balls.precision(BITS):
+        A, B1, B2 = (balls.ball(M) for M in (plant.A, plant.B1, plant.B2))
+        C1, C2, D11 = (balls.ball(M) for M in (plant.C1, plant.C2, plant.D11))
+        D12, D21, D22 = (balls.ball(M) for M in (plant.D12, plant.D21, plant.D22))
+        nk = controller.nstates or 0
+        shapes = (nk, nk), (nk, plant.ny), (plant.nu, nk), (plant.nu, plant.ny)
+        Ak, Bk, Ck, Dk = (
+            balls.ball(np.reshape(M, shape)) if 0 not in shape else balls.zeros(*shape)
+            for M, shape in zip(
+                (controller.A, controller.B, controller.C, controller.D), shapes, strict=True
+            )
+        )
+        inverse = (balls.identity(plant.nu) - Dk * D22).inv()
+        on_x, on_k, on_w = inverse * Dk * C2, inverse * Ck, inverse * Dk * D21
+        Al = balls.block(
+            [
+                [A + B2 * on_x, B2 * on_k],
+                [Bk * (C2 + D22 * on_x), Ak + Bk * D22 * on_k],
+            ]
+        )
+        Bl = balls.block([[B1 + B2 * on_w], [Bk * (D21 + D22 * on_w)]])
+        Cl = balls.block([[C1 + D12 * on_x, D12 * on_k]])
+        Dl = D11 + D12 * on_w
+        scale = _state_scale(*(balls.midpoint(M) for M in (Al, Bl, Cl)))
+        into, out = balls.ball(np.diag(1 / scale)), balls.ball(np.diag(scale))
+        return LoopBalls(into * Al * out, into * Bl, Cl * out, Dl, scale)
+
+
+def _state_scale(A: Matrix, B: Matrix, C: Matrix) -> Matrix:
+    """Balance the states by powers of two, with all inputs and all outputs as one more state."""
+    n = A.shape[0]
+    if n == 0:
+        return np.ones(0)
+    bordered = np.zeros((n + 1, n + 1))
+    bordered[:n, :n] = A
+    bordered[:n, n], bordered[n, :n] = np.linalg.norm(B, axis=1), np.linalg.norm(C, axis=0)
+    return balancing_scale(bordered)[:n]
+
+
+def cayley(loop: LoopBalls) -> LoopBalls:
+    """Map a discrete-time loop to a continuous one of the same stability and H-infinity norm.
+
+    With z = (1 + s)/(1 - s).
+
+    Raises
+    ------
+    ZeroDivisionError
+        If A + I is singular, in which case the loop is not stable.
+    """
+    with balls.precision(BITS):
+        n = loop.A.nrows()
+        inverse = (loop.A + balls.identity(n)).inv()
+        root = flint.arb(2).sqrt()
+        return LoopBalls(
+            inverse * (loop.A - balls.identity(n)),
+            inverse * loop.B * root,
+            loop.C * inverse * root,
+            loop.D - loop.C * inverse * loop.B,
+            loop.scale,
+        )
+
+
+def rounding_level(loop: LoopBalls) -> float:
+    """Return the size of a norm that rounding errors in doubles can feign.
+
+    That is the unit roundoff times the gain that the loop would have if nothing cancelled;
+    an exactly vanishing transfer matrix computes to something below it.
+    """
+    A, B, C, D = loop.doubles
+    poles = np.abs(np.linalg.eigvals(A)) if A.size else np.zeros(0)
+    slowest = poles.min() if poles.size else 0.0
+    gain = np.linalg.norm(B) * np.linalg.norm(C) / slowest if slowest > 0 else 0.0
+    return float(10 * np.finfo(float).eps * max(A.shape[0], 1) * (gain + np.linalg.norm(D)))

@@ -1,0 +1,1 @@
+"""What every synthesis returns, and its file."""

@@ -1,0 +1,1 @@
+"""Designs by linear matrix inequalities, and the programs that state them."""

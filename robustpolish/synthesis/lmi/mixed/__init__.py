@@ -1,0 +1,1 @@
+"""One Lyapunov matrix for several specifications."""

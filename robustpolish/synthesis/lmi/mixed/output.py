@@ -1,0 +1,198 @@
+"""Multi-objective output feedback with one Lyapunov matrix for all specifications.
+
+Scherer, Gahinet and Chilali, "Multiobjective output-feedback control via LMI optimization", IEEE
+TAC 42 (1997): the change of variables of the thesis's (10.20) to (10.24) makes every
+specification affine, at the price of a Lyapunov matrix that they share. The answer is a start for
+descents on the true norms, which have no such price.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.models import GeneralizedPlant
+from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
+from robustpolish.synthesis.lmi.output.inequalities import Variables, stacked
+from robustpolish.synthesis.lmi.output.reconstruction import reconstruct
+from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram, SemidefiniteSolution
+from robustpolish.synthesis.problem.matrices import matrices, shift
+from robustpolish.synthesis.problem.pole_regions import PoleRegion
+
+Matrix = NDArray[Any]
+
+# How far gamma backs off from the optimum of the inequalities before the variables are made small.
+_BACK_OFF = 1.05
+
+
+class Specification(NamedTuple):
+    """A norm of a channel: minimised if `bound` is None.
+
+    Attributes
+    ----------
+    plant : GeneralizedPlant
+        The channel, scaled, continuous.
+    norm : {"hinf", "h2"}
+    bound : float or None
+    """
+
+    plant: GeneralizedPlant
+    norm: str
+    bound: float | None
+
+
+class _Variables(NamedTuple):
+    X: Affine
+    Y: Affine
+    A: Affine
+    B: Affine
+    C: Affine
+    D: Affine
+
+
+def mixed_start(
+    specifications: Sequence[Specification],
+    regions: Sequence[PoleRegion],
+    deadline: float,
+    backend: str = "cvxpy",
+    solver: str | None = None,
+) -> Matrix | None:
+    """Return [[Ak, Bk], [Ck, Dk]] that meets the inequalities, as far as a solver can tell.
+
+    Parameters
+    ----------
+    specifications : sequence of Specification
+        All on the same A, B2, C2 and D22; exactly one is minimised.
+    regions : sequence of PoleRegion
+        In the unit of time of the scaled plant.
+    deadline : float
+        Of :func:`time.monotonic`.
+    backend, solver : str
+        As in :meth:`SemidefiniteProgram.solve`.
+
+    Returns
+    -------
+    ndarray or None
+        None if the inequalities have no solution or the solver found none.
+    """
+    P = specifications[0].plant
+
+    def solved(program: SemidefiniteProgram) -> SemidefiniteSolution:
+        remaining = deadline - time.monotonic()
+        return program.solve(backend, solver=solver, tolerance=1e-8, time_limit=remaining)
+
+    program, variables, level = mixed_program(specifications, regions, None)
+    program.minimise(level)
+    first = solved(program)
+    if first.x is None:
+        return None
+    best = float(first.value(level).item())
+    # First the smallest variables at a norm a little worse, then I - XY far from singular.
+    program, variables, _ = mixed_program(specifications, regions, max(best, 0.0) * _BACK_OFF**2)
+    size = _size(program, variables)
+    program.minimise(size)
+    second = solved(program)
+    if second.x is None:
+        return None
+    smallest = float(second.value(size).item())
+    program, variables, _ = mixed_program(specifications, regions, max(best, 0.0) * _BACK_OFF**2)
+    size, beta = _size(program, variables), program.scalar()
+    program.nonnegative(1.5 * smallest - size)
+    eye = beta.times(np.eye(P.nx))
+    program.positive(symmetric_block([[variables.Y, eye], [variables.X]]))
+    program.minimise(-beta)
+    third = solved(program)
+    return None if third.x is None else reconstructed(P, variables, third)
+
+
+def _size(program: SemidefiniteProgram, v: _Variables) -> Affine:
+    """Bound the largest singular value of all variables by a scalar."""
+    size = program.scalar()
+    whole = stacked([[v.A, v.B], [v.C, v.D]])
+    rows, columns = (size.times(np.eye(n)) for n in whole.shape)
+    program.positive(symmetric_block([[rows, whole], [columns]]))
+    for M in (v.X, v.Y):
+        program.positive(size.times(np.eye(M.shape[0])) - M)
+    return size
+
+
+def mixed_program(
+    specifications: Sequence[Specification], regions: Sequence[PoleRegion], level: float | None
+) -> tuple[SemidefiniteProgram, _Variables, Affine]:
+    """State the inequalities; `level` fixes the square of the norm that is minimised."""
+    P = specifications[0].plant
+    n = P.nx
+    program = SemidefiniteProgram()
+    v = _Variables(
+        program.symmetric(n),
+        program.symmetric(n),
+        program.matrix(n, n),
+        program.matrix(n, P.ny),
+        program.matrix(P.nu, n),
+        program.matrix(P.nu, P.ny),
+    )
+    square = program.scalar() if level is None else Affine.of(level)
+    eye = np.eye(n)
+    lyapunov = symmetric_block([[v.Y, eye], [v.X]])
+    program.positive(lyapunov)
+    A = stacked([[P.A @ v.Y + P.B2 @ v.C, P.B2 @ v.D @ P.C2 + P.A], [v.A, v.X @ P.A + v.B @ P.C2]])
+    for s in specifications:
+        target = square if s.bound is None else Affine.of(s.bound**2)
+        _add_norm(program, s, v, lyapunov, A, target)
+    for region in regions:
+        size = region.L.shape[0]
+        rows = []
+        for i in range(size):
+            rows.append(
+                [
+                    -(
+                        lyapunov * float(region.L[i, j])
+                        + A * float(region.M[i, j])
+                        + A.T * float(region.M[j, i])
+                    )
+                    for j in range(i, size)
+                ]
+            )
+        program.positive(symmetric_block(rows))
+    return program, v, square
+
+
+def _add_norm(
+    program: SemidefiniteProgram,
+    s: Specification,
+    v: _Variables,
+    lyapunov: Affine,
+    A: Affine,
+    square: Affine,
+) -> None:
+    P = s.plant
+    B = stacked([[P.B2 @ v.D @ P.D21 + P.B1], [v.X @ P.B1 + v.B @ P.D21]])
+    C = stacked([[P.C1 @ v.Y + P.D12 @ v.C, P.D12 @ v.D @ P.C2 + P.C1]])
+    D = P.D12 @ v.D @ P.D21 + P.D11
+    decay = -(A + A.T)
+    if s.norm == "hinf":
+        # With the square of the norm as variable: the other identity stays constant.
+        rows = [[decay, -B, -C.T], [square.times(np.eye(P.nw)), -D.T], [np.eye(P.nz)]]
+        program.positive(symmetric_block(rows))
+        return
+    Q = program.symmetric(P.nz)
+    program.positive(symmetric_block([[decay, -B], [np.eye(P.nw)]]))
+    program.positive(symmetric_block([[lyapunov, C.T], [Q]]))
+    program.nonnegative(square - Q.trace)
+    program.zero(D)
+
+
+def reconstructed(
+    P: GeneralizedPlant, variables: _Variables, solution: SemidefiniteSolution
+) -> Matrix | None:
+    """Undo the change of variables, (10.23) and (10.24)."""
+    X, Y, Ah, Bh, Ch, Dk = (solution.value(M) for M in variables)
+    inner = reconstruct(matrices(P), Variables(Y, X, Ah, Bh, Ch, Dk))
+    K = None if inner is None else shift(inner, P.D22)
+    if K is None or not all(np.isfinite(M).all() for M in K):
+        return None
+    return np.block([[K.A, K.B], [K.C, K.D]])

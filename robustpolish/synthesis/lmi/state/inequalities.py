@@ -1,0 +1,144 @@
+"""The linear matrix inequalities of state feedback in Y and M = F Y.
+
+Equations (10.18), (10.19) for the H-infinity norm and (10.27), (10.28) for the H2 norm of the
+thesis, their discrete-time counterparts (de Oliveira, Geromel, Bernussou, IJC 75, 2002), pole
+regions and a bound on the gain. Everything is normalised so that the norm sought is about one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
+from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram
+from robustpolish.synthesis.problem.pole_regions import PoleRegion
+from robustpolish.synthesis.problem.state_feedback_problem import StateFeedbackProblem
+
+Matrix = NDArray[np.float64]
+
+# Poles are asked to lie inside their region by this share of its size, so that
+# rounding errors of the solver leave them inside.
+_REGION_MARGIN = 1e-6
+
+
+def hinf_inequality(
+    program: SemidefiniteProgram,
+    p: StateFeedbackProblem,
+    Y: Affine,
+    M: Affine,
+    square: Affine,
+    congruence: Matrix,
+) -> None:
+    """Require the squared H-infinity norm to be below `square`, a scalar expression.
+
+    `congruence` multiplies the rows and columns of the states; it changes the numbers
+    that the solver sees, not the set of solutions.
+    """
+    S, Z = p.A @ Y + p.B2 @ M, p.C @ Y + p.D12 @ M
+    nw, nz = p.B1.shape[1], p.C.shape[0]
+    E = congruence
+    bound = square.times(np.eye(nw))
+    if p.discrete:
+        rows = [
+            [E.T @ Y @ E, E.T @ S, E.T @ p.B1, None],
+            [Y, None, Z.T],
+            [bound, p.D11.T],
+            [np.eye(nz)],
+        ]
+    else:
+        # The negative of (10.19), with the sign of the rows of the states turned.
+        rows = [
+            [-(E.T @ (S + S.T) @ E), E.T @ p.B1, E.T @ Z.T],
+            [bound, -p.D11.T],
+            [np.eye(nz)],
+        ]
+    program.positive(symmetric_block(rows))
+
+
+def h2_inequality(
+    program: SemidefiniteProgram,
+    p: StateFeedbackProblem,
+    Y: Affine,
+    M: Affine,
+    congruence: Matrix,
+) -> Affine:
+    """Return a scalar expression that is at least the squared H2 norm."""
+    S, E = p.A @ Y + p.B2 @ M, congruence
+    paid, free = _split_by_price(p)
+    nw = p.B1.shape[1]
+    Z = paid.C @ Y + paid.D12 @ M
+    W = program.symmetric(paid.C.shape[0])
+    if p.discrete:
+        program.positive(
+            symmetric_block([[E.T @ Y @ E, E.T @ S, E.T @ p.B1], [Y, None], [np.eye(nw)]])
+        )
+        program.positive(symmetric_block([[W, Z, paid.D11], [Y, None], [np.eye(nw)]]))
+    else:
+        lyapunov = -(E.T @ (S + S.T) @ E)
+        program.positive(symmetric_block([[lyapunov, E.T @ p.B1], [np.eye(nw)]]))
+        program.positive(symmetric_block([[W, Z], [Y]]))
+    rest = (free.C @ Y @ free.C.T).trace + np.trace(free.D11 @ free.D11.T)
+    return W.trace + rest
+
+
+def _split_by_price(
+    p: StateFeedbackProblem,
+) -> tuple[StateFeedbackProblem, StateFeedbackProblem]:
+    """Turn z so that u reaches only its first part: the rest of the trace is linear in Y.
+
+    The condition stays (10.28); the solver has fewer and better scaled variables.
+    """
+    factors: Any = linalg.qr(p.D12, pivoting=True)
+    Q, size = factors[0], np.abs(np.diag(factors[1]))
+    rank = int(np.sum(size > np.finfo(float).eps * max(p.D12.shape) * size.max(initial=0.0)))
+    turned = replace(p, C=Q.T @ p.C, D11=Q.T @ p.D11, D12=Q.T @ p.D12)
+
+    def rows(part: slice) -> StateFeedbackProblem:
+        return replace(turned, C=turned.C[part], D11=turned.D11[part], D12=turned.D12[part])
+
+    return rows(slice(0, rank)), rows(slice(rank, None))
+
+
+def region_inequalities(
+    program: SemidefiniteProgram,
+    p: StateFeedbackProblem,
+    Y: Affine,
+    M: Affine,
+    regions: Sequence[PoleRegion],
+) -> None:
+    """Require the poles to lie in every one of `regions`, given in the problem's unit of time."""
+    S = p.A @ Y + p.B2 @ M
+    for region in regions:
+        L = region.L + _REGION_MARGIN * np.linalg.norm(region.L, 2) * np.eye(len(region.L))
+        blocks = [
+            [-(Y * L[i, j] + S * region.M[i, j] + S.T * region.M[j, i]) for j in range(i, len(L))]
+            for i in range(len(L))
+        ]
+        program.positive(symmetric_block(blocks))
+
+
+def gain_inequality(
+    program: SemidefiniteProgram,
+    Y: Affine,
+    M: Affine,
+    square: Affine,
+    left: Matrix,
+    right: Matrix,
+) -> None:
+    """Require the largest singular value of left M inv(Y) right to be below sqrt(square).
+
+    The exact condition contains Y H Y with H = inv(right right'), which is convex in Y on
+    the wrong side; its tangent at Y = I lies below it, hence the condition is sufficient, and
+    exact at Y = I. The rows are multiplied by right', which leaves the gain off the diagonal.
+    """
+    similar = np.linalg.inv(right) @ Y @ right
+    tangent = similar + similar.T - np.eye(right.shape[1])
+    program.positive(
+        symmetric_block([[square.times(np.eye(left.shape[0])), left @ M @ right], [tangent]])
+    )

@@ -1,0 +1,1 @@
+"""The public synthesis methods: one signature and driver per file."""

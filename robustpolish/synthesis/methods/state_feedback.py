@@ -1,0 +1,323 @@
+"""State feedback u = F x for the H-infinity or the H2 norm."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, Literal
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robustpolish.analysis import controllability, h2_norm, hinf_norm
+from robustpolish.errors import InfeasibleError, SolverError
+from robustpolish.models import GeneralizedPlant
+from robustpolish.progress import working
+from robustpolish.synthesis.certificate.certificate import Certificate, certify
+from robustpolish.synthesis.design.design import Design, Status
+from robustpolish.synthesis.lmi.semidefinite import BACKENDS
+from robustpolish.synthesis.problem.decoupling import PlantPart, decoupled_parts
+from robustpolish.synthesis.problem.pole_regions import PoleRegion
+from robustpolish.synthesis.problem.pricing import priced
+from robustpolish.synthesis.state_search.engines import Engine
+from robustpolish.synthesis.state_search.message import message, worst_status
+from robustpolish.synthesis.state_search.parts import Part, PartAnswer, reference_norm, solve_part
+from robustpolish.validation import described, invalid, one_of, positive
+
+Matrix = NDArray[np.float64]
+
+# Gains next to the optimum can be too large to certify; then more of the norm is given away.
+_RELAXATIONS = (1.0, 10.0, 100.0)
+# Share of the tolerance by which a claim may be missed in the plant's own units.
+_ROUNDING = 0.3
+
+
+def state_feedback(
+    plant: GeneralizedPlant,
+    norm: Literal["hinf", "h2"] = "hinf",
+    method: Literal["lmi", "riccati"] = "lmi",
+    backend: Literal["cvxpy", "picos"] = "cvxpy",
+    control_weight: ArrayLike | None = None,
+    gain_bound: float | None = None,
+    pole_region: PoleRegion | Sequence[PoleRegion] | None = None,
+    *,
+    solver: str | None = None,
+    split: bool = True,
+    tolerance: float = 1e-4,
+    time_limit: float = 60.0,
+) -> Design:
+    r"""Design u = F x that minimises the norm from w to z.
+
+    The plant is split into parts that share no signal, each part is scaled (states, inputs,
+    outputs, time) and solved alone, so that every part is as good as it can be; the whole is then
+    certified afresh in the plant's own units.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+        Continuous or discrete; all its states are taken as measured, whatever y is.
+    norm : {"hinf", "h2"}, optional
+        The norm from w to z that is minimised.
+    method : {"lmi", "riccati"}, optional
+        Linear matrix inequalities (10.18), (10.19) and (10.27), (10.28), or Riccati equations.
+    backend : {"cvxpy", "picos"}, optional
+        Library for the inequalities.
+    control_weight : float or array_like, shape (nu,), optional
+        Price on u in units of z per unit of u: z is extended by ``control_weight * u``, and the
+        norm to this longer z is minimised and certified. The outputs are named ``price_``
+        and the control's name.
+    gain_bound : float, optional
+        Bound on the largest singular value of F, in the plant's units. Not convex: the
+        answer is a local optimum.
+    pole_region : PoleRegion or sequence, optional
+        HalfPlane, Disk or Sector that the closed-loop poles must lie in, for method "lmi".
+    solver : str, optional
+        A solver of the backend: "SCS", "CVXOPT", ...
+    split : bool, optional
+        Whether decoupled parts are solved one by one.
+    tolerance : float, optional
+        Relative. A fifth of it is given away for a smaller gain, because the gain often
+        grows without limit towards the optimum.
+    time_limit : float, optional
+        Seconds, for the search; a single step is not interrupted.
+
+    Returns
+    -------
+    Design
+        ``gain`` is F; ``plant`` and ``closed_loop`` have the prices among their outputs;
+        ``details["performance_norm"]`` is the norm to the original z. Without price, bound or
+        region the infimum is often zero and not attained: the status says so, and the design
+        is one of small norm and moderate gain.
+
+    Raises
+    ------
+    InvalidInputError
+        If an argument does not fit.
+    InfeasibleError
+        If no gain stabilises the plant (the modes are named), or no gain makes the H2 norm
+        finite.
+    SolverError
+        If no gain was found that passes its certificate.
+
+    Notes
+    -----
+    With Y = inv(K) > 0 and M = F Y the H-infinity norm is below gamma exactly if
+
+    .. math:: \begin{bmatrix} AY + B_2M + (AY + B_2M)' & B_1 & (C_1Y + D_{12}M)' \\
+              B_1' & -\gamma^2 I & D_{11}' \\ C_1Y + D_{12}M & D_{11} & -I \end{bmatrix} < 0
+
+    (C. Scherer and S. Weiland, "Linear Matrix Inequalities in Control", 2000; thesis section 10.2).
+
+    Examples
+    --------
+    A mass of 2 kg on a spring, damped by a force that costs 0.1 m per N:
+
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices(
+    ...     [[0.0, 1.0], [-50.0, 0.0]], [[0.0], [0.5]], [[0.0], [0.5]], [[1.0, 0.0]], [[1.0, 0.0]]
+    ... )
+    >>> design = rp.state_feedback(plant, norm="h2", method="riccati", control_weight=0.1)
+    >>> design.status, design.certificate.valid
+    ('optimal', True)
+    >>> bool((design.closed_loop.poles().real < 0).all())
+    True
+    """
+    start = time.perf_counter()
+    regions = _checked(plant, norm, method, backend, gain_bound, pole_region)
+    tolerance, time_limit = positive("tolerance", tolerance), positive("time_limit", time_limit)
+    whole = priced(plant, control_weight).with_full_state()
+    _refuse_infeasible(whole, norm)
+    engine = Engine(
+        norm=norm,
+        method=method,
+        backend=backend,
+        solver=solver,
+        tolerance=tolerance,
+        remaining=lambda: time_limit - (time.perf_counter() - start),
+    )
+    pieces = decoupled_parts(whole) if split else (_as_part(whole),)
+    with working("Designing a state feedback"):
+        F, certificate, status, history = _certified(whole, pieces, engine, regions, gain_bound)
+    controller = control.StateSpace(
+        [],
+        [],
+        [],
+        F,
+        whole.dt,
+        inputs=list(whole.measurement_names),
+        outputs=list(whole.control_names),
+    )
+    size = float(np.linalg.norm(F, 2))
+    return Design(
+        plant=whole,
+        controller=controller,
+        closed_loop=whole.closed_loop(controller),
+        norm=norm,
+        status=status,
+        message=message(
+            status, certificate.achieved, size, tolerance, gain_bound, bool(regions), history
+        ),
+        certificate=certificate,
+        method=method,
+        backend=backend if method == "lmi" else "scipy",
+        elapsed=time.perf_counter() - start,
+        history=history,
+        details=MappingProxyType(
+            {
+                "performance_norm": _performance_norm(plant, F, norm),
+                "largest_singular_value": size,
+                "parts": tuple(piece.plant.states for piece in pieces),
+                "pole_regions": regions,
+            }
+        ),
+    )
+
+
+def _checked(
+    plant: GeneralizedPlant,
+    norm: str,
+    method: str,
+    backend: str,
+    gain_bound: float | None,
+    pole_region: PoleRegion | Sequence[PoleRegion] | None,
+) -> tuple[PoleRegion, ...]:
+    """Check the arguments that exclude each other, and return the regions as a tuple."""
+    if not isinstance(plant, GeneralizedPlant):
+        raise invalid(
+            "plant",
+            described(type(plant).__name__),
+            "a GeneralizedPlant",
+            "Make one with GeneralizedPlant(system, measurements=..., controls=...).",
+        )
+    for count, what in ((plant.nx, "states"), (plant.nu, "controls"), (plant.nw, "disturbances")):
+        if count == 0:
+            raise invalid("plant", described(f"no {what}"), f"a plant with {what}", "Add some.")
+    one_of("norm", norm, ("hinf", "h2"))
+    one_of("method", method, ("lmi", "riccati"))
+    one_of("backend", backend, BACKENDS)
+    if gain_bound is not None:
+        positive("gain_bound", gain_bound)
+    if pole_region is None:
+        return ()
+    regions = tuple(pole_region) if isinstance(pole_region, Sequence) else (pole_region,)
+    for region in regions:
+        if not isinstance(region, PoleRegion):
+            raise invalid("pole_region", region, "HalfPlane, Disk or Sector", "Build one of these.")
+    if method != "lmi" or gain_bound is not None:
+        other = "method='riccati'" if method != "lmi" else "gain_bound"
+        raise invalid(
+            "pole_region",
+            described(f"a region together with {other}"),
+            "method='lmi' and no gain_bound",
+            "Leave one of them out; a Disk bounds the gain as well.",
+        )
+    return regions
+
+
+def _refuse_infeasible(plant: GeneralizedPlant, norm: str) -> None:
+    """Raise an InfeasibleError if no gain stabilises, or makes the H2 norm finite."""
+    test = controllability(plant.A, plant.B2, states=plant.states, dt=plant.dt)
+    if test.harmful:
+        unit = "" if plant.is_discrete else " rad/s"
+        named = ", ".join(f"{_shown(m.eigenvalue)}{unit} (state {m.state})" for m in test.harmful)
+        raise InfeasibleError(
+            f"No state feedback stabilises the plant: no control moves the mode {named}. "
+            "Add an actuator that reaches it, or leave it out of the model.",
+            [mode.eigenvalue for mode in test.harmful],
+        )
+    if norm == "h2" and not plant.is_discrete and plant.D11.any():
+        raise InfeasibleError(
+            "No state feedback makes the H2 norm finite: D11 is not zero, so white noise w passes "
+            "straight to z. Minimise the H-infinity norm, or filter w."
+        )
+
+
+def _certified(
+    whole: GeneralizedPlant,
+    pieces: Sequence[PlantPart],
+    engine: Engine,
+    regions: Sequence[PoleRegion],
+    gain_bound: float | None,
+) -> tuple[Matrix, Certificate, Status, tuple[Mapping[str, Any], ...]]:
+    """Solve the parts and certify the whole, with a relaxed tolerance where it fails."""
+    reasons: tuple[str, ...] = ()
+    for relaxation in _RELAXATIONS:
+        relaxed, tolerance = engine.relaxed(relaxation), engine.tolerance
+        answers = _solve_parts(pieces, relaxed, regions, gain_bound)
+        F = np.zeros((whole.nu, whole.nx))
+        for piece, answer in zip(pieces, answers, strict=True):
+            F[np.ix_(piece.controls, piece.states)] = answer.F
+        claims = [answer.claimed for answer in answers]
+        claimed = max(claims) if engine.norm == "hinf" else math.hypot(*claims)
+        certificate = certify(whole, F, engine.norm, claimed)  # type: ignore[arg-type]
+        reasons = certificate.reasons + _broken(F, certificate, regions, gain_bound)
+        if not reasons and certificate.gap is not None and certificate.gap < -_ROUNDING * tolerance:
+            reasons = ("the gain is so large that rounding changes the norm",)
+        if not reasons:
+            status = worst_status([answer.status for answer in answers])
+            if engine.remaining() <= 0:
+                status = "time_limit"
+            elif relaxation > 1 and status == "optimal":
+                status = "suboptimal"
+            history = tuple(
+                MappingProxyType({"part": number, **entry})
+                for number, answer in enumerate(answers)
+                for entry in answer.history
+            )
+            return F, certificate, status, history
+        if engine.remaining() <= 0:
+            break
+    raise SolverError(
+        f"A gain was found, but its certificate fails: {'; '.join(reasons)}. "
+        "Try the other method or backend, a larger control_weight or a gain_bound."
+    )
+
+
+def _solve_parts(
+    pieces: Sequence[PlantPart],
+    engine: Engine,
+    regions: Sequence[PoleRegion],
+    gain_bound: float | None,
+) -> list[PartAnswer]:
+    parts = [Part.of(piece.plant, regions) for piece in pieces]
+    references = [reference_norm(part, engine) for part in parts]
+    reference = max(references) if engine.norm == "hinf" else math.hypot(*references)
+    # Machines are symmetric: equal parts are solved once.
+    known: dict[bytes, PartAnswer] = {}
+    for part in parts:
+        if part.fingerprint not in known:
+            known[part.fingerprint] = solve_part(part, engine, reference, gain_bound)
+    return [known[part.fingerprint] for part in parts]
+
+
+def _broken(
+    F: Matrix,
+    certificate: Certificate,
+    regions: Sequence[PoleRegion],
+    gain_bound: float | None,
+) -> tuple[str, ...]:
+    """Return what the certificate does not see: bound and regions, in the plant's units."""
+    reasons = []
+    if gain_bound is not None and np.linalg.norm(F, 2) > gain_bound:
+        reasons.append(f"the gain {np.linalg.norm(F, 2):.8g} exceeds {gain_bound:.8g}")
+    for region in regions:
+        if not all(region.contains(pole) for pole in certificate.poles):
+            reasons.append(f"a pole lies outside {region}")
+    return tuple(reasons)
+
+
+def _performance_norm(plant: GeneralizedPlant, F: Matrix, norm: str) -> float:
+    loop = plant.state_feedback_loop(F)
+    return float(hinf_norm(loop) if norm == "hinf" else h2_norm(loop))
+
+
+def _as_part(plant: GeneralizedPlant) -> PlantPart:
+    counts = (plant.nx, plant.nw, plant.nu, plant.nz, plant.ny)
+    return PlantPart(plant, *(tuple(range(count)) for count in counts))
+
+
+def _shown(value: complex) -> str:
+    return f"{value.real:.6g}" if value.imag == 0 else f"{value:.6g}"

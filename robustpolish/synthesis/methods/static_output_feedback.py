@@ -1,0 +1,201 @@
+"""Static and fixed-order output feedback on the true norm, with a prescribed sparsity."""
+
+from __future__ import annotations
+
+import time
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robustpolish.models import GeneralizedPlant
+from robustpolish.synthesis.design.design import Design
+from robustpolish.synthesis.methods.structured_design import (
+    PartTask,
+    certified_design,
+    design_parts,
+    refuse_unstable,
+    search_deadline,
+)
+from robustpolish.synthesis.problem.decoupling import (
+    PlantPart,
+    decoupled_parts,
+    joined_controller,
+    undivided,
+)
+from robustpolish.synthesis.problem.pricing import noisy, priced
+from robustpolish.synthesis.structured_search.search import Norm
+from robustpolish.synthesis.structured_search.static import StaticTask, static_setting
+from robustpolish.validation import described, invalid, one_of, positive
+
+
+def static_output_feedback(
+    plant: GeneralizedPlant,
+    norm: Norm = "hinf",
+    structure: ArrayLike | None = None,
+    order: int = 0,
+    *,
+    time_limit: float = 60.0,
+    initial: control.StateSpace | ArrayLike | None = None,
+    seed: int = 0,
+    gain_bound: float | None = None,
+    control_weight: ArrayLike | None = None,
+    measurement_noise: ArrayLike | None = None,
+    target: float = 0.0,
+) -> Design:
+    r"""Design u = F y, or a dynamic controller of a given order, for the true norm.
+
+    The problem is not convex: linear matrix inequalities only find a start. From several
+    starts the norm itself is then lowered, first by BFGS, then by a bundle method that
+    sees all peaks of the singular values at once, until the descents agree or time is up. What
+    is returned is a local minimum, certified; no method at hand can tell whether it is global.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+        Continuous or discrete, with any D.
+    norm : {"hinf", "h2"}
+        The norm from w to z.
+    structure : array_like of bool, shape (nu, ny), optional
+        True where F may differ from zero. Without it F is free within each decoupled part of
+        the plant and zero between them; pass ``np.ones((nu, ny))`` to join the parts.
+        For ``order > 0`` the shape is (order + nu, order + ny), for [[Ak, Bk], [Ck, Dk]].
+    order : int
+        States of the controller for each decoupled part; 0 is static.
+    time_limit : float
+        In s, for the whole call.
+    initial : array_like or control.StateSpace, optional
+        A controller to start from, stabilising or not: F, or a system of the given order.
+    seed : int
+        Of the random starts; the same seed gives the same result unless time runs out.
+    gain_bound : float, optional
+        Largest singular value allowed for F, in the plant's units. A dynamic controller is
+        held stable and bounded at all frequencies.
+    control_weight : float or array_like, shape (nu,), optional
+        Price on u: ``control_weight`` times u joins z. In units of z per unit of u.
+    measurement_noise : float or array_like, shape (ny,), optional
+        Noise on y as additional disturbances, in units of y per unit of w. A price on u
+        bounds u, not the gain; noise bounds the gain.
+    target : float
+        Stop as soon as the norm is below, in the plant's units.
+
+    Returns
+    -------
+    Design
+        With status "suboptimal" (a local minimum, as the message says),
+        "infimum_not_attained" (the norm keeps falling as the gain grows) or "time_limit".
+        Its plant includes price and noise; ``details["plain_norm"]`` is the norm of the loop
+        with the plant as it was given.
+
+    Raises
+    ------
+    InvalidInputError
+        If an argument does not fit the plant.
+    InfeasibleError
+        If an unstable mode cannot be moved by any gain of the structure; it is named.
+    SolverError
+        If no stabilising gain was found, which proves nothing.
+
+    References
+    ----------
+    Apkarian and Noll, "Nonsmooth H-infinity synthesis", IEEE TAC 51 (2006). Burke, Henrion,
+    Lewis and Overton, "HIFOO", ROCOND 2006. El Ghaoui, Oustry and AitRami, IEEE TAC 42 (1997).
+
+    Examples
+    --------
+    The more gain, the lower the norm, so that the bound decides:
+
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    >>> design = rp.static_output_feedback(plant, gain_bound=3.0)
+    >>> design.gain.round(3), round(design.certificate.achieved, 3)
+    (array([[-3.]]), 0.5)
+    """
+    began = time.monotonic()
+    one_of("norm", norm, ("hinf", "h2"))
+    time_limit = positive("time_limit", time_limit, "s")
+    order = _order(order)
+    if gain_bound is not None:
+        gain_bound = positive("gain_bound", gain_bound)
+    target = positive("target", target, zero=True)
+    mask = _mask(structure, order, plant)
+    start = _initial(initial, order, plant)
+    whole = noisy(priced(plant, control_weight), measurement_noise)
+
+    joined = order > 0 and (mask is not None or start is not None)
+    parts = (undivided(whole),) if joined else decoupled_parts(whole, mask)
+    tasks = [_task(part, norm, mask, order, gain_bound, start) for part in parts]
+    designs = design_parts(tasks, search_deadline(whole, began, time_limit), seed, target)
+    controller = joined_controller(whole, parts, [d and d.controller for d in designs])
+    found = [d for d in designs if d is not None]
+    return certified_design(plant, whole, controller, norm, found, "descent", began)
+
+
+def _task(
+    part: PlantPart,
+    norm: Norm,
+    mask: NDArray[np.bool_] | None,
+    order: int,
+    gain_bound: float | None,
+    initial: control.StateSpace | None,
+) -> PartTask | None:
+    """State the task of one part; None where there is nothing to control."""
+    plant = part.plant
+    start = initial
+    if mask is None:
+        free = np.ones((order + plant.nu, order + plant.ny), bool)
+    elif order:
+        free = mask
+    else:
+        free = mask[np.ix_(part.controls, part.measurements)]
+    if plant.nx == 0 or not free.size or not free.any():
+        refuse_unstable(plant)
+        return None
+    if start is not None and order == 0:
+        gain = np.asarray(start.D)[np.ix_(part.controls, part.measurements)]
+        start = control.StateSpace([], [], [], gain, plant.dt)
+    task = StaticTask(plant, norm, free, order, gain_bound, start)
+    extra = free.tobytes() + (b"" if start is None else np.asarray(start.D).tobytes())
+    return PartTask(plant, lambda: static_setting(task), extra)
+
+
+def _order(order: int) -> int:
+    if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 0:
+        raise invalid("order", order, "a whole number of at least 0", "0 is static feedback.")
+    return int(order)
+
+
+def _mask(
+    structure: ArrayLike | None, order: int, plant: GeneralizedPlant
+) -> NDArray[np.bool_] | None:
+    if structure is None:
+        return None
+    shape = (order + plant.nu, order + plant.ny)
+    mask = np.asarray(structure)
+    known = mask.dtype == bool or (mask.dtype.kind in "iuf" and np.isin(mask, (0, 1)).all())
+    if mask.shape != shape or not known:
+        raise invalid(
+            "structure",
+            described(f"shape {mask.shape}, entries {mask.dtype}"),
+            f"booleans of shape {shape}",
+            "Mark the entries that may differ from zero.",
+        )
+    return mask.astype(bool)
+
+
+def _initial(
+    initial: control.StateSpace | ArrayLike | None, order: int, plant: GeneralizedPlant
+) -> control.StateSpace | None:
+    if initial is None:
+        return None
+    if not isinstance(initial, control.StateSpace):
+        initial = control.StateSpace([], [], [], np.asarray(initial, dtype=float), plant.dt)
+    shape = (initial.noutputs, initial.ninputs, initial.nstates)
+    if shape != (plant.nu, plant.ny, order):
+        raise invalid(
+            "initial",
+            described(f"{shape[0]} outputs, {shape[1]} inputs and {shape[2]} states"),
+            f"{plant.nu} outputs, {plant.ny} inputs and {order} states",
+            "Match the plant and order.",
+        )
+    return initial

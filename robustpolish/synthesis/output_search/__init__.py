@@ -1,0 +1,1 @@
+"""Engines of dynamic output feedback, and the choice among their controllers."""

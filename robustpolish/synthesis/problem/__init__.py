@@ -1,0 +1,1 @@
+"""The plant as the searches see it: matrices, scaling, parts, prices, regions."""

@@ -1,0 +1,230 @@
+"""What is known about a plant: whether it can be stabilised, and whether it is regular."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.analysis import AxisZero, controllability, observability, zeros_on_axis
+from robustpolish.errors import InfeasibleError
+from robustpolish.models import GeneralizedPlant
+from robustpolish.synthesis.problem.scaling import scale_plant
+
+Matrix = NDArray[Any]
+# Up to so many states a suspicion is settled in exact arithmetic, which takes too long beyond.
+_EXACT_STATES = 24
+_SUSPECT = 1e-7
+
+
+@dataclass(frozen=True)
+class FixedMode:
+    """An unstable mode that the controls do not move or the measurements do not see.
+
+    Attributes
+    ----------
+    eigenvalue : complex
+        In rad/s, or of the discrete-time state matrix.
+    state : str
+        The state with the largest part in the mode.
+    lack : {"uncontrollable", "unobservable"}
+    distance : float
+        Relative change of the scaled matrices that would make the mode fixed exactly.
+    exact : bool
+        Whether it is fixed to rounding; otherwise only nearly so.
+    """
+
+    eigenvalue: complex
+    state: str
+    lack: str
+    distance: float
+    exact: bool
+
+    def __str__(self) -> str:
+        value = self.eigenvalue
+        text = f"{value.real:+.6g}"
+        if abs(value.imag) > 1e-9 * abs(value):
+            text += f" +- {abs(value.imag):.6g}j"
+        return f"{'' if self.exact else 'nearly '}{self.lack} mode {text} (state {self.state})"
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Findings about a plant.
+
+    Attributes
+    ----------
+    fixed_modes : tuple of FixedMode
+        Unstable modes that are (nearly) uncontrollable or unobservable.
+    d12_rank, d21_rank : int
+        Numerical ranks in scaled units; nu and ny make the problem regular.
+    d12_full, d21_full : bool
+        Whether they have full column and row rank.
+    control_zeros, measurement_zeros : tuple of AxisZero or None
+        Zeros of (A, B2, C1, D12) and (A, B1, C2, D21) on the stability boundary; None where
+        they were not looked for, for want of time.
+    """
+
+    fixed_modes: tuple[FixedMode, ...]
+    d12_rank: int
+    d21_rank: int
+    d12_full: bool
+    d21_full: bool
+    control_zeros: tuple[AxisZero, ...] | None = None
+    measurement_zeros: tuple[AxisZero, ...] | None = None
+
+    @property
+    def regular(self) -> bool | None:
+        """Whether the Riccati equations need no regularisation; None if the zeros are unknown."""
+        if not (self.d12_full and self.d21_full):
+            return False
+        if self.control_zeros is None or self.measurement_zeros is None:
+            return None
+        return not (self.control_zeros or self.measurement_zeros)
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """The findings as sentences; empty for a regular plant without fixed modes."""
+        found = [f"It has the {mode}." for mode in self.fixed_modes]
+        if not self.d12_full:
+            found.append(f"D12 has rank {self.d12_rank} only: some control has no price.")
+        if not self.d21_full:
+            found.append(f"D21 has rank {self.d21_rank} only: some measurement has no noise.")
+        channels = (("u to z", self.control_zeros), ("w to y", self.measurement_zeros))
+        for name, zeros in channels:
+            if zeros:
+                where = ", ".join(f"{zero.frequency:.6g}" for zero in zeros)
+                found.append(
+                    f"The channel from {name} has zeros on the axis, to working accuracy, at "
+                    f"{where} rad/s."
+                )
+        return tuple(found)
+
+
+def diagnose(plant: GeneralizedPlant, zeros: bool = False) -> Diagnosis:
+    """Look for what makes an output feedback impossible or singular.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+    zeros : bool
+        Whether to look for zeros on the axis, which takes longer than the rest.
+
+    Returns
+    -------
+    Diagnosis
+    """
+    scaled = scale_plant(plant)
+    P = scaled.plant
+    rank12, rank21 = _rank(P.D12), _rank(P.D21)
+    modes = [
+        *_fixed(P.A, P.B2, plant, scaled.time, "uncontrollable"),
+        *_fixed(P.A.T, P.C2.T, plant, scaled.time, "unobservable"),
+    ]
+    on_axis: tuple[Any, Any] = (None, None)
+    if zeros:
+        on_axis = (
+            _zeros(plant.A, plant.B2, plant.C1, plant.D12, plant.dt),
+            _zeros(plant.A, plant.B1, plant.C2, plant.D21, plant.dt),
+        )
+    return Diagnosis(tuple(modes), rank12, rank21, rank12 == plant.nu, rank21 == plant.ny, *on_axis)
+
+
+def refuse(modes: Sequence[FixedMode]) -> InfeasibleError:
+    """Return the error that names the modes for which no controller exists."""
+    listed = "; ".join(str(mode) for mode in modes)
+    kinds = {mode.lack for mode in modes}
+    remedy = " and ".join(
+        text
+        for lack, text in (
+            ("uncontrollable", "add an actuator that reaches it"),
+            ("unobservable", "add a sensor that sees it"),
+        )
+        if lack in kinds
+    )
+    return InfeasibleError(
+        f"No controller stabilises the plant because of the {listed}. To go on, {remedy}.",
+        [mode.eigenvalue for mode in modes],
+    )
+
+
+def _fixed(
+    A: Matrix, B: Matrix, plant: GeneralizedPlant, time: float, lack: str
+) -> list[FixedMode]:
+    """Apply the Popov-Belevitch-Hautus test to the modes that are not clearly stable."""
+    n = A.shape[0]
+    if n == 0:
+        return []
+    values: Any
+    vectors: Any
+    values, vectors = np.linalg.eig(A)
+    # Without any dynamics and control every mode is fixed.
+    size = (np.linalg.norm(A, 2) + np.linalg.norm(B, 2)) or 1.0
+    margin = 1 - np.abs(values) if plant.is_discrete else -values.real
+    found = []
+    for i in np.flatnonzero((margin <= 1e-7 * size) & (values.imag >= 0)).tolist():
+        distance = float(_distance(A, B, complex(values[i])) / size)
+        if distance < _SUSPECT:
+            carries = plant.states[int(np.argmax(_participation(vectors, i)))]
+            found.append(FixedMode(complex(values[i] / time), carries, lack, distance, False))
+    return _settled(found, A, B, plant, time, lack) if found else []
+
+
+def _settled(
+    found: list[FixedMode], A: Matrix, B: Matrix, plant: GeneralizedPlant, time: float, lack: str
+) -> list[FixedMode]:
+    """Decide which suspects are fixed exactly."""
+    n = A.shape[0]
+    if n > _EXACT_STATES:
+        level = 100 * n * np.finfo(float).eps
+        return [
+            FixedMode(m.eigenvalue, m.state, lack, m.distance, m.distance < level) for m in found
+        ]
+    if lack == "uncontrollable":
+        test = controllability(A, B, states=plant.states, dt=plant.dt)
+    else:
+        test = observability(A.T, B.T, states=plant.states, dt=plant.dt)
+    exact = [
+        FixedMode(complex(m.eigenvalue / time), m.state, lack, m.distance, True)
+        for m in test.harmful
+    ]
+    return exact or found
+
+
+def _distance(A: Matrix, B: Matrix, value: complex) -> float:
+    """Return the least singular value of (A - lambda I, B), for the best lambda nearby.
+
+    A defective eigenvalue is known to half the digits only; the left singular vector improves it.
+    """
+    n = A.shape[0]
+    best = np.inf
+    for _ in range(5):
+        U, singular, _ = np.linalg.svd(np.hstack([A - value * np.eye(n), B]), full_matrices=False)
+        if singular[-1] >= 0.9 * best:
+            break
+        best = float(singular[-1])
+        u = U[:, -1]
+        value = complex(u.conj() @ A @ u)
+    return best
+
+
+def _participation(vectors: Matrix, i: int) -> Matrix:
+    """Return how much each state takes part in mode i, independent of units."""
+    try:
+        left = np.linalg.inv(vectors)[i]
+    except np.linalg.LinAlgError:
+        left = np.ones(len(vectors))
+    return np.abs(left * vectors[:, i])
+
+
+def _rank(D: Matrix) -> int:
+    """Return the rank in scaled units, counting directions weaker than 1e-6 as absent."""
+    return int((np.linalg.svd(D, compute_uv=False) > 1e-6).sum()) if D.size else 0
+
+
+def _zeros(A: Matrix, B: Matrix, C: Matrix, D: Matrix, dt: float | bool) -> tuple[AxisZero, ...]:
+    return zeros_on_axis(control.StateSpace(A, B, C, D, dt))

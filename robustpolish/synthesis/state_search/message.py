@@ -1,0 +1,72 @@
+"""What a state feedback says about itself: status and message."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from robustpolish.synthesis.design.design import Status
+
+# The worst first: the status of the whole is that of its worst part.
+_ORDER: tuple[Status, ...] = ("time_limit", "infimum_not_attained", "suboptimal", "optimal")
+
+
+def worst_status(statuses: Sequence[Status]) -> Status:
+    """Return the status that a whole of several parts has."""
+    found: list[Status] = [status for status in _ORDER if status in statuses]
+    return found[0] if found else "optimal"
+
+
+def message(
+    status: Status,
+    achieved: float,
+    gain: float,
+    tolerance: float,
+    gain_bound: float | None,
+    has_region: bool,
+    history: Sequence[Mapping[str, Any]],
+) -> str:
+    """Say what happened and what to try next.
+
+    Parameters
+    ----------
+    status : str
+    achieved, gain : float
+        Norm of the loop and largest singular value of F, in the plant's units.
+    tolerance : float
+    gain_bound : float or None
+    has_region : bool
+    history : sequence of mapping
+        The trade-off is read from the entries with a price.
+    """
+    found = f"Norm {achieved:.6g} with a gain of {gain:.4g} (largest singular value)."
+    if status == "optimal":
+        return f"{found} No state feedback has a norm smaller by more than {tolerance:.0e} of it."
+    if status == "time_limit":
+        return f"{found} Time ran out; raise time_limit for a better one."
+    if status == "infimum_not_attained":
+        return (
+            f"{found} The infimum is not attained: smaller norms need ever larger gains"
+            f"{_trade_off(history)}. Set control_weight, gain_bound or pole_region to ask for a "
+            "problem that has an optimum."
+        )
+    if gain_bound is not None:
+        return (
+            f"{found} The bound {gain_bound:.6g} on the gain is kept. It makes the problem "
+            "nonconvex: this is a local optimum, and a better gain is not ruled out."
+        )
+    if has_region:
+        return (
+            f"{found} The poles lie in the region. One Lyapunov matrix serves norm and region, "
+            "which is sufficient but not necessary: a better gain is not ruled out."
+        )
+    return (
+        f"{found} It could not be shown to be within {tolerance:.0e} of the optimum, "
+        "because gains next to the optimum are too large to certify. Try the other method."
+    )
+
+
+def _trade_off(history: Sequence[Mapping[str, Any]]) -> str:
+    rungs = [e for e in history if "price" in e and e.get("part") == 0]
+    shown = [f"{e['achieved']:.2g} at {e['gain']:.2g}" for e in rungs if "gain" in e]
+    return f" (norm at gain of the first part: {', '.join(shown[:12])})" if shown else ""

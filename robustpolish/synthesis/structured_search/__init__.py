@@ -1,0 +1,1 @@
+"""The search for a controller of prescribed structure, part by part."""
