@@ -14,7 +14,7 @@ import numpy as np
 from flint import acb, acb_mat, arb, arb_mat, ctx, fmpq, fmpq_mat, fmpz_mat, nmod_mat
 from numpy.typing import NDArray
 
-from robustpolish.analysis.scaling.realisation import Realisation
+from robustpolish.exact.realisation import Realisation
 
 _PRIME = 4611686018427387847  # the largest below 2^62
 

@@ -12,8 +12,8 @@ from flint import arb, fmpq
 from robustpolish.analysis.norms.crossings import crossings
 from robustpolish.analysis.norms.peak_search import bounds_gain, cayley, peak
 from robustpolish.analysis.poles.eigen import EPS
-from robustpolish.analysis.scaling.realisation import Realisation, rescaled
 from robustpolish.exact.rational import ExactModel, fraction, transfer
+from robustpolish.exact.realisation import Realisation, rescaled
 
 EXACT_ALWAYS = 40
 """Up to so many coupled states the proof is exact from the start."""

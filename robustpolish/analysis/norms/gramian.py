@@ -13,8 +13,8 @@ from flint import arb, arb_mat
 from numpy.typing import NDArray
 
 from robustpolish.analysis.poles.eigen import EPS
-from robustpolish.analysis.scaling.realisation import Realisation
 from robustpolish.exact.rational import ExactModel, identity, precision
+from robustpolish.exact.realisation import Realisation
 
 
 @dataclass(frozen=True)

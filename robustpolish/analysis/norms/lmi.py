@@ -22,10 +22,10 @@ from robustpolish.analysis.norms.lmi_solver import Equation, minimise, well_insi
 from robustpolish.analysis.norms.modal_basis import ModalModel, modal_model, rebased
 from robustpolish.analysis.norms.peak_search import largest_response
 from robustpolish.analysis.scaling.parts import parts_with_indices
-from robustpolish.analysis.scaling.realisation import Realisation, power_of_two, realisation
 from robustpolish.analysis.scaling.units import Scaling, even_scales, in_units
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.exact.rational import ExactModel
+from robustpolish.exact.realisation import Realisation, power_of_two, realisation
 from robustpolish.validation import described, invalid, one_of
 
 Matrix = NDArray[np.float64]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.analysis.scaling.realisation import Realisation
+from robustpolish.exact.realisation import Realisation
 
 Matrix = NDArray[Any]
 

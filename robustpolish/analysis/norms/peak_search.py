@@ -9,7 +9,7 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from robustpolish.analysis.poles.eigen import EPS, eigensystem
-from robustpolish.analysis.scaling.realisation import Realisation
+from robustpolish.exact.realisation import Realisation
 
 Vector = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.analysis.scaling.realisation import Realisation, realisation, rescaled
+from robustpolish.exact.realisation import Realisation, realisation, rescaled
 from robustpolish.validation import described, invalid
 
 Vector = NDArray[np.float64]

@@ -15,9 +15,9 @@ from scipy.optimize import linear_sum_assignment
 from robustpolish.analysis.poles.eigen import eigensystem
 from robustpolish.analysis.poles.exact_poles import eigenvalues
 from robustpolish.analysis.scaling.parts import parts_with_states
-from robustpolish.analysis.scaling.realisation import Realisation, realisation, rescaled
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.exact.rational import rational
+from robustpolish.exact.realisation import Realisation, realisation, rescaled
 from robustpolish.plotting import plot_poles
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from robustpolish.analysis.poles.pbh_distance import deficiencies
 from robustpolish.analysis.poles.pbh_result import Feasibility, Kind, ModeTest, PbhTest, pair_text
-from robustpolish.analysis.scaling.realisation import Realisation, realisation
+from robustpolish.exact.realisation import Realisation, realisation
 from robustpolish.validation import described, invalid, matrix, positive
 
 if TYPE_CHECKING:

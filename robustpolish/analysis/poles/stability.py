@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from robustpolish.analysis.poles.eigen import eigensystem
 from robustpolish.analysis.poles.exact_poles import count_poles
-from robustpolish.analysis.scaling.realisation import Realisation, realisation, rescaled
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.exact.rational import rational
+from robustpolish.exact.realisation import Realisation, realisation, rescaled
 from robustpolish.plotting import plot_poles
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from robustpolish.analysis.poles.eigen import EPS
-from robustpolish.analysis.scaling.realisation import Realisation, realisation
 from robustpolish.analysis.scaling.units import even_scales, in_units
+from robustpolish.exact.realisation import Realisation, realisation
 from robustpolish.validation import positive
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from robustpolish.analysis.scaling.decoupled_blocks import Block, decoupled_blocks
-from robustpolish.analysis.scaling.realisation import Realisation
+from robustpolish.exact.realisation import Realisation
 
 
 def parts(model: Realisation) -> list[Realisation]:

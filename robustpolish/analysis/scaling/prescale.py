@@ -12,13 +12,13 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.analysis.poles.eigen import EPS
-from robustpolish.analysis.scaling.realisation import (
+from robustpolish.display import Card, Displayed, quantities
+from robustpolish.exact.realisation import (
     Realisation,
     realisation,
     rescaled,
     state_scales,
 )
-from robustpolish.display import Card, Displayed, quantities
 from robustpolish.plotting import plot_over_frequency
 from robustpolish.validation import described, invalid, matrix
 

@@ -11,7 +11,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.analysis.scaling.realisation import (
+from robustpolish.display import Card, Displayed, Table
+from robustpolish.exact.realisation import (
     Realisation,
     power_of_two,
     realisation,
@@ -19,7 +20,6 @@ from robustpolish.analysis.scaling.realisation import (
     state_scales,
     typical_rate,
 )
-from robustpolish.display import Card, Displayed, Table
 from robustpolish.plotting import plot_bars
 from robustpolish.validation import described, invalid, matrix
 
