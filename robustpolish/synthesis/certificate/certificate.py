@@ -6,7 +6,7 @@ computed from it, and a matrix proves both stability and the bound on the norm.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,22 +14,14 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from robustpolish.analysis import stability
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_poles
 from robustpolish.synthesis.certificate.achieved_norm import achieved_h2, achieved_hinf
-from robustpolish.synthesis.certificate.loop_balls import (
-    LoopBalls,
-    cayley,
-    enclose_loop,
-    rounding_level,
-)
-from robustpolish.synthesis.certificate.norm_proof import (
-    NormProof,
-    prove_h2,
-    prove_hinf,
-    prove_stability,
-)
+from robustpolish.synthesis.certificate.loop_balls import enclose_loop, rounding_level
+from robustpolish.synthesis.certificate.norm_proof import NormProof
+from robustpolish.synthesis.certificate.tightest_proof import tightest_proof
 from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries
 from robustpolish.validation import described, invalid, matrix, one_of, positive
 
@@ -37,9 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Norm = Literal["hinf", "h2"]
-_LARGE = 60
-# How far above the computed norm the proven bound may lie, tried in this order.
-_PROOF_SLACK = (1e-5, 2e-4, 9e-4)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -248,18 +237,22 @@ def certify(
         ) from None
     system = control.StateSpace(*loop.doubles, plant.dt)
     poles, damping, hertz = _poles(system, plant.dt)
-    stable = bool((np.abs(poles) < 1).all() if plant.is_discrete else (poles.real < 0).all())
+    step = (1.0 if plant.dt is True else float(plant.dt)) if plant.is_discrete else None
+    level = rounding_level(loop)
+    stable = bool(stability(system))
     achieved, peak = np.inf, None
     if not stable:
         reasons.append(f"the loop is unstable: {_worst(poles, plant.is_discrete)}")
     elif norm == "hinf":
-        achieved, peak = achieved_hinf(system, rounded, rounding_level(loop), reasons)
+        achieved, peak = achieved_hinf(system, rounded, level, reasons)
     else:
         achieved = achieved_h2(system, reasons)
     proof, bound = None, np.inf
     if stable and np.isfinite(achieved):
-        proof = _prove(loop, norm, achieved, claimed, plant.is_discrete)
-        if proof is not None and np.isfinite(proof.bound) and achieved <= rounding_level(loop):
+        proof, achieved, peak = tightest_proof(
+            lambda bits: enclose_loop(plant, K, bits), norm, achieved, peak, claimed, step
+        )
+        if proof is not None and np.isfinite(proof.bound) and achieved <= level:
             # All that double precision can say of such a norm is that it is below a bound.
             achieved = proof.bound
         if proof is None:
@@ -321,38 +314,6 @@ def _poles(
 def _worst(poles: NDArray[np.complex128], discrete: bool) -> str:
     worst = poles[np.argmax(np.abs(poles) if discrete else poles.real)]
     return f"a pole at {worst:.6g}"
-
-
-def _prove(
-    loop: LoopBalls, norm: Norm, achieved: float, claimed: float | None, discrete: bool
-) -> NormProof | None:
-    """Prove the smallest bound that can be proven; stability alone if no bound can."""
-    flow = loop
-    if discrete:
-        try:
-            flow = cayley(loop)
-        except ZeroDivisionError:
-            return None
-    if norm == "hinf":
-        proofs = _hinf_proofs(flow, achieved, claimed)
-    else:
-        proofs = (prove_h2(loop, discrete, slack) for slack in _PROOF_SLACK)
-    return next((proof for proof in proofs if proof is not None), None) or prove_stability(flow)
-
-
-def _hinf_proofs(
-    loop: LoopBalls, achieved: float, claimed: float | None
-) -> Iterator[NormProof | None]:
-    # Where a trial takes long, the tightest bound is left out.
-    for slack in _PROOF_SLACK[loop.A.nrows() > _LARGE :]:
-        yield prove_hinf(loop, achieved * (1 + slack), slack)
-    yield prove_hinf(loop, achieved * (1 + _PROOF_SLACK[-1]), precise=True)
-    if claimed is not None and claimed > achieved * (1 + _PROOF_SLACK[-1]):
-        yield prove_hinf(loop, claimed, min(0.1, claimed / achieved - 1) if achieved else 0.1)
-    level = rounding_level(loop)
-    if achieved <= level:
-        for factor in (1.0, 1e3):
-            yield prove_hinf(loop, level * factor, 0.1)
 
 
 def _gap(claimed: float | None, achieved: float) -> float | None:
