@@ -21,7 +21,7 @@ from robustpolish.plotting import plot_poles
 from robustpolish.synthesis.certificate.achieved_norm import achieved_h2, achieved_hinf
 from robustpolish.synthesis.certificate.loop_balls import enclose_loop, rounding_level
 from robustpolish.synthesis.certificate.norm_proof import NormProof
-from robustpolish.synthesis.certificate.tightest_proof import tightest_proof
+from robustpolish.synthesis.certificate.tightest_proof import TIGHT, tightest_proof
 from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries
 from robustpolish.validation import described, invalid, matrix, one_of, positive
 
@@ -259,7 +259,7 @@ def certify(
             reasons.append("stability and norm could not be proven in ball arithmetic")
         else:
             bound = proof.bound
-            if bound > (1 + 1e-3) * max(achieved, claimed or 0.0):
+            if bound > (1 + TIGHT) * max(achieved, claimed or 0.0):
                 reasons.append(f"only the bound {bound:.6g} could be proven, not {achieved:.6g}")
     if claimed is not None and np.isfinite(achieved) and achieved > claimed * (1 + tolerance):
         reasons.append(f"the claimed bound {claimed:.6g} is false: the loop has {achieved:.6g}")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from robustpolish.exact import balls
 from robustpolish.exact.balls import Ball
+from robustpolish.exact.realisation import size
 from robustpolish.synthesis.certificate.loop_balls import LoopBalls
 from robustpolish.synthesis.riccati.equations import solve_lyapunov, solve_riccati
 
@@ -40,10 +41,10 @@ def candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, Lo
     margin = -float(np.linalg.eigvals(A).real.max(initial=-np.inf))
     if n == 0 or margin <= 0:
         return
-    size = _output_size(loop)
+    output = _output_size(loop)
     shares = (0.3,) if n > _LARGE else (0.3, 0.01)
     for alpha in (share * slack * margin for share in shares):
-        extra = 1e-6 * alpha * size * np.eye(n)
+        extra = 1e-6 * alpha * output * np.eye(n)
         start = solve_lyapunov(A + alpha * np.eye(n), C.T @ C + extra)
         T = np.eye(n) if start is None else _identity_coordinates(start)
         for _ in range(_PASSES):
@@ -91,7 +92,7 @@ def precise_candidate(loop: LoopBalls) -> Ball | None:
             EW = (E * W).mid()
             more = (E.transpose() * Q * (W * E)).mid()
             R, Q, E = (R + EW * R * E.transpose()).mid(), (Q + more).mid(), (EW * E).mid()
-            change, now = (float(np.linalg.norm(balls.midpoint(M))) for M in (more, Q))
+            change, now = (size(balls.midpoint(M)) for M in (more, Q))
             if not now < math.inf:
                 return None
             if change <= 1e-60 * now:
@@ -129,13 +130,13 @@ def _shifted_riccati(loop: LoopBalls, alpha: float) -> Matrix | None:
 
 
 def riccati_terms(
-    loop: LoopBalls, alpha: float = 0.0, size: float = 1.0
+    loop: LoopBalls, alpha: float = 0.0, output: float = 1.0
 ) -> tuple[Ball, Ball, Ball]:
     """Return the terms of A'P + PA + PRP + Q = 0, with poles shifted and a little extra output."""
     A, B, C, D = loop.A, loop.B, loop.C, loop.D
     n = A.nrows()
     shift = balls.identity(n) * flint.arb(float(alpha))
-    extra = shift * flint.arb(float(0.1 * size))
+    extra = shift * flint.arb(float(0.1 * output))
     if B.ncols() == 0:
         return A + shift, balls.zeros(n, n), C.transpose() * C + extra
     inner = (balls.identity(B.ncols()) - D.transpose() * D).inv()

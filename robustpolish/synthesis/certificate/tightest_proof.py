@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Literal, NamedTuple
 
 from robustpolish.synthesis.certificate.loop_balls import BITS, LoopBalls, cayley, rounding_level
@@ -15,7 +15,9 @@ from robustpolish.synthesis.certificate.norm_proof import (
 )
 from robustpolish.synthesis.certificate.precise_peak import precise_peak
 
-# How far above the computed norm the proven bound may lie, tried in this order.
+TIGHT = 1e-3
+"""How far above the computed norm, relative, the proven bound of a valid certificate may lie."""
+# How far above it the bounds lie that are tried, in this order.
 _SLACK = (1e-5, 2e-4, 9e-4)
 # From so many states on the tightest is left out, because a trial takes long.
 _LARGE = 60
@@ -70,31 +72,28 @@ def tightest_proof(
         loop = flow(BITS)
     except ZeroDivisionError:  # a pole at -1
         return Proven(None, achieved, frequency)
-    precisions = list(_precisions(loop.A.nrows()))
-    proofs: Iterator[NormProof | None]
+    states, discrete = loop.A.nrows(), step is not None
+    precisions = list(_precisions(states))
     if norm == "h2":
-        proofs = (prove_h2(enclose(BITS), step is not None, slack) for slack in _SLACK)
+        found = _first(prove_h2(enclose(BITS), discrete, slack) for slack in _SLACK)
+        if found is None or found.bound > achieved * (1 + TIGHT):
+            found = _first(prove_h2(enclose(b), discrete, bits=b) for b in precisions) or found
     else:
-        tried = _SLACK[loop.A.nrows() > _LARGE :]
-        proofs = (prove_hinf(loop, achieved * (1 + slack), slack) for slack in tried)
-    found = _first(proofs)
-    if found is None and norm == "h2":
-        found = _first(prove_h2(enclose(b), step is not None, bits=b) for b in precisions)
-    elif found is None:
-        if precisions:
+        tried = _SLACK[states > _LARGE :]
+        found = _first(prove_hinf(loop, achieved * (1 + slack), slack) for slack in tried)
+        if found is None and precisions:
             gain, where = precise_peak(loop, _angle(frequency or 0.0, step))
             if gain > achieved:
                 achieved, frequency = gain, _rate(where, step)
-        bound = achieved * (1 + _SLACK[-1])
-        found = _first(prove_hinf(flow(bits), bound, bits=bits) for bits in precisions)
-    if found is None and norm == "hinf":
-        found = _first(_looser(loop, achieved, claimed))
+            bound = achieved * (1 + _SLACK[-1])
+            found = _first(prove_hinf(flow(bits), bound, bits=bits) for bits in precisions)
+        found = found or _first(_looser(loop, achieved, claimed))
     if found is None:
         found = prove_stability(loop) or _first(prove_stability(flow(b), b) for b in precisions)
     return Proven(found, achieved, frequency)
 
 
-def _first(proofs: Iterator[NormProof | None]) -> NormProof | None:
+def _first(proofs: Iterable[NormProof | None]) -> NormProof | None:
     return next((proof for proof in proofs if proof is not None), None)
 
 
