@@ -19,8 +19,9 @@ from robustpolish.synthesis.methods.structured_design import (
     refuse_unstable,
     search_deadline,
 )
-from robustpolish.synthesis.nonsmooth import FrobeniusMeasure, Loop, PositiveElements
+from robustpolish.synthesis.nonsmooth import FrobeniusMeasure, PositiveElements
 from robustpolish.synthesis.problem.decoupling import decoupled_parts, named_controller
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.pricing import priced
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
 from robustpolish.synthesis.structured_search.search import Norm, Setting
@@ -301,7 +302,7 @@ def _task(
         return Setting(
             scaled=scaled,
             norm=norm,
-            loop=Loop.of(scaled.plant),
+            loop=PlantMatrices.of(scaled.plant),
             parametrisation=PositiveElements(local),
             starts=starts,
             controller=lambda K: unscaled_controller(scaled, K, 0),

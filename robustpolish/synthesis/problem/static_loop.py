@@ -4,82 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.models import GeneralizedPlant
-
-Matrix = NDArray[Any]
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
-    """The nine matrices of a plant, ready to be closed many times with u = K y.
-
-    Attributes
-    ----------
-    A, B1, B2, C1, C2, D11, D12, D21, D22 : ndarray
-        As in :class:`robustpolish.GeneralizedPlant`.
-    discrete : bool
-        Whether the plant is a discrete-time system.
-    """
-
-    A: Matrix
-    B1: Matrix
-    B2: Matrix
-    C1: Matrix
-    C2: Matrix
-    D11: Matrix
-    D12: Matrix
-    D21: Matrix
-    D22: Matrix
-    discrete: bool = False
-
-    @classmethod
-    def of(cls, plant: GeneralizedPlant) -> Loop:
-        """Copy the matrices out of a plant."""
-        matrices = {name: getattr(plant, name) for name in _NAMES}
-        return cls(**matrices, discrete=plant.is_discrete)
-
-    @cached_property
-    def has_d22(self) -> bool:
-        """Whether u reaches y directly."""
-        return bool(np.any(self.D22))
-
-    def close(self, K: Matrix) -> Closed | None:
-        """Close the loop; None if it is not well posed."""
-        if not self.has_d22:
-            return self._closed(K, K, None, None)
-        left = np.eye(len(K)) - K @ self.D22
-        right = np.eye(K.shape[1]) - self.D22 @ K
-        if not np.isfinite(left).all() or np.linalg.cond(left) > 1 / np.finfo(float).eps:
-            return None
-        return self._closed(K, np.linalg.solve(left, K), np.linalg.inv(left), np.linalg.inv(right))
-
-    def _closed(self, K: Matrix, T: Matrix, left: Matrix | None, right: Matrix | None) -> Closed:
-        B2T, D12T = self.B2 @ T, self.D12 @ T
-        return Closed(
-            self,
-            K,
-            self.A + B2T @ self.C2,
-            self.B1 + B2T @ self.D21,
-            self.C1 + D12T @ self.C2,
-            self.D11 + D12T @ self.D21,
-            left,
-            right,
-        )
-
-
-_NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
-
-
-@dataclass(frozen=True, eq=False)
-class Closed:
+class StaticLoop:
     """The loop from w to z for one K."""
 
-    loop: Loop
+    plant: PlantMatrices
     K: Matrix
     A: Matrix
     B: Matrix
@@ -101,7 +37,7 @@ class Closed:
         if self.A.size == 0:
             return True
         blur = 10 * np.finfo(float).eps * float(np.linalg.norm(self.A, 2))
-        if self.loop.discrete:
+        if self.plant.discrete:
             return bool(np.max(np.abs(self.poles)) < 1 - blur)
         return bool(np.max(self.poles.real) < -blur)
 
@@ -112,7 +48,35 @@ class Closed:
         return self.left.T @ gradient @ self.right.T
 
 
-def augmented(loop: Loop, order: int) -> Loop:
+def close_static(plant: PlantMatrices, K: Matrix) -> StaticLoop | None:
+    """Connect u = K y with a constant K; None if the loop is not well posed."""
+    if not plant.has_d22:
+        return _closed(plant, K, K, None, None)
+    left = np.eye(len(K)) - K @ plant.D22
+    right = np.eye(K.shape[1]) - plant.D22 @ K
+    if not np.isfinite(left).all() or np.linalg.cond(left) > 1 / np.finfo(float).eps:
+        return None
+    T = np.linalg.solve(left, K)
+    return _closed(plant, K, T, np.linalg.inv(left), np.linalg.inv(right))
+
+
+def _closed(
+    plant: PlantMatrices, K: Matrix, T: Matrix, left: Matrix | None, right: Matrix | None
+) -> StaticLoop:
+    B2T, D12T = plant.B2 @ T, plant.D12 @ T
+    return StaticLoop(
+        plant,
+        K,
+        plant.A + B2T @ plant.C2,
+        plant.B1 + B2T @ plant.D21,
+        plant.C1 + D12T @ plant.C2,
+        plant.D11 + D12T @ plant.D21,
+        left,
+        right,
+    )
+
+
+def augmented(loop: PlantMatrices, order: int) -> PlantMatrices:
     """Add `order` integrators (delays), so that a static K holds a dynamic controller.
 
     The static gain of the augmented plant is [[Ak, Bk], [Ck, Dk]]: its inputs are
@@ -138,7 +102,7 @@ def augmented(loop: Loop, order: int) -> Loop:
     swap_out = np.block(
         [[np.zeros((order, nx)), eye], [loop.C2, np.zeros((ny, order))]],
     )
-    return Loop(
+    return PlantMatrices(
         A=diagonal(loop.A, np.zeros((order, order))),
         B1=np.vstack([loop.B1, np.zeros((order, nw))]),
         B2=swap_in,
@@ -152,7 +116,7 @@ def augmented(loop: Loop, order: int) -> Loop:
     )
 
 
-def controller_loop(order: int, left: Matrix, right: Matrix, discrete: bool) -> Loop:
+def controller_loop(order: int, left: Matrix, right: Matrix, discrete: bool) -> PlantMatrices:
     """Return the loop whose closed form is left K(s) right, for measuring a controller itself.
 
     K = [[Ak, Bk], [Ck, Dk]] is closed around `order` integrators (delays) alone.
@@ -160,7 +124,7 @@ def controller_loop(order: int, left: Matrix, right: Matrix, discrete: bool) -> 
     nu, ny = left.shape[1], right.shape[0]
     rows, columns = left.shape[0], right.shape[1]
     eye, nothing = np.eye(order), np.zeros
-    return Loop(
+    return PlantMatrices(
         A=nothing((order, order)),
         B1=nothing((order, columns)),
         B2=np.hstack([eye, nothing((order, nu))]),
