@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis import balls, certify
+from robustpolish.exact import balls
+from robustpolish.synthesis import certify
 from robustpolish.synthesis.certificate.loop_balls import cayley, enclose_loop
 from robustpolish.synthesis.certificate.norm_proof import prove_hinf, prove_stability
 
