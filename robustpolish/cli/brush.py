@@ -12,7 +12,7 @@ import xarray as xr
 
 from robustpolish.brush import simulate_brush
 from robustpolish.cli.options import force_option, json_option, reports_errors, write_json
-from robustpolish.models.air_bearing import FORCES
+from robustpolish.models.machines.air_bearing import FORCES
 from robustpolish.saving import new_file
 
 

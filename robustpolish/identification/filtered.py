@@ -16,7 +16,7 @@ from robustpolish.identification.nuisance import nuisance
 from robustpolish.identification.observer import Level, Scales
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear import raw_outputs
+from robustpolish.simulation.run import raw_outputs
 
 Array = NDArray[np.float64]
 ORDERS = (0, 1, 2, 4)

@@ -8,7 +8,7 @@ from robustpolish.identification.linear_observer import LinearObserver
 from robustpolish.identification.observer import Level, Scales
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear import raw_outputs, signals
+from robustpolish.simulation.run import raw_outputs, signals
 
 FOLLOWING = (Level(10.0), Level(3.0), Level(1.0), Level(0.3), Level(0.1))
 

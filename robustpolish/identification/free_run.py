@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from robustpolish.measurements import sampling_time
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear import measured, needed_substeps, signals
-from robustpolish.simulation.nonlinear_step import run
-from robustpolish.simulation.nonlinear_system import build_system
+from robustpolish.simulation.run import measured, needed_substeps, signals
+from robustpolish.simulation.step import run
+from robustpolish.simulation.system import build_system
 
 Array = NDArray[np.float64]
 ErrorOf = Callable[[Array], Array]

@@ -15,8 +15,8 @@ from robustpolish.identification.observer import (
     with_missing_force,
 )
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear_step import step_matrices
-from robustpolish.simulation.nonlinear_system import (
+from robustpolish.simulation.step import step_matrices
+from robustpolish.simulation.system import (
     NonlinearSystem,
     build_system,
     port_matrices,

@@ -16,8 +16,8 @@ from robustpolish.identification.observer import (
 from robustpolish.identification.prediction import Prediction, Predictor, zero_start
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear import raw_outputs, signals
-from robustpolish.simulation.nonlinear_system import (
+from robustpolish.simulation.run import raw_outputs, signals
+from robustpolish.simulation.system import (
     context_of,
     port_matrices,
     port_pairs,

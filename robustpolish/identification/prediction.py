@@ -16,9 +16,9 @@ from robustpolish.identification.observer import (
 )
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear import measured, needed_substeps, raw_outputs, signals
-from robustpolish.simulation.nonlinear_step import run
-from robustpolish.simulation.nonlinear_system import NonlinearSystem, build_system, dynamic_effects
+from robustpolish.simulation.run import measured, needed_substeps, raw_outputs, signals
+from robustpolish.simulation.step import run
+from robustpolish.simulation.system import NonlinearSystem, build_system, dynamic_effects
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from robustpolish.effects import Effect, Motion, force_along, kinds, lookup, register, registry
-from robustpolish.effects.base import EffectKind, Parameter
+from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.errors import InvalidInputError
 
 NAMED = [

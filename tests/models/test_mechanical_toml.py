@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from robustpolish.errors import InvalidInputError
 from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
-from robustpolish.models.mechanical_toml_lines import line_of
+from robustpolish.models.mechanical.toml_lines import line_of
 
 FILE = """\
 name = "air bearing, x axis"
