@@ -148,20 +148,21 @@ def _places(definition: EffectKind, at: Any) -> tuple[str, ...]:
             "input": "the name of one input",
             "output": "the name of one output",
         }[definition.domain]
-        raise invalid(f"{definition.kind}.at", at, what, "Name where the effect acts.")
+        raise invalid((definition.kind, "at"), at, what, "Name where the effect acts.")
     return names
 
 
 def _numbers(definition: EffectKind, parameters: Any) -> dict[str, float]:
     if not isinstance(parameters, Mapping):
         raise invalid(
-            f"{definition.kind}.parameters", parameters, "a table of numbers", "Write name = value."
+            (definition.kind, "parameters"), parameters, "a table of numbers", "Write name = value."
         )
     numbers: dict[str, float] = {}
     for name, value in parameters.items():
         definition.parameter(name)
         bad = isinstance(value, bool) or not isinstance(value, int | float | np.number)
         if bad or not np.isfinite(float(value)):
-            raise invalid(f"{definition.kind}.{name}", value, "a finite number", "Check the value.")
+            key = (definition.kind, "parameters", name)
+            raise invalid(key[::2], value, "a finite number", "Check the value.", key)
         numbers[name] = float(value)
     return numbers

@@ -234,11 +234,11 @@ class EffectKind:
     references: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        one_of(f"{self.kind}.domain", self.domain, tuple(_PLACES))
+        one_of((self.kind, "domain"), self.domain, tuple(_PLACES))
         way, other = ("on_signal", "law") if self.acts_on_signals else ("law", "on_signal")
         if getattr(self, way) is None or getattr(self, other) is not None:
             raise invalid(
-                f"{self.kind}.{way}",
+                (self.kind, way),
                 described(f"an effect on {self.domain!r} with {self._functions}"),
                 f"{way} alone",
                 "An effect on an input or output acts by on_signal, every other by its law; "
@@ -309,7 +309,7 @@ class EffectKind:
                 return parameter
         listed = ", ".join(p.name for p in self.parameters)
         raise invalid(
-            f"{self.kind}.parameters", name, f"one of {listed}", "Check the parameter's name."
+            (self.kind, "parameters"), name, f"one of {listed}", "Check the parameter's name."
         )
 
 

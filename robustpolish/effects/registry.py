@@ -98,7 +98,9 @@ def lookup(name: str) -> EffectKind:
     """
     kind = _registered.get(name) or _catalogue().get(name)
     if kind is None:
-        raise invalid("effect.kind", name, f"one of {', '.join(kinds())}", "Check the spelling.")
+        raise invalid(
+            ("effect", "kind"), name, f"one of {', '.join(kinds())}", "Check the spelling."
+        )
     return kind
 
 

@@ -121,7 +121,7 @@ def _forces(laws, layout, p, t, motion, s, w, q, v, z, f, dz):  # type: ignore[n
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def run(m, motion, output, laws, layout, p, W, Y, K, s0, z0, t0, dt, substeps, keep):  # type: ignore[no-untyped-def]
+def run_steps(m, motion, output, laws, layout, p, W, Y, K, s0, z0, t0, dt, substeps, keep):  # type: ignore[no-untyped-def]
     """Step through the samples and return predictions, states and internal states.
 
     Without feedback (K all zero) this is a free run; otherwise K times the prediction error

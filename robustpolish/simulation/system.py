@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 from robustpolish.effects import Effect, compiled_law
 from robustpolish.effects.kind import law_signature
-from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.ports import context_of as context_of
-from robustpolish.models.mechanical.ports import context_values as context_values
-from robustpolish.models.mechanical.ports import dynamic_effects as dynamic_effects
-from robustpolish.models.mechanical.ports import port_matrices as port_matrices
-from robustpolish.models.mechanical.ports import port_pairs as port_pairs
-from robustpolish.models.mechanical.ports import port_row as port_row
-from robustpolish.models.mechanical.ports import port_rows as port_rows
+from robustpolish.models.mechanical.data import MechanicalData
+from robustpolish.models.mechanical.ports import (
+    context_values,
+    dynamic_effects,
+    effect_ports,
+    port_rows,
+)
 from robustpolish.simulation.step import StepMatrices, step_matrices
 
 Array = NDArray[np.float64]
+_MOST_SUBSTEPS = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,30 +65,23 @@ class NonlinearSystem:
         return step_matrices(self.A, self.B, self.G, step)
 
 
-def build_system(model: MechanicalModel, step: float) -> NonlinearSystem:
+def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
     """Build the system of a model, for substeps of `step` seconds."""
-    system = model.state_space()
-    effects = [effect for _, effect in dynamic_effects(model)]
-    rows, pairs, layout, values = [], [], [], []
+    effects, _, G, H, motion = effect_ports(model)
+    layout, values = [], []
     port = state = parameter = 0
     for effect in effects:
         kind = effect.definition
-        here = port_rows(model, effect)
         p = [*effect.values.values(), *context_values(model, effect, step)]
-        rows.append(here)
-        pairs += port_pairs(effect)
         layout.append((port, kind.ports, state, kind.states, parameter, len(p)))
         values += p
         port, state, parameter = port + kind.ports, state + kind.states, parameter + len(p)
-    stacked = np.vstack(rows) if rows else np.zeros((0, len(model.dofs)))
-    G, H, motion = port_matrices(model, stacked, pairs)
-    nw = len(model.matrices.signals)  # python-control keeps a column where there is no input
-    A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
+    A, B, C, D = (np.ascontiguousarray(M) for M in model.matrices.first_order())
     return NonlinearSystem(
-        A=np.ascontiguousarray(A.reshape(len(A), len(A))),
-        B=np.ascontiguousarray(B[:, :nw].reshape(len(A), nw)),
-        C=np.ascontiguousarray(C[:, : len(A)]),
-        D=np.ascontiguousarray(D[:, :nw]),
+        A=A,
+        B=B,
+        C=C,
+        D=D,
         G=np.ascontiguousarray(G),
         H=np.ascontiguousarray(H),
         motion=tuple(np.ascontiguousarray(part) for part in motion),  # type: ignore[arg-type]
@@ -97,3 +90,31 @@ def build_system(model: MechanicalModel, step: float) -> NonlinearSystem:
         values=np.array(values, dtype=float),
         internal=state,
     )
+
+
+def needed_substeps(model: MechanicalData, dt: float, amplitude: float) -> int:
+    """Return steps per sample that resolve the effects' own stiffness and damping.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    dt : float
+        Sampling step in s.
+    amplitude : float
+        Displacement amplitude in m or rad.
+    """
+    if not model.effects:
+        return 1
+    fastest, least = 0.0, 1
+    m = model.matrices
+    omega = np.sqrt(max(np.max(np.abs(np.diag(m.K) / np.maximum(np.diag(m.M), 1e-300))), 0.0))
+    for _, effect in dynamic_effects(model):
+        stiffness, damping, rate = effect.definition.gains(
+            effect.values, amplitude, min(omega, 1 / dt) * amplitude
+        )
+        inverse = np.sum(port_rows(model, effect)[:, m.free] ** 2 / np.diag(m.M)[m.free])
+        fastest = max(
+            fastest, np.sqrt(abs(stiffness) * inverse), abs(damping) * inverse, 0.3 * rate
+        )
+        least = max(least, 4 if effect.definition.sharp else 2)
+    return int(np.clip(np.ceil(2.0 * dt * fastest), least, _MOST_SUBSTEPS))

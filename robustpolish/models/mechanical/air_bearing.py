@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from robustpolish.models.machines.air_bearing_parameters import AirBearingParameters
-from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import Damper, Dof, Input, Output, Spring
 
 
-def from_air_bearing(
-    parameters: AirBearingParameters | None = None, dissipation: float = 0.001
-) -> MechanicalModel:
+def air_bearing_data(parameters: AirBearingParameters | None, dissipation: float) -> MechanicalData:
     """Return equations (8.46) as a mechanical model, in the signs of (8.47)."""
     p = AirBearingParameters() if parameters is None else parameters
     c = p.damping(dissipation)
@@ -27,7 +25,7 @@ def from_air_bearing(
             Damper((bearing, axis), c.c_R if vertical else c.c_D),
         ]
     loads = [("F_x", "x", -1.0), ("F_y", "y", -1.0), ("F_z", "z", 1.0), ("F_p", "z_m", -1.0)]
-    return MechanicalModel(
+    return MechanicalData(
         dofs=tuple(dofs),
         springs=tuple(springs),
         dampers=tuple(dampers),

@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from robustpolish.display import Card, Table
-
-if TYPE_CHECKING:
-    from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.data import MechanicalData
+from robustpolish.models.mechanical.parameters import unit_of, values
 
 COLUMNS = ("part", "at", "quantity", "value", "unit")
 
 
-def mechanical_card(model: MechanicalModel) -> Card:
+def mechanical_card(model: MechanicalData) -> Card:
     """List masses, springs, dampers and effects, and the signals that drive and leave a model."""
     rows: list[tuple[Any, ...]] = []
     for dof in model.dofs:
-        name = "inertia" if dof.rotational else "mass"
+        name = dof.key[-1]
         rows.append((name, dof.name, name, dof.mass, dof.unit))
-    turning = {dof.name: dof.rotational for dof in model.dofs}
-    for spring in model.springs:
-        unit = "N m/rad" if turning.get(spring.between[0]) else "N/m"
-        rows.append(("spring", _joined(spring.between), "stiffness", spring.stiffness, unit))
-    for damper in model.dampers:
-        unit = "N m s/rad" if turning.get(damper.between[0]) else "N s/m"
-        rows.append(("damper", _joined(damper.between), "damping", damper.damping, unit))
-    for effect in model.effects:
-        units = {p.name: p.unit for p in effect.definition.parameters}
-        for name, value in effect.values.items():
-            rows.append((effect.kind, _joined(effect.at), name, float(value), units[name]))
+    parts = [(f"spring[{i}]", "spring", s.between) for i, s in enumerate(model.springs)]
+    parts += [(f"damper[{i}]", "damper", d.between) for i, d in enumerate(model.dampers)]
+    parts += [(f"effect[{i}]", e.kind, e.at) for i, e in enumerate(model.effects)]
+    numbers = values(model)
+    for start, part, at in parts:
+        for key in (key for key in numbers if key.startswith(f"{start}.")):
+            name = key.removeprefix(f"{start}.")
+            rows.append((part, _joined(at), name, float(numbers[key]), unit_of(model, key)))
     signals = [
         ("input", item.name, _joined(item.on), item.imposes or "force", model.unit_of(item))
         for item in model.inputs

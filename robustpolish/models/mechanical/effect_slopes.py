@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import control
 import numpy as np
@@ -14,18 +13,10 @@ from scipy.signal import tf2ss
 
 from robustpolish.effects import Effect
 from robustpolish.errors import RobustPolishWarning
+from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import number
-from robustpolish.models.mechanical.ports import (
-    context_values,
-    dynamic_effects,
-    port_matrices,
-    port_pairs,
-    port_rows,
-)
+from robustpolish.models.mechanical.ports import context_values, effect_ports
 from robustpolish.validation import invalid
-
-if TYPE_CHECKING:
-    from robustpolish.models.mechanical import MechanicalModel
 
 Array = NDArray[np.float64]
 
@@ -58,23 +49,19 @@ class LinearEffects:
 
 
 def linear_effects(
-    model: MechanicalModel, operating_point: Mapping[str, float] | None
+    model: MechanicalData, operating_point: Mapping[str, float] | None
 ) -> LinearEffects:
     """Linearise all effects that make forces.
 
     Parameters
     ----------
-    model : MechanicalModel
+    model : MechanicalData
     operating_point : mapping of str to float or None
         Displacements at rest; None for the equilibrium.
     """
-    placed = [effect for _, effect in dynamic_effects(model)]
-    ports = [port_rows(model, effect) for effect in placed]
-    rows = np.vstack(ports) if ports else np.zeros((0, len(model.dofs)))
-    pairs = [pair for effect in placed for pair in port_pairs(effect)]
-    G, H, motion = port_matrices(model, rows, pairs)
+    placed, ports, G, H, motion = effect_ports(model)
     rest = _rest(model, placed, ports, operating_point)
-    np_, nz = len(rows), sum(effect.definition.states for effect in placed)
+    np_, nz = G.shape[1], sum(effect.definition.states for effect in placed)
     f_slopes = [np.zeros((np_, np_)), np.zeros((np_, np_)), np.zeros((np_, nz))]
     z_slopes = [np.zeros((nz, np_)), np.zeros((nz, np_)), np.zeros((nz, nz))]
     states: list[str] = []
@@ -92,7 +79,7 @@ def linear_effects(
 
 
 def _rest(
-    model: MechanicalModel,
+    model: MechanicalData,
     effects: Sequence[Effect],
     ports: Sequence[Array],
     operating_point: Mapping[str, float] | None,
@@ -121,7 +108,7 @@ def _rest(
 
 
 def _law(
-    model: MechanicalModel, effect: Effect, time: float, q: Array, v: Array, z: Array
+    model: MechanicalData, effect: Effect, time: float, q: Array, v: Array, z: Array
 ) -> tuple[Array, Array]:
     """Evaluate a law in plain Python: force on the first ends, derivatives of internal states."""
     kind = effect.definition
@@ -134,19 +121,19 @@ def _law(
     return f, dz
 
 
-def _times(model: MechanicalModel) -> Array:
+def _times(model: MechanicalData) -> Array:
     """Instants over which slopes are averaged: one turn of the spin, or none."""
     spin = model.spin_frequency
     return np.arange(_PHASES) / (_PHASES * spin) if spin else np.zeros(1)
 
 
-def _mean_force(model: MechanicalModel, effect: Effect, q: Array) -> Array:
+def _mean_force(model: MechanicalData, effect: Effect, q: Array) -> Array:
     zero, z = np.zeros(q.size), np.zeros(effect.definition.states)
     return np.mean([_law(model, effect, t, q, zero, z)[0] for t in _times(model)], axis=0)
 
 
 def _slopes(
-    model: MechanicalModel, effect: Effect, rest: Array, warn: bool = True
+    model: MechanicalData, effect: Effect, rest: Array, warn: bool = True
 ) -> tuple[list[Array], list[Array]]:
     """Return the slopes of force and internal rates by displacement, velocity, internal state."""
     kind = effect.definition
@@ -181,51 +168,50 @@ def _slopes(
     return [f[:, c] for c in columns], [dz[:, c] for c in columns]
 
 
-def _difference(function: object, point: Array, j: int, step: float) -> Array:
+def _difference(function: Callable[[Array], Array], point: Array, j: int, step: float) -> Array:
     ahead, behind = point.copy(), point.copy()
     ahead[j] += step
     behind[j] -= step
-    return (function(ahead) - function(behind)) / (ahead[j] - behind[j])  # type: ignore[operator]
+    return (function(ahead) - function(behind)) / (ahead[j] - behind[j])
 
 
-def signal_gains(model: MechanicalModel) -> Array:
+def signal_gains(model: MechanicalData) -> Array:
     """Return the factor that effects put on each signal."""
-    gains = np.ones(len(model.matrices.signals))
-    for effect in model.effects:
-        if effect.definition.domain == "input":
-            gains[_columns(model, effect)] *= effect.values.get("gain", 1.0)
+    sources = np.array(model.matrices.sources)
+    gains = np.ones(len(sources))
+    for effect, gain, _ in _slopes_of_signals(model, "input"):
+        gains[sources == effect.at[0]] *= gain
     return gains
 
 
-def sensor_gains(model: MechanicalModel) -> Array:
+def sensor_gains(model: MechanicalData) -> Array:
     """Return the factor that effects put on each output."""
     gains = np.ones(len(model.outputs))
-    for effect in model.effects:
-        if effect.definition.domain == "output":
-            gains[model.output_names.index(effect.at[0])] *= effect.values.get("gain", 1.0)
+    for effect, gain, _ in _slopes_of_signals(model, "output"):
+        gains[model.output_names.index(effect.at[0])] *= gain
     return gains
 
 
-def _columns(model: MechanicalModel, effect: Effect) -> list[int]:
-    """Positions of an input among the signals, its derivatives included."""
-    base = effect.at[0]
-    own = (base, f"{base}_dot", f"{base}_ddot")
-    return [i for i, name in enumerate(model.matrices.signals) if name in own]
+def _slopes_of_signals(model: MechanicalData, domain: str) -> Iterator[tuple[Effect, float, float]]:
+    """Yield the effects on inputs or outputs, each with its factor and its delay in s."""
+    for effect in model.effects:
+        if effect.definition.domain == domain:
+            yield effect, *effect.definition.signal_slope(effect.values)
 
 
 def add_delays(
-    model: MechanicalModel, inputs: Sequence[str], A: Array, B: Array, C: Array, D: Array
+    model: MechanicalData, inputs: Sequence[str], A: Array, B: Array, C: Array, D: Array
 ) -> tuple[Array, Array, Array, Array, list[str]]:
     """Put a second-order Pade approximation before each input that is delayed."""
     names: list[str] = []
-    for effect in model.effects:
-        delay = effect.values.get("delay", 0.0)
-        if effect.definition.domain != "input" or delay <= 0:
-            continue
-        signals = [model.matrices.signals[i] for i in _columns(model, effect)]
-        for name in signals:
-            if name not in inputs:
-                continue
+    m = model.matrices
+    for effect, _, delay in _slopes_of_signals(model, "input"):
+        behind = [
+            name
+            for name, source in zip(m.signals, m.sources, strict=True)
+            if source == effect.at[0] and name in inputs
+        ]
+        for name in behind if delay > 0 else ():
             j = inputs.index(name)
             Ap, Bp, Cp, Dp = tf2ss(*control.pade(delay, _PADE_ORDER))
             column, through = B[:, [j]].copy(), D[:, [j]].copy()

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.effect_slopes import (
     LinearEffects,
     add_delays,
@@ -19,14 +20,11 @@ from robustpolish.models.mechanical.parts import UNITS
 from robustpolish.models.plant.plant import GeneralizedPlant
 from robustpolish.validation import described, invalid, one_of
 
-if TYPE_CHECKING:
-    from robustpolish.models.mechanical import MechanicalModel
-
 Matrix = NDArray[np.float64]
 
 
 def linearize(
-    model: MechanicalModel,
+    model: MechanicalData,
     controls: Sequence[str] | None,
     actuation: Literal["force", "displacement"],
     measured: Literal["outputs", "state", "displacement"],
@@ -90,9 +88,7 @@ def linearize(
     )
 
 
-def _with_effects(
-    model: MechanicalModel, e: LinearEffects
-) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+def _with_effects(model: MechanicalData, e: LinearEffects) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     """Close the loops from the motion at the ports over the effects' slopes to their forces."""
     A, B, C, D = model.matrices.first_order()
     Qs, Qw, Vs, Vw = e.motion
@@ -107,7 +103,7 @@ def _with_effects(
 
 
 def _controls(
-    model: MechanicalModel,
+    model: MechanicalData,
     controls: Sequence[str] | None,
     actuation: str,
     n: int,
@@ -135,7 +131,7 @@ def _controls(
 
 
 def _units(
-    model: MechanicalModel,
+    model: MechanicalData,
     states: Sequence[str],
     labels: Sequence[str],
     measured: str,

@@ -4,20 +4,50 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import control
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.models.mechanical.parts import ACCELERATION, DISPLACEMENT, VELOCITY
-
-if TYPE_CHECKING:
-    from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.parts import (
+    ACCELERATION,
+    DISPLACEMENT,
+    VELOCITY,
+    Damper,
+    Dof,
+    Input,
+    Output,
+    Spring,
+    imposed_by,
+)
+from robustpolish.models.plant.systems import named_system
 
 Matrix = NDArray[np.float64]
 
 NO_INPUT = "no_input"
+
+
+class ImposedSignal(NamedTuple):
+    """A signal that imposes displacement, velocity or acceleration of a coordinate.
+
+    Attributes
+    ----------
+    name : str
+        Of the signal; a data column, or what the derivative of one is called.
+    coordinate : int
+        Position of the coordinate that is moved.
+    quantity : str
+    gain : float
+    source : str
+        Name of the input that the signal is, or that it is a derivative of.
+    """
+
+    name: str
+    coordinate: int
+    quantity: str
+    gain: float
+    source: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +74,10 @@ class MechanicalMatrices:
         Positions of the free and of the imposed coordinates.
     coordinates, force_inputs, outputs : tuple of str
         Names of the rows and columns.
-    imposed_signals : tuple of (str, int, str, float)
-        Signal name, coordinate, quantity and gain of each column that imposes a motion,
-        in the order of the state space's inputs after the forces. A derivative that no
-        data column holds is that of the displacement's column, and has its gain.
+    imposed_signals : tuple of ImposedSignal
+        The columns that impose a motion, in the order of the state space's inputs after the
+        forces. A derivative that no input gives is that of the displacement's column, and has
+        its gain.
     """
 
     M: Matrix
@@ -62,12 +92,17 @@ class MechanicalMatrices:
     coordinates: tuple[str, ...]
     force_inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    imposed_signals: tuple[tuple[str, int, str, float], ...]
+    imposed_signals: tuple[ImposedSignal, ...]
 
     @property
     def signals(self) -> tuple[str, ...]:
         """Names of the state space's inputs: forces, then imposed motions."""
-        return (*self.force_inputs, *(name for name, *_ in self.imposed_signals))
+        return (*self.force_inputs, *(signal.name for signal in self.imposed_signals))
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Name of the input behind each signal: a derivative belongs to its displacement."""
+        return (*self.force_inputs, *(signal.source for signal in self.imposed_signals))
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -119,53 +154,50 @@ class MechanicalMatrices:
         signals = self.signals
         if not signals:
             B, D, signals = np.zeros((len(A), 1)), np.zeros((len(C), 1)), (NO_INPUT,)
-        return control.StateSpace(
-            A,
-            B,
-            C,
-            D,
-            0,
-            inputs=list(signals),
-            outputs=list(self.outputs),
-            states=list(self.states),
-            remove_useless_states=False,
-        )
+        return named_system((A, B, C, D), 0, signals, self.outputs, self.states)
 
     def _imposed_columns(self, quantity: str) -> list[tuple[int, int, float]]:
         """Column of the signals, coordinate and gain of each imposed motion of one quantity."""
         first = len(self.force_inputs)
         return [
-            (first + i, row, gain)
-            for i, (_, row, kind, gain) in enumerate(self.imposed_signals)
-            if kind == quantity
+            (first + i, signal.coordinate, signal.gain)
+            for i, signal in enumerate(self.imposed_signals)
+            if signal.quantity == quantity
         ]
 
 
-def assemble(model: MechanicalModel) -> MechanicalMatrices:
-    """Build the matrices of `model` without its effects."""
-    index = {name: i for i, name in enumerate(model.dof_names)}
-    n = len(index)
+def incidence(names: Sequence[str], pair: Sequence[str]) -> Matrix:
+    """Return the row that gives the relative displacement of a pair from all coordinates."""
+    row = np.zeros(len(names))
+    for name, sign in zip(pair, (1.0, -1.0), strict=False):
+        if name in names:
+            row[names.index(name)] += sign
+    return row
 
-    def incidence(pair: Sequence[str]) -> Matrix:
-        row = np.zeros(n)
-        for name, sign in zip(pair, (1.0, -1.0), strict=True):
-            if name in index:
-                row[index[name]] += sign
-        return row
 
-    M = np.diag([dof.mass for dof in model.dofs])
+def assemble(
+    dofs: Sequence[Dof],
+    springs: Sequence[Spring],
+    dampers: Sequence[Damper],
+    inputs: Sequence[Input],
+    outputs: Sequence[Output],
+) -> MechanicalMatrices:
+    """Build the matrices of checked parts, without effects."""
+    names = tuple(dof.name for dof in dofs)
+    n = len(names)
+    M = np.diag([dof.mass for dof in dofs])
     K, C = np.zeros((n, n)), np.zeros((n, n))
-    for spring in model.springs:
-        row = incidence(spring.between)
+    for spring in springs:
+        row = incidence(names, spring.between)
         K += spring.stiffness * np.outer(row, row)
-    for damper in model.dampers:
-        row = incidence(damper.between)
+    for damper in dampers:
+        row = incidence(names, damper.between)
         C += damper.damping * np.outer(row, row)
-    forces = [item for item in model.inputs if item.imposes is None]
-    B = np.array([item.gain * incidence(item.on) for item in forces]).reshape(-1, n).T
-    Sq, Sv, Sa = (np.zeros((len(model.outputs), n)) for _ in range(3))
-    for i, item in enumerate(model.outputs):
-        row = incidence(item.of)
+    forces = [item for item in inputs if item.imposes is None]
+    B = np.array([item.gain * incidence(names, item.on) for item in forces]).reshape(-1, n).T
+    Sq, Sv, Sa = (np.zeros((len(outputs), n)) for _ in range(3))
+    for i, item in enumerate(outputs):
+        row = incidence(names, item.of)
         if item.quantity == DISPLACEMENT:
             Sq[i] = row
         elif item.quantity == VELOCITY:
@@ -173,37 +205,39 @@ def assemble(model: MechanicalModel) -> MechanicalMatrices:
         elif item.quantity == ACCELERATION:
             Sa[i] = row
         elif item.drive:
-            k = index[item.of[0]]
+            k = names.index(item.of[0])
             Sq[i], Sv[i], Sa[i] = K[k], C[k], M[k]
         else:
             ends = set(item.of)
-            Sq[i] = row * sum(s.stiffness for s in model.springs if set(s.between) == ends)
-            Sv[i] = row * sum(d.damping for d in model.dampers if set(d.between) == ends)
-    imposed = np.array([index[name] for name in model.imposed], dtype=np.intp)
-    free = np.array([index[name] for name in model.free], dtype=np.intp)
+            Sq[i] = row * sum(s.stiffness for s in springs if set(s.between) == ends)
+            Sv[i] = row * sum(d.damping for d in dampers if set(d.between) == ends)
+    moved = imposed_by(inputs)
+    imposed = np.array([i for i, name in enumerate(names) if name in moved], dtype=np.intp)
+    free = np.array([i for i, name in enumerate(names) if name not in moved], dtype=np.intp)
     return MechanicalMatrices(
         M=M, C=C, K=K, B=B, Sq=Sq, Sv=Sv, Sa=Sa, free=free, imposed=imposed,
-        coordinates=model.dof_names,
+        coordinates=names,
         force_inputs=tuple(item.name for item in forces),
-        outputs=model.output_names,
-        imposed_signals=tuple(_imposed_signals(model, index, Sa)),
+        outputs=tuple(item.name for item in outputs),
+        imposed_signals=tuple(_imposed_signals(inputs, names, imposed.tolist(), Sa)),
     )  # fmt: skip
 
 
 def _imposed_signals(
-    model: MechanicalModel, index: dict[str, int], Sa: Matrix
-) -> list[tuple[str, int, str, float]]:
+    inputs: Sequence[Input], names: Sequence[str], imposed: Sequence[int], Sa: Matrix
+) -> list[ImposedSignal]:
+    taken = {item.name for item in inputs}
     signals = []
-    for name in model.imposed:
-        given = {item.imposes: item for item in model.inputs if item.imposes and item.on[0] == name}
-        base = given[DISPLACEMENT].name
-        wanted = [(DISPLACEMENT, base), (VELOCITY, f"{base}_dot")]
-        if Sa[:, index[name]].any():
-            wanted.append((ACCELERATION, f"{base}_ddot"))
+    for i in imposed:
+        given = {item.imposes: item for item in inputs if item.imposes and item.on[0] == names[i]}
+        base = given[DISPLACEMENT]
+        wanted = [(DISPLACEMENT, base.name), (VELOCITY, f"{base.name}_dot")]
+        if Sa[:, i].any():
+            wanted.append((ACCELERATION, f"{base.name}_ddot"))
         for quantity, label in wanted:
-            item = given.get(quantity, given[DISPLACEMENT])
+            item = given.get(quantity, base)
             label = item.name if quantity in given else label
-            while quantity not in given and label in model.input_names:
+            while quantity not in given and label in taken:
                 label += "_"  # another input has this name already
-            signals.append((label, index[name], quantity, item.gain))
+            signals.append(ImposedSignal(label, i, quantity, item.gain, item.name))
     return signals

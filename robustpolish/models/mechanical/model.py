@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import control
 
@@ -14,21 +13,16 @@ from robustpolish.display import Card, Displayed
 from robustpolish.effects import Effect
 from robustpolish.models.machines.air_bearing_parameters import AirBearingParameters
 from robustpolish.models.mechanical import parameters as _parameters
-from robustpolish.models.mechanical.checks import check_model
-from robustpolish.models.mechanical.matrices import MechanicalMatrices, assemble
-from robustpolish.models.mechanical.parts import (
-    UNITS,
-    Damper,
-    Dof,
-    Input,
-    Output,
-    Spring,
-)
+from robustpolish.models.mechanical.air_bearing import air_bearing_data
+from robustpolish.models.mechanical.card import mechanical_card
+from robustpolish.models.mechanical.data import MechanicalData
+from robustpolish.models.mechanical.linear import linearize
+from robustpolish.models.mechanical.toml import read_model, write_model
 from robustpolish.models.plant.plant import GeneralizedPlant
 
 
 @dataclass(frozen=True, repr=False)
-class MechanicalModel(Displayed):
+class MechanicalModel(MechanicalData, Displayed):
     r"""Masses joined by springs and dampers, and the physical effects that were added.
 
     The equations of motion are ``M q'' + C q' + K q = forces - effects``; a spring,
@@ -83,85 +77,6 @@ class MechanicalModel(Displayed):
     >>> stiffer.with_effect("cubic_stiffness", "x").without_effects() == stiffer
     True
     """
-
-    dofs: tuple[Dof, ...]
-    springs: tuple[Spring, ...] = ()
-    dampers: tuple[Damper, ...] = ()
-    inputs: tuple[Input, ...] = ()
-    outputs: tuple[Output, ...] = ()
-    effects: tuple[Effect, ...] = ()
-    spin_frequency: float | None = None
-    name: str = ""
-
-    def __post_init__(self) -> None:
-        check_model(self)
-
-    # Names and units -----------------------------------------------------------------
-
-    @property
-    def dof_names(self) -> tuple[str, ...]:
-        """Names of all coordinates."""
-        return tuple(dof.name for dof in self.dofs)
-
-    @property
-    def imposed(self) -> tuple[str, ...]:
-        """Names of the coordinates whose motion an input imposes."""
-        moved = {item.on[0] for item in self.inputs if item.imposes}
-        return tuple(name for name in self.dof_names if name in moved)
-
-    @property
-    def free(self) -> tuple[str, ...]:
-        """Names of the coordinates that move by the equations of motion."""
-        moved = set(self.imposed)
-        return tuple(name for name in self.dof_names if name not in moved)
-
-    @property
-    def input_names(self) -> tuple[str, ...]:
-        """Names of the inputs: data columns."""
-        return tuple(item.name for item in self.inputs)
-
-    @property
-    def output_names(self) -> tuple[str, ...]:
-        """Names of the outputs: data columns."""
-        return tuple(item.name for item in self.outputs)
-
-    def dof(self, name: str) -> Dof:
-        """Return the degree of freedom with this name.
-
-        Parameters
-        ----------
-        name : str
-
-        Returns
-        -------
-        Dof
-        """
-        return self.dofs[self.dof_names.index(name)]
-
-    def unit_of(self, item: Input | Output) -> str:
-        """Return the SI unit of an input or output of this model, before its gain.
-
-        Parameters
-        ----------
-        item : Input or Output
-
-        Returns
-        -------
-        str
-        """
-        if item.unit is not None:
-            return item.unit
-        if isinstance(item, Input):
-            return UNITS[self.dof(item.on[0]).rotational][item.imposes or "force"]
-        ends = [self.dof(name) for name in item.of if name in self.dof_names]
-        return UNITS[ends[0].rotational][item.quantity]
-
-    # Matrices ------------------------------------------------------------------------
-
-    @cached_property
-    def matrices(self) -> MechanicalMatrices:
-        """Mass, damping and stiffness matrices, and the rows of the outputs; no effects."""
-        return assemble(self)
 
     def state_space(self) -> control.StateSpace:
         """Return the linear part, without effects, from the inputs to the outputs.
@@ -229,8 +144,6 @@ class MechanicalModel(Displayed):
         array([[ 0. ,  1. ],
                [-5.5,  0. ]])
         """
-        from robustpolish.models.mechanical.linear import linearize
-
         return linearize(self, controls, actuation, measured, operating_point)
 
     # Changes -------------------------------------------------------------------------
@@ -332,9 +245,7 @@ class MechanicalModel(Displayed):
         >>> rp.MechanicalModel.from_air_bearing().free
         ('x_m', 'x', 'y_m', 'y', 'z_m', 'z')
         """
-        from robustpolish.models.mechanical.air_bearing import from_air_bearing
-
-        return from_air_bearing(parameters, dissipation)
+        return cls._of(air_bearing_data(parameters, dissipation))
 
     @classmethod
     def from_toml(cls, source: str | Path) -> MechanicalModel:
@@ -353,9 +264,7 @@ class MechanicalModel(Displayed):
         InvalidInputError
             If the file cannot be read or is no model; the message names the line or key.
         """
-        from robustpolish.models.mechanical.toml import read_model
-
-        return read_model(source)
+        return cls._of(read_model(source))
 
     def to_toml(self, path: str | Path | None = None) -> str:
         """Return the model as TOML text, and write it to `path` if one is given.
@@ -369,15 +278,11 @@ class MechanicalModel(Displayed):
         -------
         str
         """
-        from robustpolish.models.mechanical.toml import write_model
-
         return write_model(self, path)
 
     def _card(self) -> Card:
-        from robustpolish.models.mechanical.card import mechanical_card
-
         return mechanical_card(self)
 
-    def __getstate__(self) -> dict[str, Any]:
-        # The cached matrices are made anew where they are needed.
-        return {key: value for key, value in self.__dict__.items() if key != "matrices"}
+    @classmethod
+    def _of(cls, data: MechanicalData) -> MechanicalModel:
+        return cls(**{field.name: getattr(data, field.name) for field in fields(MechanicalData)})

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TypeVar
 
+from robustpolish.effects import Effect
+from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.validation import described, invalid
 
-if TYPE_CHECKING:
-    from robustpolish.models.mechanical import MechanicalModel
+Model = TypeVar("Model", bound=MechanicalData)
 
 
-def values(model: MechanicalModel) -> dict[str, float]:
+def values(model: MechanicalData) -> dict[str, float]:
     """Every number of the model by its key."""
     result: dict[str, float] = {}
     for dof in model.dofs:
-        result[_mass_key(dof.name, dof.rotational)] = dof.mass
+        result[".".join(dof.key)] = dof.mass
     for i, spring in enumerate(model.springs):
         result[f"spring[{i}].stiffness"] = spring.stiffness
     for i, damper in enumerate(model.dampers):
@@ -29,7 +30,7 @@ def values(model: MechanicalModel) -> dict[str, float]:
     return result
 
 
-def replaced(model: MechanicalModel, changes: Mapping[str, float]) -> MechanicalModel:
+def replaced(model: Model, changes: Mapping[str, float]) -> Model:
     """Return `model` with the numbers of `changes` instead of its own."""
     known = values(model)
     for key in changes:
@@ -43,7 +44,7 @@ def replaced(model: MechanicalModel, changes: Mapping[str, float]) -> Mechanical
     new = {**known, **changes}
     return replace(
         model,
-        dofs=tuple(replace(d, mass=new[_mass_key(d.name, d.rotational)]) for d in model.dofs),
+        dofs=tuple(replace(d, mass=new[".".join(d.key)]) for d in model.dofs),
         springs=tuple(
             replace(spring, stiffness=new[f"spring[{i}].stiffness"])
             for i, spring in enumerate(model.springs)
@@ -54,13 +55,30 @@ def replaced(model: MechanicalModel, changes: Mapping[str, float]) -> Mechanical
         ),
         inputs=tuple(replace(item, gain=new[f"input.{item.name}.gain"]) for item in model.inputs),
         effects=tuple(
-            replace(
-                effect, parameters={name: new[f"effect[{i}].{name}"] for name in effect.parameters}
-            )
+            effect.with_values({name: new[f"effect[{i}].{name}"] for name in effect.parameters})
             for i, effect in enumerate(model.effects)
         ),
     )
 
 
-def _mass_key(name: str, rotational: bool) -> str:
-    return f"dof.{name}.{'inertia' if rotational else 'mass'}"
+def unit_of(model: MechanicalData, key: str) -> str:
+    """Return the SI unit of the number with a key of :func:`values`."""
+    if key.startswith("dof."):
+        return model.dof(key.removeprefix("dof.").rsplit(".", 1)[0]).unit
+    if key.startswith("input."):
+        return "1"
+    index, name = int(key[key.index("[") + 1 : key.index("]")]), key.rsplit(".", 1)[1]
+    if key.startswith("effect"):
+        return effect_unit(model, model.effects[index], name)
+    if key.startswith("spring"):
+        return "N m/rad" if model.is_rotational(model.springs[index].between) else "N/m"
+    return "N m s/rad" if model.is_rotational(model.dampers[index].between) else "N s/m"
+
+
+def effect_unit(model: MechanicalData, effect: Effect, name: str) -> str:
+    """Return the SI unit of a parameter of an effect at its place in a model."""
+    parameter = effect.definition.parameter(name)
+    if parameter.dimension == "signal":
+        signals = (*model.inputs, *model.outputs)
+        return model.unit_of(next(item for item in signals if item.name == effect.at[0]))
+    return parameter.unit(model.is_rotational(effect.at))

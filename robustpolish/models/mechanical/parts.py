@@ -1,19 +1,20 @@
 """The parts of a mechanical model, each checked when it is made.
 
 Every message names the part the way the file names it: ``dof.x.mass``,
-``spring[0].between`` (the first spring), ``input.F_x.force_on``.
+``spring[0].between`` (the first spring), ``input.F_x.force_on``. The key of the error is the same
+as a tuple: ``("dof", "x", "mass")``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from robustpolish.effects import GROUND
-from robustpolish.validation import described, invalid, positive
+from robustpolish.validation import Key, described, invalid, positive
 
 DISPLACEMENT = "displacement"
 VELOCITY = "velocity"
@@ -70,13 +71,15 @@ class Dof:
         name = text("dof", self.name)
         if name == GROUND:
             raise invalid(
-                f"dof.{name}", name, "a name other than 'ground'", "Rename the coordinate."
+                ("dof", name), name, "a name other than 'ground'", "Rename the coordinate."
             )
-        key, unit = ("inertia", "kg m^2") if self.rotational else ("mass", "kg")
-        argument = f"dof.{name}.{key}"
-        object.__setattr__(
-            self, "mass", positive(argument, number(argument, self.mass), unit, True)
-        )
+        mass = positive(self.key, number(self.key, self.mass), self.unit, True)
+        object.__setattr__(self, "mass", mass)
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """Where its mass or moment of inertia stands in a model."""
+        return ("dof", self.name, "inertia" if self.rotational else "mass")
 
     @property
     def unit(self) -> str:
@@ -167,12 +170,12 @@ class Input:
 
     def __post_init__(self) -> None:
         name = text("input", self.name)
-        argument = f"input.{name}.gain"
+        argument = ("input", name, "gain")
         gain = number(argument, self.gain)
         if gain == 0:
             raise invalid(argument, self.gain, "a number other than 0", "Leave the input out.")
         object.__setattr__(self, "gain", gain)
-        unit_text(f"input.{name}.unit", self.unit)
+        unit_text(("input", name, "unit"), self.unit)
 
 
 @dataclass(frozen=True)
@@ -211,10 +214,15 @@ class Output:
 
     def __post_init__(self) -> None:
         name = text("output", self.name)
-        unit_text(f"output.{name}.unit", self.unit)
+        unit_text(("output", name, "unit"), self.unit)
 
 
-def text(argument: str, value: Any) -> str:
+def imposed_by(inputs: Iterable[Input]) -> frozenset[str]:
+    """Return the names of the coordinates whose motion inputs impose."""
+    return frozenset(item.on[0] for item in inputs if item.imposes)
+
+
+def text(argument: str | Key, value: Any) -> str:
     """Return `value` if it is a name: a string that is not blank."""
     if not isinstance(value, str) or not value.strip():
         raise invalid(argument, value, "a name", "Write it as text between quotation marks.")
@@ -224,13 +232,13 @@ def text(argument: str, value: Any) -> str:
     return value
 
 
-def unit_text(argument: str, value: Any) -> None:
+def unit_text(argument: Key, value: Any) -> None:
     """Refuse a unit that is neither None nor text."""
     if value is not None and (not isinstance(value, str) or not value.strip()):
         raise invalid(argument, value, "a unit", "Write it as text, such as 'V'.")
 
 
-def number(argument: str, value: Any) -> float:
+def number(argument: str | Key, value: Any) -> float:
     """Return `value` as a float; text and true/false are no numbers.
 
     Sizes beyond any machine are refused, because products of them overflow.
@@ -244,7 +252,7 @@ def number(argument: str, value: Any) -> float:
     return float(value)
 
 
-def places(argument: str, value: Any) -> tuple[str, ...]:
+def places(argument: Key, value: Any) -> tuple[str, ...]:
     """Return one place or a list of places as a tuple of one or two different names."""
     if isinstance(value, str):
         value = (value,)

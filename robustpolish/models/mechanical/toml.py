@@ -11,7 +11,7 @@ from typing import Any
 
 from robustpolish.effects import GROUND, Effect
 from robustpolish.errors import InvalidInputError
-from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import (
     DISPLACEMENT,
     FORCE,
@@ -24,7 +24,7 @@ from robustpolish.models.mechanical.parts import (
 )
 from robustpolish.models.mechanical.toml_lines import line_of
 from robustpolish.saving import write_file
-from robustpolish.validation import described, invalid, one_of
+from robustpolish.validation import Key, described, invalid, one_of
 from robustpolish.versions import __version__
 
 Table = Mapping[str, Any]
@@ -32,7 +32,7 @@ Table = Mapping[str, Any]
 _TOP = ("name", "spin_frequency", "dof", "spring", "damper", "input", "output", "effect")
 
 
-def read_model(source: str | Path) -> MechanicalModel:
+def read_model(source: str | Path) -> MechanicalData:
     """Read a model from a file, or from TOML text if `source` has a line break."""
     if isinstance(source, str) and "\n" in source:
         text, where = source, "model"
@@ -47,8 +47,9 @@ def read_model(source: str | Path) -> MechanicalModel:
     try:
         return _model(table)
     except InvalidInputError as error:
-        line = line_of(text, str(error))
-        raise InvalidInputError(f"{where}{f', line {line}' if line else ''}: {error}") from None
+        line = line_of(text, error.key)
+        at = f"{where}, line {line}" if line else where
+        raise InvalidInputError(f"{at}: {error}", error.key) from None
 
 
 def _read(source: str | Path) -> str:
@@ -62,10 +63,10 @@ def _read(source: str | Path) -> str:
         raise invalid("model", described(f"{source} ({reason})"), expected, remedy) from None
 
 
-def _model(table: Table) -> MechanicalModel:
-    _keys("", table, _TOP, required=("dof", "output"))
-    dofs = [_dof(name, item) for name, item in _table("dof", table["dof"]).items()]
-    return MechanicalModel(
+def _model(table: Table) -> MechanicalData:
+    _keys((), table, _TOP, required=("dof", "output"))
+    dofs = [_dof(name, item) for name, item in _table(("dof",), table["dof"]).items()]
+    return MechanicalData(
         dofs=tuple(dofs),
         springs=_list(table, "spring", _spring),
         dampers=_list(table, "damper", _damper),
@@ -77,38 +78,37 @@ def _model(table: Table) -> MechanicalModel:
     )
 
 
-def _table(where: str, value: Any) -> Table:
+def _table(where: Key, value: Any) -> Table:
     if not isinstance(value, dict):
-        raise invalid(where, value, "a table", f"Write [{where}] and its keys below.")
+        entry = isinstance(where[-1], int)
+        header = f"[[{where[0]}]]" if entry else f"[{'.'.join(map(str, where))}]"
+        raise invalid(where, value, "a table", f"Write {header} and its keys below.")
     return value
 
 
-def _list(table: Table, key: str, make: Callable[[str, Table], Any]) -> tuple[Any, ...]:
+def _list(table: Table, key: str, make: Callable[[Key, Table], Any]) -> tuple[Any, ...]:
     items = table.get(key, [])
     if not isinstance(items, list):
         raise invalid(
             key, described("a single table"), f"[[{key}]]", "Write two brackets: it is a list."
         )
-    return tuple(make(f"{key}[{i}]", _table(f"{key}[{i}]", item)) for i, item in enumerate(items))
+    return tuple(make((key, i), _table((key, i), item)) for i, item in enumerate(items))
 
 
-def _keys(where: str, table: Table, known: Iterable[str], required: Iterable[str] = ()) -> None:
+def _keys(where: Key, table: Table, known: Iterable[str], required: Iterable[str] = ()) -> None:
     known = tuple(known)
-    prefix = f"{where}." if where else ""
     for key in table:
         if key not in known:
-            listed = ", ".join(known)
-            raise invalid(
-                f"{prefix}{key}", described("an unknown key"), f"one of {listed}", "Correct it."
-            )
+            one_of_these, shown = f"one of {', '.join(known)}", described("an unknown key")
+            raise invalid((*where, key), shown, one_of_these, "Correct it.")
     for key in required:
         if key not in table:
             what = f"no {key}" if where else f"no table {key}"
-            raise invalid(where or key, described(what), f"{key} to be given", f"Add {key}.")
+            raise invalid(where or (key,), described(what), f"{key} to be given", f"Add {key}.")
 
 
 def _dof(name: str, item: Any) -> Dof:
-    where = f"dof.{name}"
+    where = ("dof", name)
     item = _table(where, item)
     _keys(where, item, ("mass", "inertia"))
     if len(item) != 1:
@@ -118,17 +118,17 @@ def _dof(name: str, item: Any) -> Dof:
     return Dof(name, item["inertia" if rotational else "mass"], rotational)
 
 
-def _spring(where: str, item: Table) -> Spring:
+def _spring(where: Key, item: Table) -> Spring:
     _keys(where, item, ("between", "stiffness"), ("between", "stiffness"))
     return Spring(item["between"], item["stiffness"])
 
 
-def _damper(where: str, item: Table) -> Damper:
+def _damper(where: Key, item: Table) -> Damper:
     _keys(where, item, ("between", "damping"), ("between", "damping"))
     return Damper(item["between"], item["damping"])
 
 
-def _input(where: str, item: Table, dofs: list[Dof]) -> Input:
+def _input(where: Key, item: Table, dofs: list[Dof]) -> Input:
     places = ("force_on", "torque_on", "motion_of")
     _keys(where, item, ("name", *places, "gain", "quantity", "unit"), ("name",))
     given = [key for key in places if key in item]
@@ -138,18 +138,20 @@ def _input(where: str, item: Table, dofs: list[Dof]) -> Input:
     key = given[0]
     if key == "motion_of":
         imposes = item.get("quantity", DISPLACEMENT)
-        one_of(f"{where}.quantity", imposes, [q for q, kind in QUANTITIES.items() if kind != FORCE])
+        one_of(
+            (*where, "quantity"), imposes, [q for q, kind in QUANTITIES.items() if kind != FORCE]
+        )
     else:
         imposes = None
         if "quantity" in item:
             raise invalid(
-                f"{where}.quantity", item["quantity"], f"no quantity with {key}", "Remove it."
+                (*where, "quantity"), item["quantity"], f"no quantity with {key}", "Remove it."
             )
-        _force_fits(f"{where}.{key}", key, item[key], dofs)
+        _force_fits((*where, key), key, item[key], dofs)
     return Input(item["name"], item[key], imposes, item.get("gain", 1.0), item.get("unit"))
 
 
-def _force_fits(where: str, key: str, place: Any, dofs: list[Dof]) -> None:
+def _force_fits(where: Key, key: str, place: Any, dofs: list[Dof]) -> None:
     """Refuse a force on an inertia and a torque on a mass."""
     name = place[0] if isinstance(place, list) and place else place
     for dof in dofs:
@@ -164,10 +166,10 @@ def _force_fits(where: str, key: str, place: Any, dofs: list[Dof]) -> None:
             )
 
 
-def _output(where: str, item: Table) -> Output:
+def _output(where: Key, item: Table) -> Output:
     _keys(where, item, ("name", "measures", "quantity", "relative_to", "of", "unit"), ("name",))
     quantity = item.get("quantity", DISPLACEMENT)
-    one_of(f"{where}.quantity", quantity, tuple(QUANTITIES))
+    one_of((*where, "quantity"), quantity, tuple(QUANTITIES))
     unit = item.get("unit")
     if QUANTITIES[quantity] == FORCE:
         _keys(where, item, ("name", "quantity", "of", "unit"), ("of",))
@@ -178,21 +180,21 @@ def _output(where: str, item: Table) -> Output:
     return Output(item["name"], of, quantity, unit=unit)
 
 
-def _effect(where: str, item: Table) -> Effect:
+def _effect(where: Key, item: Table) -> Effect:
     _keys(where, item, ("kind", "at", "parameters"), ("kind", "at"))
     at = item["at"]
     if not isinstance(at, str | list) or not at:
-        raise invalid(f"{where}.at", at, "a list of names", "Write at = ['x', 'ground'].")
+        raise invalid((*where, "at"), at, "a list of names", "Write at = ['x', 'ground'].")
     if not isinstance(item["kind"], str):
-        raise invalid(f"{where}.kind", item["kind"], "a name", "Write it as text.")
+        raise invalid((*where, "kind"), item["kind"], "a name", "Write it as text.")
     place = (at,) if isinstance(at, str) else tuple(at)
     try:
         return Effect(item["kind"], place, item.get("parameters", {}))
     except InvalidInputError as error:
-        raise InvalidInputError(f"{where}: {error}") from None
+        raise InvalidInputError(f"effect[{where[1]}]: {error}", (*where, *error.key[1:])) from None
 
 
-def write_model(model: MechanicalModel, path: str | Path | None = None) -> str:
+def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
     """Return `model` as TOML text; write it to `path` whole or not at all."""
     lines: list[str] = [f"# A mechanical model of robustpolish {__version__}", ""]
     if model.name:
@@ -200,8 +202,11 @@ def write_model(model: MechanicalModel, path: str | Path | None = None) -> str:
     if model.spin_frequency is not None:
         lines.append(f"spin_frequency = {_value(model.spin_frequency)}  # Hz")
     for dof in model.dofs:
-        key = "inertia" if dof.rotational else "mass"
-        lines += ["", f"[dof.{_key(dof.name)}]", f"{key} = {_value(dof.mass)}  # {dof.unit}"]
+        lines += [
+            "",
+            f"[dof.{_key(dof.name)}]",
+            f"{dof.key[-1]} = {_value(dof.mass)}  # {dof.unit}",
+        ]
     for spring in model.springs:
         lines += _entry("spring", {"between": spring.between, "stiffness": spring.stiffness})
     for damper in model.dampers:
@@ -219,7 +224,7 @@ def write_model(model: MechanicalModel, path: str | Path | None = None) -> str:
     return text
 
 
-def _input_table(model: MechanicalModel, item: Input) -> dict[str, Any]:
+def _input_table(model: MechanicalData, item: Input) -> dict[str, Any]:
     if item.imposes:
         table: dict[str, Any] = {"name": item.name, "motion_of": item.on[0]}
         if item.imposes != DISPLACEMENT:

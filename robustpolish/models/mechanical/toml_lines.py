@@ -1,29 +1,28 @@
 """Where in a TOML text a key stands, so that a message can say so.
 
-`tomllib` gives values without positions. The keys in our messages, such as
-``spring[1].stiffness`` or ``input.F_x.gain``, are enough to find the line.
+`tomllib` gives values without positions. The keys of our errors, such as
+``("spring", 1, "stiffness")`` or ``("input", "F_x", "gain")``, are enough to find the line.
 """
 
 from __future__ import annotations
 
 import re
 
+from robustpolish.validation import Key
+
 _HEADER = re.compile(r"^\s*\[(?P<list>\[)?\s*(?P<name>[^\]]+?)\s*\]")
-_PATH = re.compile(
-    r"^(?P<table>dof|spring|damper|input|output|effect|name|spin_frequency)"
-    r"(?:\[(?P<index>\d+)\])?(?: and output)?(?P<rest>[^:]*)"
-)
 
 
-def line_of(text: str, message: str) -> int | None:
-    r"""Return the line, counted from 1, of the key that `message` begins with.
+def line_of(text: str, key: Key) -> int | None:
+    r"""Return the line, counted from 1, on which a key stands.
 
     Parameters
     ----------
     text : str
         The TOML file.
-    message : str
-        A message that begins with a key, such as ``"dof.x.mass: got ..."``.
+    key : tuple of str or int
+        As in `InvalidInputError.key`: the table, the name or number of its entry, then the way
+        inside it.
 
     Returns
     -------
@@ -32,58 +31,56 @@ def line_of(text: str, message: str) -> int | None:
 
     Examples
     --------
-    >>> line_of("[dof.x]\nmass = -1", "dof.x.mass: got -1, ...")
+    >>> line_of("[dof.x]\nmass = -1", ("dof", "x", "mass"))
     2
     """
-    found = _PATH.match(message)
-    if not found:
-        return _first_mention(text, message)
-    table, index = found["table"], found["index"]
-    names = [part.strip("'\" ") for part in re.split(r"[.\s]", found["rest"]) if part]
+    if not key:
+        return None
     lines = text.splitlines()
-    block = _block(lines, table, index, names)
+    block = _block(lines, key)
     if block is None:
-        pattern = re.compile(rf"^\s*{re.escape(names[0] if names else table)}\s*=")
-        return next((i for i, line in enumerate(lines, 1) if pattern.match(line)), None)
+        outermost = [part for part in key[:2] if isinstance(part, str)][-1]
+        return _mention(lines, 0, len(lines), rf"(\[\[?\s*)?{_quoted(outermost)}\s*[\]=.]")
     first, last = block
-    for name in reversed(names):
-        pattern = re.compile(rf"^\s*[\"']?{re.escape(name)}[\"']?\s*[=.]")
-        for i in range(first, last):
-            if pattern.match(lines[i]):
-                return i + 1
+    for part in reversed(key[2:]):
+        line = _mention(lines, first, last, rf"{_quoted(part)}\s*[=.]")
+        if line is not None:
+            return line
     return first
 
 
-def _first_mention(text: str, message: str) -> int | None:
-    """Return the line of a table or key that the format does not know."""
-    name = re.escape(message.split(":")[0])
-    pattern = re.compile(rf"^\s*(\[\[?\s*)?[\"']?{name}[\"']?\s*[\]=.]")
-    return next((i for i, line in enumerate(text.splitlines(), 1) if pattern.match(line)), None)
+def _quoted(part: str | int) -> str:
+    return rf"[\"']?{re.escape(str(part))}[\"']?"
 
 
-def _block(
-    lines: list[str], table: str, index: str | None, names: list[str]
-) -> tuple[int, int] | None:
+def _mention(lines: list[str], first: int, last: int, pattern: str) -> int | None:
+    """Return the first of the lines after `first` that begins like this, counted from 1."""
+    begins = re.compile(rf"^\s*{pattern}")
+    return next((i + 1 for i in range(first, last) if begins.match(lines[i])), None)
+
+
+def _block(lines: list[str], key: Key) -> tuple[int, int] | None:
     """Return the line of a table's header, from 1, and the line where the next table begins."""
     headers = [
-        (i, found["name"].replace('"', "").replace("'", "").replace(" ", ""))
+        (i, _bare(found["name"]))
         for i, line in enumerate(lines, 1)
         if (found := _HEADER.match(line))
     ]
-    if not headers:
-        return None
     ends = [i - 1 for i, _ in headers[1:]] + [len(lines)]
-    blocks = [(i, end, name) for (i, name), end in zip(headers, ends, strict=True)]
-    wanted = [block for block in blocks if block[2] == table]
-    if index is not None:
-        chosen = wanted[int(index)] if int(index) < len(wanted) else None
-    elif names and table == "dof":
-        key = f"dof.{names[0]}"
-        chosen = next((block for block in blocks if block[2] == key), None)
-    elif names:
-        named = re.compile(rf"^\s*name\s*=\s*[\"']{re.escape(names[0])}[\"']")
-        same = [b for b in wanted if any(named.match(line) for line in lines[b[0] : b[1]])]
-        chosen = same[-1] if same else None  # of two with one name the later one is too many
+    blocks = [(i, end, name) for (i, name), end in zip(headers, ends, strict=False)]
+    if len(key) < 2:
+        return None
+    table, entry = key[:2]
+    if table == "dof":
+        chosen = [block for block in blocks if block[2] == _bare(f"dof.{entry}")][:1]
+    elif isinstance(entry, int):
+        chosen = [block for block in blocks if block[2] == table][entry : entry + 1]
     else:
-        chosen = None
-    return None if chosen is None else (chosen[0], chosen[1])
+        named = rf"name\s*=\s*{_quoted(entry)}\s*(#|$)"
+        same = [b for b in blocks if b[2] == table and _mention(lines, b[0], b[1], named)]
+        chosen = same[-1:]  # of two with one name the later one is too many
+    return (chosen[0][0], chosen[0][1]) if chosen else None
+
+
+def _bare(name: str) -> str:
+    return re.sub(r"[\"' ]", "", name)
