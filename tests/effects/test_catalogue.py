@@ -1,9 +1,11 @@
+"""Every built-in kind: its explanation, its shapes, its energy."""
+
+import pickle
+
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect, Motion, force_along, kinds, lookup, register, registry
-from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.errors import InvalidInputError
+from robustpolish.effects import Effect, Motion, force_along, kinds, lookup
 
 NAMED = [
     "coulomb_friction",
@@ -81,35 +83,41 @@ def test_friction_takes_energy_out():
         assert power < 0
 
 
-def test_bad_effects_say_what_is_wrong():
-    with pytest.raises(InvalidInputError, match="coulomb_friktion"):
-        Effect("coulomb_friktion", ("x", "ground"))
-    with pytest.raises(InvalidInputError, match="weight"):
-        Effect("coulomb_friction", ("x", "ground"), {"weight": 1.0})
-    with pytest.raises(InvalidInputError, match="two degrees"):
-        Effect("gyroscopic_coupling", ("x",), {})
-    with pytest.raises(InvalidInputError, match="finite"):
-        Effect("coulomb_friction", ("x", "ground"), {"force": float("nan")})
+def test_every_kind_can_be_pickled():
+    for kind in kinds().values():
+        assert pickle.loads(pickle.dumps(kind)) == kind
 
 
-def test_users_add_a_kind(monkeypatch):
-    monkeypatch.setattr(registry, "_registered", {})
+@pytest.mark.parametrize(
+    ("name", "values", "gain", "delay"),
+    [
+        ("input_gain", {"gain": 3.0}, 3.0, 0.0),
+        ("input_delay", {"delay": 0.02}, 1.0, 0.02),
+        ("input_hold", {"order": 0.0}, 1.0, 0.0),
+        ("input_hold", {"order": 3.0}, 1.0, 0.0),
+        ("sensor_gain", {"gain": 0.5}, 0.5, 0.0),
+        ("sensor_offset", {"offset": 1e6}, 1.0, 0.0),
+    ],
+)
+def test_the_linear_part_of_a_signal_effect_is_its_answer_to_a_slow_signal(
+    name, values, gain, delay
+):
+    kind = lookup(name)
+    assert kind.signal_slope(values) == (gain, delay)
+    time = np.arange(4000) * 1e-3
+    signal = np.sin(time)
+    effect = Effect(name, ("x",), values)
+    changed = effect.on_signal(signal, time) - effect.on_signal(0 * signal, time)
+    expected = gain * np.sin(np.maximum(time - delay, 0.0))
+    # a hold delays by half a sample
+    np.testing.assert_allclose(changed[5:-5], expected[5:-5], atol=6e-4)
 
-    def law(t, q, v, z, p, f, dz):
-        f[0] = -p[0] * q[0] ** 5
 
-    kind = EffectKind(
-        "fifth_power", "Fifth power", "pair", (Parameter("stiffness", "F/L^5", "coefficient"),), law
-    )
-    assert register(kind) is lookup("fifth_power")
-    along = motion(kind)
-    force = force_along(kind, along, np.array([2.0]))
-    np.testing.assert_allclose(force, -2 * along.q**5)
-    with pytest.raises(InvalidInputError, match="taken"):
-        register(EffectKind("cubic_stiffness", "Another", "pair", (Parameter("a", "F", "b"),), law))
-
-
-def test_units_follow_the_motion():
-    parameter = lookup("cubic_stiffness").parameter("stiffness")
-    assert parameter.unit() == "N/m^3"
-    assert parameter.unit(rotational=True) == "N m/rad^3"
+def test_friction_parameters_know_their_limits_in_a_fit():
+    stribeck, stop = lookup("stribeck_friction"), lookup("contact_stop")
+    values = {"force": 2.0, "static_force": 3.0, "velocity": 0.1, "width": 0.0}
+    assert stribeck.parameter("static_force").bounds_from(values) == (1.9, np.inf)
+    assert stribeck.parameter("velocity").bounds_from(values) == (0.1 * 0.2, 0.1 * 6)
+    assert stop.parameter("gap").bounds_from({"gap": 1e-3, "stiffness": 1.0}) == (0.0, np.inf)
+    assert stop.parameter("gap").bounds_from({"gap": -1e-3, "stiffness": 1.0}) == (-np.inf, 0.0)
+    assert lookup("harmonic_force").parameter("phase").scale_from(3.0) == 1.0

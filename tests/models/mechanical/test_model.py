@@ -1,6 +1,8 @@
 """Mechanical models against hand-written matrices and the air bearing."""
 
+import copy
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +20,8 @@ from robustpolish.models import (
     air_bearing,
 )
 from robustpolish.simulation import linear_response
+
+GROUND = ("x", "ground")
 
 
 def two_masses(**changes):
@@ -237,10 +241,60 @@ def test_parameters_by_key_and_back():
 def test_models_travel_to_other_processes():
     model = two_masses().with_effect("coulomb_friction", ("x", "ground"), {"force": 3.0})
     model.state_space()
-    assert pickle.loads(pickle.dumps(model)) == model
+    again = pickle.loads(pickle.dumps(model))
+    assert again == model
+    assert "matrices" not in vars(again)  # made anew where they are needed
+    np.testing.assert_array_equal(again.matrices.K, model.matrices.K)
+    assert copy.deepcopy(model) == model
+    assert isinstance(replace(model, name="other"), MechanicalModel)
 
 
-GROUND = ("x", "ground")
+def test_a_replaced_part_gives_new_matrices():
+    model = two_masses()
+    assert model.matrices.K[0, 0] == 1.3e5
+    stiffer = replace(model, springs=[Spring(("x_m", "ground"), 2e5)])
+    assert stiffer.springs == (Spring(("x_m", "ground"), 2e5),)
+    assert stiffer.matrices.K[0, 0] == 2e5
+
+
+@pytest.mark.parametrize(
+    ("make", "key"),
+    [
+        (lambda: Dof("x", -1.0), ("dof", "x", "mass")),
+        (lambda: Dof("x", "1", rotational=True), ("dof", "x", "inertia")),
+        (lambda: two_masses(springs=[Spring(GROUND, np.nan)]), ("spring", 0, "stiffness")),
+        (lambda: two_masses(dampers=[Damper(("x", "y"), 1.0)]), ("damper", 0, "between")),
+        (lambda: Input("F", GROUND, gain=0), ("input", "F", "gain")),
+        (lambda: two_masses(inputs=[Input("F", GROUND)] * 2), ("input", "F")),
+        (lambda: two_masses(outputs=[Output("x", GROUND, "angle")]), ("output", "x", "quantity")),
+        (
+            lambda: two_masses(inputs=[Input("v", GROUND, "velocity")]),
+            ("input", "v", "motion_of"),
+        ),
+        (lambda: two_masses().with_effect("input_gain", "x"), ("effect", 0, "at")),
+        (lambda: two_masses(spin_frequency=-1.0), ("spin_frequency",)),
+    ],
+)
+def test_errors_carry_keys(make, key):
+    with pytest.raises(InvalidInputError) as caught:
+        make()
+    assert caught.value.key == key
+    assert pickle.loads(pickle.dumps(caught.value)).key == key
+
+
+def test_the_table_shows_units_of_effects():
+    turning = MechanicalModel(
+        [Dof("phi", 1.0, rotational=True)],
+        [Spring(("phi", "ground"), 1.0)],
+        [Damper(("phi", "ground"), 1.0)],
+        outputs=[Output("angle", ("phi", "ground"))],
+    )
+    turning = turning.with_effect("cubic_stiffness", "phi", {"stiffness": 2.0})
+    shown = str(turning.with_effect("sensor_offset", "angle", {"offset": 0.1}))
+    for unit in ("kg m^2", "N m/rad\n", "N m s/rad", "N m/rad^3", "0.1  rad"):
+        assert unit in shown
+
+
 BAD = {
     "mass": (lambda: two_masses(dofs=[Dof("x", -1.0)]), r"dof\.x\.mass"),
     "zero mass": (lambda: MechanicalModel([Dof("x", 0.0)], outputs=[Output("x", GROUND)]), "mass"),

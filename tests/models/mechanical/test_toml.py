@@ -175,6 +175,56 @@ def test_refused_with_the_key(old, new, key):
         MechanicalModel.from_toml(FILE.replace(old, new, 1))
 
 
+def test_errors_carry_the_key():
+    cases = [
+        ("stiffness = 2.9821e5", "stiffness = '3'", ("spring", 1, "stiffness")),
+        ("mass = 0.2", "mass = -0.2", ("dof", "x", "mass")),
+        ("force_on", "torque_on", ("input", 0, "torque_on")),
+        ("= 3.1", "= nan", ("effect", 0, "parameters", "force")),
+    ]
+    for old, new, key in cases:
+        with pytest.raises(InvalidInputError) as caught:
+            MechanicalModel.from_toml(FILE.replace(old, new, 1))
+        assert caught.value.key == key
+
+
+LINES = """\
+[dof."my x"]
+mass = 1
+[[spring]]
+stiffness = 1
+[[spring]] # the other
+between = "a, b"
+"stiffness" = 2
+[[input]]
+name = "F"
+[[input]]
+name = 'F'  # again
+gain = 3
+"""
+
+
+@pytest.mark.parametrize(
+    ("key", "line"),
+    [
+        (("dof", "my x"), 1),
+        (("dof", "my x", "mass"), 2),
+        (("spring", 0, "stiffness"), 4),
+        (("spring", 1, "stiffness"), 7),
+        (("spring", 1, "damping"), 5),
+        (("input", "F"), 10),
+        (("input", "F", "gain"), 12),
+        (("input", 0, "gain"), 8),
+        (("spring",), 3),
+        (("output", "y"), None),
+        (("spring", 7), 3),
+        ((), None),
+    ],
+)
+def test_line_of_a_key(key, line):
+    assert line_of(LINES, key) == line
+
+
 def test_unreadable_files_are_refused(tmp_path):
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"\xff\xfe\x00\x80")

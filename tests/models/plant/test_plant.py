@@ -1,5 +1,7 @@
 """The generalised plant: its blocks, its loop and its complaints."""
 
+import copy
+
 import control
 import numpy as np
 import pytest
@@ -123,3 +125,90 @@ def test_controller_must_fit():
         plant.closed_loop(np.zeros((2, 3)))
     with pytest.raises(InvalidInputError, match="sampling time"):
         plant.closed_loop(control.ss(0.5, np.ones((1, 2)), np.ones((3, 1)), 0, 0.1))
+
+
+def named_plant():
+    return random_plant(np.random.default_rng(5)).replace(
+        states=["a", "b", "c", "d"],
+        disturbances=["F", "G"],
+        units={"a": "m", "F": "N", "z1": "m", "y2": "V"},
+    )
+
+
+def test_replaced_names_keep_every_matrix_and_unit():
+    plant = named_plant()
+    assert plant.system.input_labels == ["F", "G", "u1", "u2", "u3"]
+    again = plant.replace(measurements=["one", "y2"], units={"one": "V", "F": "kN"})
+    for name in "ABCD":
+        np.testing.assert_array_equal(getattr(again.system, name), getattr(plant.system, name))
+    assert again.measurement_names == ("one", "y2")
+    assert dict(again.units) == {"a": "m", "F": "kN", "z1": "m", "y2": "V", "one": "V"}
+    assert (again.states, again.disturbance_names) == (plant.states, ("F", "G"))
+
+
+def test_replaced_matrices_keep_all_others():
+    plant = named_plant()
+    wider = np.hstack([plant.B1, plant.B1[:, :1]])
+    again = plant.replace(
+        B1=wider,
+        D11=np.zeros((2, 3)),
+        D21=np.zeros((2, 3)),
+        disturbances=["F", "G", "H"],
+    )
+    np.testing.assert_array_equal(again.B1, wider)
+    for name in ("A", "B2", "C1", "C2", "D12", "D22"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(plant, name))
+    assert dict(again.units) == dict(plant.units)
+    assert plant.replace(C1=plant.C1 * 2, D11=plant.D11 * 2).performance_names == ("z1", "z2")
+    assert plant.replace(dt=0.1).dt == 0.1
+    assert plant.replace(dt=0.1).replace(A=np.eye(4)).dt == 0.1
+
+
+def test_a_feedthrough_of_zeros_takes_the_new_size():
+    plant = rp.air_bearing()
+    again = plant.replace(B1=plant.B1[:, :1], disturbances=["F_x"])
+    assert again.D11.shape == (6, 1)
+    assert again.D21.shape == (12, 1)
+    assert again.units["F_x"] == "N"
+    assert "F_y" not in again.units
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"B1": np.zeros((4, 3))}, "D11"),
+        ({"A": np.zeros((3, 3))}, "B1"),
+        ({"C1": np.zeros((3, 4)), "D11": np.zeros((3, 2)), "D12": np.zeros((3, 3))}, "performance"),
+        ({"disturbances": ["F"]}, "disturbances"),
+        ({"units": {"nobody": "m"}}, "nobody"),
+    ],
+)
+def test_bad_replacements_are_named(change, message):
+    with pytest.raises(InvalidInputError, match=message):
+        named_plant().replace(**change)
+
+
+def test_a_part_has_the_rows_and_columns_of_the_whole():
+    plant = named_plant()
+    part = plant.part(disturbances=[1], performance=[1, 0], measurements=[], controls=[2, 0])
+    assert part.system.input_labels == ["G", "u3", "u1"]
+    assert part.system.output_labels == ["z2", "z1"]
+    np.testing.assert_array_equal(part.D12, plant.D12[[1, 0]][:, [2, 0]])
+    np.testing.assert_array_equal(part.B1, plant.B1[:, [1]])
+    assert dict(part.units) == {"a": "m", "z1": "m"}
+    alone = plant.part(states=[], disturbances=[0])
+    assert (alone.nx, alone.nw, alone.ny) == (0, 1, 2)
+    np.testing.assert_array_equal(alone.D11, plant.D11[:, [0]])
+
+
+def test_states_without_inputs_are_kept():
+    plant = random_plant(np.random.default_rng(6))
+    closed = plant.part(disturbances=[], controls=[], performance=[], measurements=[])
+    assert closed.nx == 4
+
+
+def test_plants_are_copied():
+    plant = rp.air_bearing()
+    again = copy.copy(plant)
+    np.testing.assert_array_equal(again.A, plant.A)
+    assert again.units == plant.units
