@@ -30,11 +30,12 @@ test: $(READY) ## Run the tests (about ten minutes on two cores)
 test-slow: $(READY) ## Run the long checks too
 	$(BIN)/python -m pytest -q -n 2 --timeout 3600
 
-lint: $(READY) ## Check style, types and the direction of imports
+lint: $(READY) ## Check style, types, the direction of imports, cycles and crowded folders
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.structure.imports
 
 docs: $(READY) ## Build the documentation, warnings are errors; pages go to docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
