@@ -9,9 +9,9 @@ from math import ceil, pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.brush import disc_motion as disc
-from robustpolish.brush import rim_contact as rim
 from robustpolish.brush.parameters import BrushParameters
+from robustpolish.brush.physical import disc_motion as disc
+from robustpolish.brush.physical import rim_contact as rim
 from robustpolish.errors import RobustPolishWarning, SolverError
 
 _FIRST_TOLERANCE = 1e-3  # error per step of the coarsest pass, in units of the static contact
@@ -28,7 +28,7 @@ class PhysicalRun:
     time : ndarray, shape (n,)
         [s].
     track : ndarray, shape (n, STATES)
-        States of `robustpolish.brush.disc_motion`.
+        States of `robustpolish.brush.physical.disc_motion`.
     forces : ndarray, shape (n, 3)
         Contact force on the brush in world axes, averaged over each sample [N].
     loads : ndarray, shape (n, LOADS)

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
-from robustpolish.brush import BrushParameters, Surface, disc_motion, simulate_brush
-from robustpolish.brush.angles import euler_angles
-from robustpolish.brush.physical import integrate
-from robustpolish.brush.rim_contact import rim_nodes
+from robustpolish.brush import BrushParameters, Surface, simulate_brush
+from robustpolish.brush.physical import disc_motion
+from robustpolish.brush.physical.angles import euler_angles
+from robustpolish.brush.physical.rim_contact import rim_nodes
+from robustpolish.brush.physical.run import integrate
 from robustpolish.errors import RobustPolishWarning, SolverError
 
 FORCES = ("F_x", "F_y", "F_z")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish.brush import BrushParameters, Surface
-from robustpolish.brush import rim_contact as rim
+from robustpolish.brush.physical import rim_contact as rim
 
 
 def _constants(brush: BrushParameters) -> np.ndarray:

@@ -8,10 +8,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from robustpolish.brush import ode45
 from robustpolish.brush.dormand_prince import NODES, STAGES, inside_step, stage_state
-from robustpolish.brush.listing_defects import ListingDefects
-from robustpolish.brush.listing_equations import (
+from robustpolish.brush.listing import ode45
+from robustpolish.brush.listing.defects import ListingDefects
+from robustpolish.brush.listing.equations import (
     FORCE_P,
     UPRIGHT,
     brush_slope,

@@ -7,16 +7,15 @@ import xarray as xr
 from numba import njit
 from numpy.typing import ArrayLike
 
-from robustpolish.brush import ode45
 from robustpolish.brush.dataset import (
     parameters_from_attributes,
     quantity,
     time_coordinate,
 )
 from robustpolish.brush.dormand_prince import NODES, STAGES, inside_step, stage_state
-from robustpolish.brush.listing import force_divisor
-from robustpolish.brush.listing_defects import ListingDefects
-from robustpolish.brush.listing_equations import (
+from robustpolish.brush.listing import ode45
+from robustpolish.brush.listing.defects import ListingDefects
+from robustpolish.brush.listing.equations import (
     BEARING_GATE,
     FORCE_P,
     GRAVITY_TERMS,
@@ -26,7 +25,8 @@ from robustpolish.brush.listing_equations import (
     impact,
     listing_constants,
 )
-from robustpolish.brush.listing_motion import forces_of_contact
+from robustpolish.brush.listing.motion import forces_of_contact
+from robustpolish.brush.listing.run import force_divisor
 from robustpolish.errors import SolverError
 from robustpolish.validation import described, invalid, matrix, positive
 

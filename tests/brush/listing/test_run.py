@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish.brush import BrushParameters, ListingDefects, Surface, simulate_brush
-from robustpolish.brush.listing_equations import brush_slope, impact, listing_constants
+from robustpolish.brush.listing.equations import brush_slope, impact, listing_constants
 from robustpolish.errors import InvalidInputError
 
 

@@ -16,9 +16,9 @@ from robustpolish.brush.dataset import (
     path_variables,
     quantity,
 )
-from robustpolish.brush.listing_defects import ListingDefects
-from robustpolish.brush.listing_equations import UPRIGHT
-from robustpolish.brush.listing_motion import listing_forces, listing_motion
+from robustpolish.brush.listing.defects import ListingDefects
+from robustpolish.brush.listing.equations import UPRIGHT
+from robustpolish.brush.listing.motion import listing_forces, listing_motion
 from robustpolish.brush.parameters import BrushParameters
 
 Workaround = Literal["none", "divide", "impulse"]

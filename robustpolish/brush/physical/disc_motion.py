@@ -24,7 +24,7 @@ from robustpolish.brush.dormand_prince import (
     stage_state,
     step_error,
 )
-from robustpolish.brush.rim_contact import (
+from robustpolish.brush.physical.rim_contact import (
     DAMPING_POWER,
     FORCE,
     FRICTION_POWER,

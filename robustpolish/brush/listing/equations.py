@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from robustpolish.brush.listing_defects import ListingDefects
+from robustpolish.brush.listing.defects import ListingDefects
 from robustpolish.brush.parameters import BrushParameters
 
 # Places in the vector of switches: the order of the fields of ListingDefects.

@@ -6,9 +6,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from robustpolish.brush import disc_motion as disc
-from robustpolish.brush import rim_contact as rim
-from robustpolish.brush.angles import euler_angles, tilt_angles
 from robustpolish.brush.dataset import (
     POINTS,
     Variable,
@@ -20,7 +17,10 @@ from robustpolish.brush.dataset import (
     quantity,
 )
 from robustpolish.brush.parameters import BrushParameters
-from robustpolish.brush.physical import PhysicalRun, Refinement
+from robustpolish.brush.physical import disc_motion as disc
+from robustpolish.brush.physical import rim_contact as rim
+from robustpolish.brush.physical.angles import euler_angles, tilt_angles
+from robustpolish.brush.physical.run import PhysicalRun, Refinement
 
 
 def physical_dataset(
