@@ -7,8 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from robustpolish.identification.discover.diagnosis import Diagnosis
-from robustpolish.identification.discover.diagnosis_file import diagnosis_from
+from robustpolish.identification.findings.diagnosis import Diagnosis, diagnosis_from
 from robustpolish.models import GeneralizedPlant, MechanicalModel
 from robustpolish.models.plant_file import plant_from
 from robustpolish.saved_file import Fields, read_saved

@@ -4,10 +4,10 @@ from robustpolish.identification.compare.compare import compare as compare
 from robustpolish.identification.compare.comparison import Comparison as Comparison
 from robustpolish.identification.compare.comparison import OutputError as OutputError
 from robustpolish.identification.discover.diagnose import diagnose as diagnose
-from robustpolish.identification.discover.diagnosis import Diagnosis as Diagnosis
-from robustpolish.identification.discover.ledger import Ledger as Ledger
 from robustpolish.identification.discover.refit import refit as refit
-from robustpolish.identification.discover.refitted import Refit as Refit
+from robustpolish.identification.findings.diagnosis import Diagnosis as Diagnosis
+from robustpolish.identification.findings.ledger import Ledger as Ledger
+from robustpolish.identification.findings.refitted import Refit as Refit
 from robustpolish.identification.residuals.analysis import ResidualAnalysis as ResidualAnalysis
 from robustpolish.identification.residuals.analysis import residual_analysis as residual_analysis
 from robustpolish.identification.residuals.correlation import autocorrelation as autocorrelation

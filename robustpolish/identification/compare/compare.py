@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -11,13 +11,19 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from robustpolish.identification.checked_data import checked_data
 from robustpolish.identification.compare.comparison import Comparison, OutputError
 from robustpolish.identification.compare.horizon import predict
 from robustpolish.identification.compare.parameter_band import parameter_band
-from robustpolish.identification.observer.free_run import EstimatedRun, FreeRun, estimate_start
-from robustpolish.identification.observer.observed_motion import observed_motion
+from robustpolish.identification.observer.missing_force import observed_motion
 from robustpolish.identification.observer.reproducibility import reproducibility
+from robustpolish.identification.observer.run import Run, Start, StartedPiece, free_run, rest
+from robustpolish.identification.observer.start import (
+    fitted_start,
+    lengths,
+    state_sizes,
+    visible_sizes,
+)
+from robustpolish.identification.record import Record, long_enough, record_of
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid, positive
 
@@ -85,42 +91,38 @@ def compare(
     """
     if window is not None and horizon is not None:
         raise invalid("horizon", horizon, "either a window or a horizon", "Leave one of them out.")
-    record = checked_data(model, data)
-    run = FreeRun(model, record)
-    notes: list[str] = [str(note) for note in record.attrs.get("notes", ())]
+    record = record_of(model, data)
+    run = free_run(model, record)
+    notes: list[str] = [str(note) for note in record.data.attrs.get("notes", ())]
+    skip = 0
     if horizon is not None:
         method, span = "prediction", positive("horizon", horizon, "s", zero=True)
-        simulated, starts = predict(model, record, run, span)
+        simulated, first = predict(run, long_enough(model, record), span)
+        pieces = [first]
         skip = int(np.argmin(np.isnan(simulated[:, 0])))  # before the first prediction
     else:
-        skip = 0
         method, span = ("free run", None) if window is None else ("windows", window)
-        stretches = _stretches(run, window)
-        observed = None if run.linear else observed_motion(model, record)
-        guesses = None if observed is None else observed.starts(model)
-        parts = [
-            estimate_start(run, first, last, None if guesses is None else guesses[first])
-            for first, last in stretches
-        ]
-        simulated = np.concatenate([part.outputs for part in parts])
-        starts = np.array([part.state for part in parts])
-    found = reproducibility(run, EstimatedRun(starts[0], simulated), span, method)
+        pieces = _started(run, record, _stretches(run, record, window))
+        simulated = np.concatenate([run.over(piece).outputs for piece in pieces])
+    starts = np.array([piece.start.vector for piece in pieces])
+    whole = StartedPiece(record, pieces[0].start)
+    found = reproducibility(run, whole, simulated, span, horizon is not None)
     if not found.reproducible or found.reason:
         notes.append(found.reason)
-    time = record["time"]
+    time = record.data["time"]
     errors = {
         item.name: output_error(
-            item.name, model.unit_of(item), run.measured[skip:, i], simulated[skip:, i]
+            item.name, model.unit_of(item), record.Y[skip:, i], simulated[skip:, i]
         )
         for i, item in enumerate(model.outputs)
     }
     band = None
     if standard_errors:
-        widths = parameter_band(model, record, standard_errors, _rerun(starts, window, horizon))
+        widths = parameter_band(model, standard_errors, _again(record, pieces, horizon))
         band = _dataset(model, widths, time)
     return Comparison(
         model=model,
-        data=record,
+        data=record.data,
         simulated=_dataset(model, simulated, time),
         outputs=errors,
         method=method,
@@ -132,37 +134,59 @@ def compare(
     )
 
 
-def _stretches(run: FreeRun, window: float | None) -> list[tuple[int, int]]:
+def _started(run: Run, record: Record, stretches: list[tuple[int, int]]) -> list[StartedPiece]:
+    """Return stretches of a record with the starts that suit a model best."""
+    model, still = run.model, rest(run.model)
+    observed = None if run.linear else observed_motion(model, record)
+    linear = run if run.linear else free_run(model.without_effects(), record)
+    unmoved = rest(linear.model)
+    pieces = []
+    for first, last in stretches:
+        part = record.part(first, last)
+        sizes, guesses = visible_sizes(linear, part, unmoved), [still]
+        if not run.linear:
+            short = part.part(0, lengths(part.samples)[0])
+            of_linear = fitted_start(linear, short, [unmoved], sizes)
+            guesses.append(Start(of_linear.state, still.internal))
+            sizes = state_sizes(model, sizes)
+        if observed is not None:
+            guesses.append(observed.start(model, first))
+        pieces.append(StartedPiece(part, fitted_start(run, part, guesses, sizes)))
+    return pieces
+
+
+def _stretches(run: Run, record: Record, window: float | None) -> list[tuple[int, int]]:
     """First and last sample of each free run; a short rest belongs to the last one."""
     if window is None:
-        return [(0, run.samples)]
-    length = round(positive("window", window, "s") / run.step)
-    least = run.start_size + 1
-    if length < least or length > run.samples:
+        return [(0, record.samples)]
+    length = round(positive("window", window, "s") / record.dt)
+    least = rest(run.model).vector.size + 1
+    if length < least or length > record.samples:
         raise invalid(
             "window",
             described(f"{window} s, {length} samples"),
-            f"{least} to {run.samples} samples of {run.step:.6g} s",
+            f"{least} to {record.samples} samples of {record.dt:.6g} s",
             "Choose a window of a few periods.",
         )
-    edges = [*range(0, run.samples - length + 1, length), run.samples]
+    edges = [*range(0, record.samples - length + 1, length), record.samples]
     # A rest shorter than half a window would be judged on its start alone.
     if len(edges) > 2 and edges[-1] - edges[-2] > length + length // 2:
         edges.insert(-1, edges[-2] + length)
     return list(pairwise(edges))
 
 
-def _rerun(starts: Array, window: float | None, horizon: float | None) -> Any:
+def _again(
+    record: Record, pieces: Sequence[StartedPiece], horizon: float | None
+) -> Callable[[MechanicalModel], Array]:
     """How to simulate a changed model in the same way, from the same starts."""
 
-    def again(model: MechanicalModel, record: xr.Dataset) -> Array:
-        run = FreeRun(model, record)
+    def simulate(model: MechanicalModel) -> Array:
+        run = free_run(model, record)
         if horizon is not None:
-            return predict(model, record, run, horizon)[0]
-        stretches = zip(starts, _stretches(run, window), strict=True)
-        return np.concatenate([run.run(start, first, last) for start, (first, last) in stretches])
+            return predict(run, record, horizon)[0]
+        return np.concatenate([run.over(piece).outputs for piece in pieces])
 
-    return again
+    return simulate
 
 
 def output_error(name: str, unit: str, measured: Array, simulated: Array) -> OutputError:

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.display import Card, Displayed, Table
+from robustpolish.identification.observer.reproducibility import Reproducibility
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.plotting import plot_overlay, plot_response
 from robustpolish.validation import one_of
@@ -55,28 +56,6 @@ class OutputError:
         """95 % confidence band of `fit_percent`."""
         share = self.nrmse / self.rmse if self.rmse else 0.0
         return 100 * (1 - share * self.band[1]), 100 * (1 - share * self.band[0])
-
-
-@dataclass(frozen=True)
-class Reproducibility:
-    """Whether a free run can be repeated at all.
-
-    Attributes
-    ----------
-    reproducible : bool
-        False if a tiny change of the start grows beyond the noise, or the run diverges.
-    growth : float
-        Largest change of an output over the change at the beginning.
-    diverged_after : float or None
-        Time in s until the change exceeds the noise.
-    reason : str
-        In words.
-    """
-
-    reproducible: bool
-    growth: float
-    diverged_after: float | None
-    reason: str
 
 
 @dataclass(frozen=True, eq=False, repr=False)

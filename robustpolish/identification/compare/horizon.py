@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
-from robustpolish.identification.observer.free_run import FreeRun
-from robustpolish.identification.observer.observed_motion import likeliest_observer
-from robustpolish.identification.observer.scales import scales_of
-from robustpolish.identification.record import record_of
-from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.identification.observer.missing_force import observed
+from robustpolish.identification.observer.run import Run, Start, StartedPiece, rest
+from robustpolish.identification.record import Record
 from robustpolish.validation import described, invalid
 
 Array = NDArray[np.float64]
 
 
-def predict(
-    model: MechanicalModel, data: xr.Dataset, run: FreeRun, horizon: float
-) -> tuple[Array, Array]:
-    """Return predictions and the start of the record that the observer began with.
+def predict(run: Run, record: Record, horizon: float) -> tuple[Array, StartedPiece]:
+    """Return predictions, and the record with the start that the observer began with.
 
     Each prediction is a free run of the model over the horizon. The observer may take a part of
     the motion for the work of an unknown force; that force is not carried into the prediction,
@@ -27,11 +22,9 @@ def predict(
 
     Parameters
     ----------
-    model : MechanicalModel
-    data : xarray.Dataset
-        Checked record.
-    run : FreeRun
-        The model made ready on this record.
+    run : Run
+        The model, free.
+    record : Record
     horizon : float
         In s; at least one sample.
 
@@ -39,30 +32,21 @@ def predict(
     -------
     outputs : ndarray, shape (samples, ny)
         NaN over the first horizon.
-    start : ndarray, shape (1, n)
+    start : StartedPiece
     """
-    ahead = max(1, round(horizon / run.step))
-    if ahead >= run.samples:
+    ahead = max(1, round(horizon / record.dt))
+    if ahead >= record.samples:
         raise invalid(
             "horizon",
             described(f"{horizon} s, {ahead} samples"),
-            f"less than the record, {run.samples} samples",
+            f"less than the record, {record.samples} samples",
             "Choose a shorter one.",
         )
-    if not run.start_size:
-        return run.run(np.zeros(0)), np.zeros((1, 0))
-    starts = _observed(model, data, run)
-    outputs = np.full(run.measured.shape, np.nan)
-    for k in range(run.samples - ahead):
-        outputs[k + ahead] = run.run(starts[k], k, k + ahead + 1)[-1]
-    return outputs, starts[:1]
-
-
-def _observed(model: MechanicalModel, data: xr.Dataset, run: FreeRun) -> Array:
-    """Estimate the state at every sample from the outputs up to there."""
-    record = record_of(model, data)
-    chosen = likeliest_observer(model, record, scales_of(model, record))
-    if chosen is None:
+    still = StartedPiece(record, rest(run.model))
+    if not still.start.vector.size:
+        return run.over(still).outputs, still
+    seen = observed(run.model, record)
+    if not np.isfinite(seen.outputs).all():
         raise invalid(
             "model",
             described("a model whose observer diverges on these data"),
@@ -70,4 +54,11 @@ def _observed(model: MechanicalModel, data: xr.Dataset, run: FreeRun) -> Array:
             "Compare in short windows, or check its stiffness and damping.",
         )
     n = run.system.states
-    return np.hstack([chosen[1].states[:, :n], chosen[1].internal])
+
+    def started(k: int, end: int) -> StartedPiece:
+        return StartedPiece(record.part(k, end), Start(seen.states[k, :n], seen.internal[k]))
+
+    outputs = np.full(record.Y.shape, np.nan)
+    for k in range(record.samples - ahead):
+        outputs[k + ahead] = run.over(started(k, k + ahead + 1)).outputs[-1]
+    return outputs, started(0, record.samples)

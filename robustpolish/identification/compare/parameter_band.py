@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid, positive
 
 Array = NDArray[np.float64]
-Simulation = Callable[[MechanicalModel, xr.Dataset], Array]
+Simulation = Callable[[MechanicalModel], Array]
 
 
 def parameter_band(
     model: MechanicalModel,
-    data: xr.Dataset,
     standard_errors: Mapping[str, float],
     simulate: Simulation,
 ) -> Array:
@@ -26,7 +24,6 @@ def parameter_band(
     Parameters
     ----------
     model : MechanicalModel
-    data : xarray.Dataset
     standard_errors : mapping of str to float
         By the keys of ``model.parameters``; taken as independent.
     simulate : callable
@@ -37,7 +34,7 @@ def parameter_band(
     ndarray, shape (samples, ny)
     """
     known = model.parameters
-    nominal = simulate(model, data)
+    nominal = simulate(model)
     variance = np.zeros_like(nominal)
     for key, error in standard_errors.items():
         if key not in known:
@@ -48,5 +45,5 @@ def parameter_band(
         if size == 0:
             continue
         # Upwards only: a mass or a gap must not become negative.
-        variance += (simulate(model.with_parameters({key: known[key] + size}), data) - nominal) ** 2
+        variance += (simulate(model.with_parameters({key: known[key] + size})) - nominal) ** 2
     return 1.96 * np.sqrt(variance)

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from robustpolish.effects import Effect, EffectKind, Motion, Shape
-from robustpolish.identification.fit.chains import connected
+from robustpolish.identification.fit.parameters import connected
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.observer.missing_force import Smoothed, known_forces
+from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.simulation.nonlinear_system import context_of, port_pairs, port_rows
 
@@ -78,15 +79,14 @@ def columns_at(
     kind: EffectKind,
     at: tuple[str, ...],
     motion: Smoothed,
-    time: Array,
-    dt: float,
+    record: Record,
 ) -> list[Columns]:
     """Return the candidate columns of a kind at a place, none if one of its family is there."""
     here = [e.definition for e in model.effects if set(e.at) == set(at)]
     if any(e.kind == kind.kind or rivals(e, kind) for e in here):
         return []
     if kind.domain in ("input", "output"):
-        return _signal_columns(model, kind, at, motion, time)
+        return _signal_columns(model, kind, at, motion, record.time)
     effect = Effect(kind.kind, at)
     rows = port_rows(model, effect)
     q, v = rows @ motion.q, rows @ motion.v
@@ -97,12 +97,12 @@ def columns_at(
     if kind.domain == "dof" and (at[0], "ground") in sites:
         force = motion.force[sites.index((at[0], "ground"))][None]
     if kind.kind == "backlash" and _slips(model, at):
-        return _clearances(model, kind, at, motion, time, dt)
-    context = context_of(model, at, dt / 4)
+        return _clearances(model, kind, at, motion, record)
+    context = context_of(model, at, record.dt / 4)
     pairs = port_pairs(effect)
     return [
         Columns(kind, at, shape, rows, pairs, shape.columns)
-        for shape in kind.shapes(Motion(time, q, v, context, force))
+        for shape in kind.shapes(Motion(record.time, q, v, context, force))
     ]
 
 
@@ -113,11 +113,7 @@ def rivals(one: EffectKind, other: EffectKind) -> bool:
 
 def _slips(model: MechanicalModel, at: tuple[str, ...]) -> bool:
     """Return whether an effect at a place asks for the clearance there."""
-    return any(
-        "clearance" in Effect(e.kind, e.at).definition.context
-        and set(Effect(e.kind, e.at).at) == set(at)
-        for e in model.effects
-    )
+    return any("clearance" in e.definition.context and set(e.at) == set(at) for e in model.effects)
 
 
 def _clearances(
@@ -125,20 +121,18 @@ def _clearances(
     kind: EffectKind,
     at: tuple[str, ...],
     motion: Smoothed,
-    time: Array,
-    dt: float,
+    record: Record,
 ) -> list[Columns]:
     """Return what clearances would change about the forces of the effects that are there."""
-    base = known_forces(model, motion.q, motion.v, time, dt)
+    along = (motion.q, motion.v, record.time, record.dt)
+    base = known_forces(model, *along)
     amplitude = float(np.percentile(np.abs(port_rows(model, Effect(kind.kind, at)) @ motion.q), 95))
     found = []
     # with a clearance, the elastic part has to be stiffer than it seemed without
     for share, ratio in itertools.product((0.03, 0.07, 0.15, 0.3, 0.5), (1.0, 2.0)):
         gap = share * amplitude
         stiffer = _stiffer(model, at, ratio)
-        moved = known_forces(
-            stiffer.with_effect(kind.kind, at, {"gap": gap}), motion.q, motion.v, time, dt
-        )
+        moved = known_forces(stiffer.with_effect(kind.kind, at, {"gap": gap}), *along)
         if base is None or moved is None:
             return []
         change = moved.values.copy()

@@ -2,131 +2,189 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.effects import Effect
 from robustpolish.identification.discover.confusion import asymmetries
-from robustpolish.identification.discover.diagnosis import Diagnosis, FoundEffect, Value
 from robustpolish.identification.discover.free_shape import better_shape
-from robustpolish.identification.discover.ledger import Ledger
-from robustpolish.identification.discover.search import Search, by_output, steps, whole_error
-from robustpolish.identification.discover.verdict import choose_verdict
-from robustpolish.identification.fit.evaluation import FREE, motion_along, reproducible
-from robustpolish.identification.fit.homotopy import Stage, homotopy
-from robustpolish.identification.fit.least_squares import Fit
+from robustpolish.identification.discover.search import Search
+from robustpolish.identification.findings.diagnosis import Diagnosis
+from robustpolish.identification.findings.findings import FoundEffect, Value
+from robustpolish.identification.findings.ledger import Entry, Ledger
+from robustpolish.identification.fit.homotopy import JudgedFit, free_rms, homotopy, steady
+from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import effect_unit, unit_of
-from robustpolish.identification.fit.prepared import Setting
-from robustpolish.identification.fit.standard_errors import covariance_of, errors_from
-from robustpolish.identification.observer.kalman import Level, force_sites
+from robustpolish.identification.observer.kalman import FREE, force_sites
 from robustpolish.models.mechanical import MechanicalModel
 
 Array = NDArray[np.float64]
 
 
-def conclude(search: Search, model: MechanicalModel, say: Callable[[str], None]) -> Diagnosis:
+class Verdict(NamedTuple):
+    """The verdict, its reasons, and the noise floor of each output in its unit."""
+
+    word: str
+    reasons: list[str]
+    floor: Array
+
+
+def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
     """Fit the final model to the whole record and choose the verdict.
 
     Parameters
     ----------
     search : Search
     model : MechanicalModel
-        The model as it was, holds of its inputs included.
-    say : callable
-        Told what is done.
+        The model as the user gave it.
     """
-    setting = search.setting
-    say("final fit")
-    steady = _steady(search.stage, setting)
-    final, error = _final_fit(search, search.stage, model, steady)
-    added = len(final.model.effects) > len(model.effects)
-    names = model.output_names
-    say("errors of every step")
-    errors = [whole_error(m, setting, steady) for _, m in search.steps[:-1]] + [error]
+    prepared, reference = search.prepared, search.reference
+    noise = prepared.scales.noise
+    search.say("final fit")
+    calm = _steady(search.stage, search)
+    final, error = _final_fit(search, search.stage, calm)
+    added = len(final.model.effects) > len(reference.effects)
+    search.say("errors of every step")
+    errors = [_whole_error(m, search, calm) for _, m in search.steps[:-1]] + [error]
     base, refitted = errors[0], errors[min(1, len(errors) - 1)]
     # how an input acts between its samples is no number of the model
-    as_it_was = whole_error(model, setting, steady) if model is not search.steps[0][1] else base
-    verdict, reasons, floor = choose_verdict(
-        setting, steady, search.screening, as_it_was, refitted, error, added
-    )
-    if added and verdict == "missing_effect" and np.any(error > 1.5 * setting.scales.noise):
-        other = better_shape(final.model, setting)
+    as_it_was = _whole_error(reference, search, calm) if reference is not model else base
+    verdict = _verdict(search, calm, as_it_was, refitted, error, added)
+    above = np.any(error > search.policy.shape_above * noise)
+    if verdict.word == "missing_effect" and above:
+        other = better_shape(final.model, prepared)
         if other:
-            verdict, reasons = "unexplained", [other]
-    if added and verdict == "unexplained":
+            verdict = Verdict("unexplained", [other], verdict.floor)
+    if added and verdict.word == "unexplained":
         # what explains too little is reported as a candidate, not kept in the model
-        named = ", ".join(e.kind for e in final.model.effects[len(model.effects) :])
-        reasons = [*reasons, f"The nearest of the catalogue, not kept: {named}."]
+        named = ", ".join(e.kind for e in final.model.effects[len(reference.effects) :])
+        verdict.reasons.append(f"The nearest of the catalogue, not kept: {named}.")
         del search.steps[2:]
         search.confusions.clear()
-        final, error = _final_fit(search, search.linear, model, search.linear.reproducible)
+        final, error = _final_fit(search, search.linear, search.linear.reproducible)
         errors = [base, error]
-        floor = np.minimum(setting.scales.noise, error) / np.std(setting.record.Y, axis=0)
-    ledger = Ledger(noise_floor=dict(zip(names, floor.tolist(), strict=True)))
-    for (step, _), size in zip(search.steps, errors, strict=True):
-        ledger = ledger.add(step, by_output(model, size, setting))
-    covariance = covariance_of(final, setting.record)
+        verdict = verdict._replace(floor=np.minimum(noise, error))
+    return _diagnosis(search, final, errors, verdict, calm)
+
+
+def _diagnosis(
+    search: Search, final: Fit, errors: list[Array], verdict: Verdict, calm: bool
+) -> Diagnosis:
+    """Put the findings together; `errors` are those of the steps."""
+    model, record, reference = final.model, search.prepared.record, search.reference
+    size = np.std(record.Y, axis=0)
+
+    def by_output(values: Array) -> dict[str, float]:
+        return dict(zip(model.output_names, (values / size).tolist(), strict=True))
+
+    steps = zip(search.steps, errors, strict=True)
+    entries = tuple(Entry(step, by_output(error)) for (step, _), error in steps)
+    covariance = covariance_of(final)
     deviations = errors_from(covariance)
-    values = {
-        key: Value(final.model.parameters[key], deviations[key], unit_of(final.model, key))
-        for key in deviations
-    }
-    indices = range(len(model.effects), len(final.model.effects))
-    found = tuple(_found(final.model, index, deviations) for index in indices)
-    motion = motion_along(final.model, setting.record, setting.scales, setting.amplitude)
+    numbers = model.parameters
+    added = range(len(reference.effects), len(model.effects))
+    found = tuple(_found(model, index, deviations) for index in added)
     return Diagnosis(
-        verdict=verdict,
-        model=final.model,
+        verdict=verdict.word,
+        model=model,
         effects=found,
         candidates=tuple(search.candidates),
-        indistinguishable=(*search.confusions, *asymmetries(model, found)),
-        ledger=ledger,
-        missing_force=motion.force,
-        sites=tuple(force_sites(model)[1]),
-        parameters=values,
+        indistinguishable=(*search.confusions, *asymmetries(reference, found)),
+        ledger=Ledger(entries, by_output(verdict.floor)),
+        missing_force=search.prepared.motion(model, record).force,
+        sites=tuple(force_sites(reference)[1]),
+        parameters={k: Value(numbers[k], e, unit_of(model, k)) for k, e in deviations.items()},
         covariance=covariance,
-        reasons=(*search.reasons, *reasons),
-        reproducible=steady,
-        time=np.asarray(setting.record.data["time"].values, dtype=float),
+        reasons=(*search.reasons, *verdict.reasons),
+        reproducible=calm,
+        time=record.time,
     )
 
 
-def _steady(stage: Stage, setting: Setting) -> bool:
+def _steady(stage: JudgedFit, search: Search) -> bool:
     """Return whether free runs over the whole record judge a model."""
-    return stage.reproducible and reproducible(
-        stage.model, setting.everything[0], setting.scales, setting.dt, setting.amplitude,
-        setting.state_scale,
-    )  # fmt: skip
+    prepared = search.prepared
+    return stage.reproducible and steady(stage.model, prepared, prepared.everything[0])
 
 
-def _final_fit(
-    search: Search, stage: Stage, model: MechanicalModel, steady: bool
-) -> tuple[Fit, Array]:
+def _whole_error(model: MechanicalModel, search: Search, calm: bool) -> Array:
+    """Return the free-run error of each output over the whole record.
+
+    A model whose long runs are not reproducible is run in windows.
+    """
+    prepared = search.prepared
+    return free_rms(model, prepared, prepared.everything if calm else prepared.windows)
+
+
+def _final_fit(search: Search, stage: JudgedFit, calm: bool) -> tuple[Fit, Array]:
     """Fit a stage's model to the whole record; return the fit and its free-run error."""
-    setting = search.setting
-    levels = (Level(0.01), FREE) if steady else (Level(0.1), Level(0.01))
-    if steady and not stage.model.effects:
+    prepared, policy = search.prepared, search.policy
+    levels = policy.final if calm else policy.final_chaotic
+    if calm and not stage.model.effects:
         levels = (FREE,)  # led by the data, it would leave what the data hardly show
-    fits = homotopy(stage.model, setting, setting.everything, model, levels, steps(setting))
-    before = whole_error(stage.model, setting, steady)
+    fits = homotopy(
+        stage.model, prepared, prepared.everything, search.reference, levels, prepared.steps
+    )
+    before = _whole_error(stage.model, search, calm)
     if not fits:
         return stage.fit, before
-    error = whole_error(fits[-1].model, setting, steady)
+    error = _whole_error(fits[-1].model, search, calm)
     if np.mean(np.log(error)) > np.mean(np.log(before)):
         return stage.fit, before
     return fits[-1], error
 
 
+def _verdict(
+    search: Search, calm: bool, base: Array, refitted: Array, error: Array, added: bool
+) -> Verdict:
+    """Choose the verdict.
+
+    Parameters
+    ----------
+    search : Search
+    calm : bool
+        Whether free runs over the whole record judge; otherwise the errors are of windows.
+    base, refitted, error : ndarray, shape (ny,)
+        Free-run errors of the model as it was, refitted, and in the end.
+    added : bool
+        Whether effects were added.
+    """
+    policy, noise = search.policy, search.prepared.scales.noise
+    size = np.std(search.prepared.record.Y, axis=0)
+    # the last screening may have seen coloured noise, and no missing force
+    silent = search.screening is not None and search.screening.level.force <= policy.silent
+    noise_like = silent and bool(np.all(error < policy.loudest * size))
+    at_floor = float(np.max(error / noise)) < policy.at_floor or noise_like
+    floor = error if at_floor else np.minimum(noise, error)
+    if added:
+        share = _explained(refitted, error, noise)
+        if at_floor or share > policy.explained or not calm:
+            told = f"The effects explain {100 * share:.0f} % of the error above the noise."
+            return Verdict("missing_effect", [told] if share > 0 else [], floor)
+        why = f"What was found explains {100 * share:.0f} % of the error above the noise only."
+        return Verdict("unexplained", [why], floor)
+    if not at_floor:
+        why = "No effect of the catalogue makes the error fall visibly."
+        return Verdict("unexplained", [why], floor)
+    wrong = np.any(base > policy.improved * error)
+    return Verdict("parameters" if wrong else "adequate", [], floor)
+
+
+def _explained(before: Array, after: Array, noise: Array) -> float:
+    """Return the share of the error's power above the noise that went away."""
+    excess = float(np.sum((before**2 - noise**2) / noise**2))
+    left = float(np.sum(np.maximum(after**2 - noise**2, 0) / noise**2))
+    return 1 - left / excess if excess > 0 else 1.0
+
+
 def _found(model: MechanicalModel, index: int, errors: dict[str, float]) -> FoundEffect:
-    added = model.effects[index]
-    effect = Effect(added.kind, added.at, added.parameters)
+    effect = model.effects[index]
     parameters = {}
     for p in effect.definition.parameters:
-        key = f"effect[{index}].{p.name}"
         if not p.fitted and effect.values[p.name] == p.default:
             continue
-        unit = effect_unit(model, added.kind, effect.at, p.name)
-        parameters[p.name] = Value(effect.values[p.name], errors.get(key, 0.0), unit)
+        unit = effect_unit(model, effect.kind, effect.at, p.name)
+        error = errors.get(f"effect[{index}].{p.name}", 0.0)
+        parameters[p.name] = Value(effect.values[p.name], error, unit)
     return FoundEffect(effect.kind, effect.at, parameters)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from robustpolish.effects import Effect, lookup
-from robustpolish.identification.discover.diagnosis import Confusion, FoundEffect
+from robustpolish.identification.findings.findings import Confusion, FoundEffect
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical_parts import FORCE
 
@@ -26,6 +26,11 @@ _EXPERIMENTS: dict[frozenset[str], str] = {
 }
 
 
+def confused(first: Effect, second: Effect) -> Confusion:
+    """Return two effects as a pair that data cannot tell apart, with an experiment that would."""
+    return Confusion(first, second, _experiment(first, second))
+
+
 def asymmetries(model: MechanicalModel, found: Sequence[FoundEffect]) -> list[Confusion]:
     """Return the constants that friction of unlike size in the two directions would be.
 
@@ -41,7 +46,7 @@ def asymmetries(model: MechanicalModel, found: Sequence[FoundEffect]) -> list[Co
             name = next(iter(constant.parameters))
             lopsided = Effect("coulomb_friction", friction.at, {"asymmetry": -size})
             here = Effect(constant.kind, constant.at, {name: size})
-            pairs.append(Confusion(here, lopsided, experiment(here, lopsided)))
+            pairs.append(confused(here, lopsided))
     return pairs
 
 
@@ -55,7 +60,7 @@ def _loaded(model: MechanicalModel, constant: FoundEffect) -> str | None:
     return None
 
 
-def experiment(first: Effect, second: Effect) -> str:
+def _experiment(first: Effect, second: Effect) -> str:
     """Propose an excitation that would tell two effects apart."""
     known = _EXPERIMENTS.get(frozenset({first.kind, second.kind}))
     if known is not None:

@@ -12,40 +12,32 @@ from numpy.typing import NDArray
 
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.candidates import places
-from robustpolish.identification.discover.filtered import Filtered
-from robustpolish.identification.fit.prepared import Setting
-from robustpolish.identification.observer.following import following
-from robustpolish.identification.observer.kalman import Level
-from robustpolish.identification.observer.missing_force import smooth
+from robustpolish.identification.discover.filtered import FilteredRecord
+from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.simulation.nonlinear_system import port_pairs, port_rows
 
 Array = NDArray[np.float64]
-_LEVELS = (Level(0.1), Level(0.01), Level(0.002))
-_AT_NOISE = 1.5
-_FALL = 1.5
 
 
-def better_shape(model: MechanicalModel, setting: Setting) -> str | None:
+def better_shape(model: MechanicalModel, prepared: PreparedRecord) -> str | None:
     """Return a sentence if a free curve at a place of the model's effects explains far more.
 
     Parameters
     ----------
     model : MechanicalModel
         With the effects that were found.
-    setting : Setting
+    prepared : PreparedRecord
     """
-    record = setting.screened
-    time = np.asarray(record.data["time"].values, dtype=float)
-    level = following(model, record, setting.scales)
-    motion = smooth(model, record, level, setting.scales, setting.amplitude)
-    seen = [Filtered(model, record, level, setting.scales, motion, time) for level in _LEVELS]
+    policy, record, noise = prepared.policy, prepared.screened, prepared.scales.noise
+    motion = prepared.motion(model, record)
+    seen = [FilteredRecord(model, prepared, record, level, motion) for level in policy.shape_levels]
     for at in _places(model):
         effect = Effect("cubic_stiffness", at)
         rows, pairs = port_rows(model, effect), port_pairs(effect)
         for name, signal in (("displacement", rows @ motion.q), ("velocity", rows @ motion.v)):
             columns = _hinges(signal[0])
-            if any(_explains(f, rows, pairs, columns, setting.scales.noise) for f in seen):
+            if any(_explains(f, rows, pairs, columns, noise) for f in seen):
                 where = ", ".join(at)
                 return (
                     f"A free curve of force over {name} at {where} explains far more than the "
@@ -57,8 +49,7 @@ def better_shape(model: MechanicalModel, setting: Setting) -> str | None:
 def _places(model: MechanicalModel) -> list[tuple[str, ...]]:
     """Return the pairs at which the model has effects."""
     found = []
-    for added in model.effects:
-        effect = Effect(added.kind, added.at, added.parameters)
+    for effect in model.effects:
         if effect.definition.domain == "pair":
             found.append(effect.at)
         elif effect.definition.domain == "dof":
@@ -74,11 +65,14 @@ def _hinges(x: Array) -> Array:
 
 
 def _explains(
-    f: Filtered, rows: Array, pairs: list[tuple[str, ...]], columns: Array, noise: Array
+    f: FilteredRecord, rows: Array, pairs: list[tuple[str, ...]], columns: Array, noise: Array
 ) -> bool:
     before = np.sqrt(np.mean(f.residual(None)[0] ** 2, axis=0))
     rest, c = f.residual(f.weighted(f.observer.respond(rows, pairs, columns)))
     if not np.isfinite(c).all():
         return False
     after = np.sqrt(np.mean(rest**2, axis=0))
-    return bool(np.all(after < _AT_NOISE * noise) and np.any(before > _FALL * after))
+    return bool(
+        np.all(after < f.policy.shape_above * noise)
+        and np.any(before > f.policy.shape_fall * after)
+    )

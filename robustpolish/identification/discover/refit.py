@@ -11,13 +11,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.refitted import Refit
+from robustpolish.identification.discover.screening import screen
+from robustpolish.identification.findings.refitted import Refit
 from robustpolish.identification.fit.homotopy import homotopy
-from robustpolish.identification.fit.least_squares import Fit
+from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import unit_of
-from robustpolish.identification.fit.prepared import Setting, prepare
-from robustpolish.identification.fit.standard_errors import covariance_of, errors_from
-from robustpolish.identification.record import Record, record_of
+from robustpolish.identification.fit.prepared import PreparedRecord, prepare
+from robustpolish.identification.policy import POLICY, Policy
+from robustpolish.identification.record import long_enough, record_of
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.progress import working
 
@@ -25,7 +26,11 @@ Array = NDArray[np.float64]
 
 
 def refit(
-    model: MechanicalModel, data: xr.Dataset, progress: Callable[[], None] | None = None
+    model: MechanicalModel,
+    data: xr.Dataset,
+    progress: Callable[[], None] | None = None,
+    *,
+    _policy: Policy = POLICY,
 ) -> Refit:
     """Fit the parameters of a model, those of its effects included.
 
@@ -70,35 +75,33 @@ def refit(
     >>> bool(abs(k / m - 25) < 0.1)
     True
     """
-    record = record_of(model, data)
-    setting = prepare(model, record)
-    started = _with_start_values(model, setting)
+    prepared = prepare(model, long_enough(model, record_of(model, data)), _policy)
+    started = _with_start_values(model, prepared)
+    levels = _policy.homotopy
     with working("Refitting"):
-        stages = homotopy(started, setting, setting.everything, model, progress=progress)
-    if not stages:
+        fits = homotopy(started, prepared, prepared.everything, model, levels, progress=progress)
+    if not fits:
         raise ArithmeticError("no stage of the fit ended with finite errors")
-    return summarise(stages[-1], record)
+    return _summarised(fits[-1], prepared)
 
 
-def _with_start_values(model: MechanicalModel, setting: Setting) -> MechanicalModel:
+def _with_start_values(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:
     """Give effects that came without parameters those that screening finds."""
-    from robustpolish.identification.discover.screening import screen
-
     effects = list(model.effects)
     for i, effect in enumerate(effects):
         if effect.parameters:
             continue
         others = replace(model, effects=tuple(e for e in effects if e is not effect))
         asked = Effect(effect.kind, effect.at)
-        found = screen(others, setting.screened, setting.scales, setting.amplitude, [asked])
+        found = screen(others, prepared, [asked])
         values = found.candidates[0].effect.values if found.candidates else asked.values
         effects[i] = replace(effect, parameters=values)
     return replace(model, effects=tuple(effects))
 
 
-def summarise(fitted: Fit, record: Record) -> Refit:
+def _summarised(fitted: Fit, prepared: PreparedRecord) -> Refit:
     """Return values, bounds and standard errors of a fit."""
-    covariance = covariance_of(fitted, record)
+    covariance = covariance_of(fitted)
     errors = errors_from(covariance)
     parameters = lmfit.Parameters()
     units, undetermined = {}, []
@@ -108,9 +111,9 @@ def summarise(fitted: Fit, record: Record) -> Refit:
         parameters.add(name, value=value, min=f.lower, max=f.upper)
         parameters[name].stderr = error
         units[f.key] = unit_of(fitted.model, f.key)
-        if not np.isfinite(error) or error > abs(value) / 3:
+        if not np.isfinite(error) or error > prepared.policy.undetermined * abs(value):
             undetermined.append(f.key)
-    size = np.std(record.Y, axis=0)
+    size = np.std(prepared.record.Y, axis=0)
     nrmse = dict(zip(fitted.model.output_names, (fitted.rmse / size).tolist(), strict=True))
     return Refit(fitted.model, parameters, units, nrmse, tuple(undetermined), errors, covariance)
 

@@ -1,29 +1,24 @@
-"""Bounded Levenberg-Marquardt steps on prediction errors of a model with effects."""
+"""Bounded Levenberg-Marquardt steps on prediction errors, and how well the numbers are known."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from robustpolish.identification.fit.parameters import FreeParameter
-from robustpolish.identification.observer.run import Predictor, Start
-from robustpolish.identification.record import Record
+from robustpolish.identification.observer.run import Run, Runner, Start, StartedPiece
 from robustpolish.models.mechanical import MechanicalModel
 
 Array = NDArray[np.float64]
 _STEP = 1e-5
-
-
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """A contiguous piece of record and the state at its first sample."""
-
-    record: Record
-    start: Start
+# Relative fall of the cost below which a fit stops.
+_SETTLED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +28,7 @@ class Fit:
     Attributes
     ----------
     model : MechanicalModel
-    pieces : tuple of Piece
+    pieces : tuple of StartedPiece
         With fitted starts.
     cost : float
         Half the sum of squares, priors included; errors over `sigma`.
@@ -47,7 +42,7 @@ class Fit:
     """
 
     model: MechanicalModel
-    pieces: tuple[Piece, ...]
+    pieces: tuple[StartedPiece, ...]
     cost: float
     errors: Array
     sigma: Array
@@ -61,19 +56,29 @@ class Fit:
 
 
 class Residuals:
-    """Maps scaled parameters and starts to weighted prediction errors."""
+    """Maps scaled parameters and starts to weighted prediction errors.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    pieces : sequence of StartedPiece
+    runner : Runner
+        Runs the models that are tried.
+    free : sequence of FreeParameter
+    start_sizes : ndarray, shape (n,), optional
+        Sizes of the states, if the starts are fitted too.
+    """
 
     def __init__(
         self,
         model: MechanicalModel,
-        pieces: Sequence[Piece],
-        predictor: Predictor,
+        pieces: Sequence[StartedPiece],
+        runner: Runner,
         free: Sequence[FreeParameter],
-        fit_start: bool,
-        start_scale: Array,
+        start_sizes: Array | None = None,
     ) -> None:
-        self.model, self.pieces, self.predictor = model, tuple(pieces), predictor
-        self.free, self.fit_start, self.start_scale = list(free), fit_start, start_scale
+        self.model, self.pieces, self.runner = model, tuple(pieces), runner
+        self.free, self.start_sizes = list(free), start_sizes
         self.offsets = np.cumsum([0, *(p.record.samples for p in pieces)])
         self.scale = np.array([f.scale for f in free])
         self.lower = np.array([f.lower for f in free]) / self.scale
@@ -86,19 +91,15 @@ class Residuals:
         keys = (f.key for f in self.free)
         return self.model.with_parameters(dict(zip(keys, (x * self.scale).tolist(), strict=True)))
 
+    def run_at(self, x: Array) -> Run:
+        """Return the model with scaled parameters x, ready to run."""
+        return self.runner.run(self.model_at(x))
+
     def errors(self, x: Array, starts: Sequence[Start]) -> Array:
         """Return the prediction errors, in the outputs' units."""
-        model = self.model_at(x)
-        system = self.predictor.system(model)
-        matrices = system.steps(self.predictor.dt / self.predictor.substeps)
-        rows = [
-            piece.record.Y
-            - self.predictor.predict(
-                model, piece.record, start, system=system, matrices=matrices
-            ).outputs
-            for piece, start in zip(self.pieces, starts, strict=True)
-        ]
-        return np.vstack(rows)
+        run = self.run_at(x)
+        pieces = zip(self.pieces, starts, strict=True)
+        return np.vstack([run.errors(StartedPiece(p.record, start)) for p, start in pieces])
 
     def column(self, x: Array, starts: Sequence[Start], errors: Array, j: int) -> Array:
         """Return the derivative of the errors to scaled parameter j."""
@@ -109,30 +110,22 @@ class Residuals:
         moved[j] += h
         return (self.errors(moved, starts) - errors) / h
 
-    def start_block(self, x: Array, starts: Sequence[Start], errors: Array, i: int) -> Array:
+    def start_block(self, run: Run, start: Start, errors: Array, i: int) -> Array:
         """Return the derivative of piece i's errors to its scaled start."""
-        model = self.model_at(x)
-        system = self.predictor.system(model)
-        matrices = system.steps(self.predictor.dt / self.predictor.substeps)
-        piece, start = self.pieces[i], starts[i]
         here = errors[self.offsets[i] : self.offsets[i + 1]]
         vector = start.vector
         block = np.empty((here.size, vector.size))
-        for j in range(vector.size):
+        for j, size in enumerate([] if self.start_sizes is None else self.start_sizes):
             moved = vector.copy()
-            h = 1e-4 * self.start_scale[j]
-            moved[j] += h
-            outputs = self.predictor.predict(
-                model, piece.record, start.with_vector(moved), system=system, matrices=matrices
-            ).outputs
-            block[:, j] = ((piece.record.Y - outputs) - here).ravel() / 1e-4
+            moved[j] += 1e-4 * size
+            piece = StartedPiece(self.pieces[i].record, start.with_vector(moved))
+            block[:, j] = (run.errors(piece) - here).ravel() / 1e-4
         return block
 
 
 def fit(
     residuals: Residuals,
     iterations: int = 8,
-    tolerance: float = 1e-3,
     progress: Callable[[], None] | None = None,
 ) -> Fit:
     """Minimise the weighted prediction errors.
@@ -142,8 +135,8 @@ def fit(
     residuals : Residuals
     iterations : int
         Most accepted or refused steps.
-    tolerance : float
-        Relative fall of the cost below which it stops.
+    progress : callable, optional
+        Called after every step.
     """
     free = residuals.free
     x = np.clip([f.start / f.scale for f in free], residuals.lower, residuals.upper)
@@ -154,7 +147,7 @@ def fit(
     cost = _cost(residuals, x, errors, sigma)
     damping, information = 1e-3, np.zeros((len(free), len(free)))
     # Where only priors speak, damped steps hardly move: a free run ends with a step undamped.
-    settles = bool(free) and residuals.predictor.level.free
+    settles = bool(free) and residuals.runner.level.free
     settling = False
     for number in range(iterations + settles):
         if not np.isfinite(cost):
@@ -184,13 +177,14 @@ def fit(
             fall = (cost - better) / cost
             x, starts, errors, cost = trial, new_starts, new_errors, better
             damping = damping / 10
-        if fall < tolerance:
+        if fall < _SETTLED:
             if settling or not settles:
                 break
             settling = True
     model = residuals.model_at(x)
-    pieces = tuple(Piece(p.record, s) for p, s in zip(residuals.pieces, starts, strict=True))
-    return Fit(model, pieces, cost, errors, sigma, information, tuple(free))
+    pieces = zip(residuals.pieces, starts, strict=True)
+    started = tuple(StartedPiece(p.record, start) for p, start in pieces)
+    return Fit(model, started, cost, errors, sigma, information, tuple(free))
 
 
 def _weights(errors: Array, before: Array) -> Array:
@@ -213,14 +207,13 @@ def _cost(residuals: Residuals, x: Array, errors: Array, sigma: Array) -> float:
 
 
 def _moved(residuals: Residuals, starts: Sequence[Start], step: Array) -> list[Start]:
-    if not residuals.fit_start:
+    sizes = residuals.start_sizes
+    if sizes is None:
         return list(starts)
     moved, at = [], 0
     for start in starts:
         vector = start.vector
-        moved.append(
-            start.with_vector(vector + residuals.start_scale * step[at : at + vector.size])
-        )
+        moved.append(start.with_vector(vector + sizes * step[at : at + vector.size]))
         at += vector.size
     return moved
 
@@ -230,13 +223,13 @@ def _normal(
 ) -> tuple[Array, Array, Array]:
     """Return the Gauss-Newton matrix, the gradient, and the reduced information."""
     p, r = len(x), (errors / sigma).ravel()
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
         columns = list(pool.map(lambda j: residuals.column(x, starts, errors, j), range(p)))
-        blocks = []
-        if residuals.fit_start:
-            blocks = list(
-                pool.map(lambda i: residuals.start_block(x, starts, errors, i), range(len(starts)))
-            )
+        blocks: list[Array] = []
+        if residuals.start_sizes is not None:
+            run = residuals.run_at(x)
+            each = enumerate(starts)
+            blocks = list(pool.map(lambda e: residuals.start_block(run, e[1], errors, e[0]), each))
     J = np.empty((r.size, p))
     for j, column in enumerate(columns):
         J[:, j] = (column / sigma).ravel()
@@ -272,3 +265,55 @@ def _step(H: Array, g: Array, x: Array, residuals: Residuals, damping: float) ->
         scaled = H[use][:, use] / np.outer(size, size) + damping * np.eye(use.size)
         step[use] = -np.linalg.lstsq(scaled, g[use] / size, rcond=1e-14)[0] / size
     return step
+
+
+def covariance_of(fitted: Fit) -> xr.DataArray:
+    """Return the covariance of the fitted numbers, residuals taken as coloured as they are.
+
+    The information is divided by the variance inflation of autocorrelated residuals.
+
+    Parameters
+    ----------
+    fitted : Fit
+
+    Returns
+    -------
+    xarray.DataArray
+        Over ``parameter`` and ``other``, the keys of the fitted numbers, in products of their SI
+        units. Numbers that the data does not see have an infinite variance.
+    """
+    inflation = max(_inflation(e) for e in (fitted.errors / fitted.sigma).T)
+    information = fitted.information
+    keys = [f.key for f in fitted.free]
+    seen = np.flatnonzero(np.diag(information) > 0).tolist()
+    matrix = np.diag(np.full(len(keys), np.inf))
+    if seen:
+        block = information[np.ix_(seen, seen)]
+        size = np.sqrt(np.diag(block))
+        relative = np.linalg.pinv(block / np.outer(size, size), rcond=1e-12, hermitian=True)
+        share = float(np.mean((fitted.errors / fitted.sigma) ** 2))
+        unit = np.array([fitted.free[j].scale for j in seen]) / size
+        matrix[np.ix_(seen, seen)] = relative * np.outer(unit, unit) * inflation * share
+    return xr.DataArray(matrix, {"parameter": keys, "other": keys}, ("parameter", "other"))
+
+
+def standard_errors(fitted: Fit) -> dict[str, float]:
+    """Return the standard errors of the fitted numbers by their keys, in SI units."""
+    return errors_from(covariance_of(fitted))
+
+
+def errors_from(covariance: xr.DataArray) -> dict[str, float]:
+    """Return the standard errors that belong to a covariance."""
+    errors = np.sqrt(np.maximum(np.diag(covariance.values), 0.0))
+    return dict(zip(covariance["parameter"].values.tolist(), errors.tolist(), strict=True))
+
+
+def _inflation(e: Array) -> float:
+    """Return one plus twice the sum of squared autocorrelations, Bartlett's factor."""
+    e = np.nan_to_num(e - np.mean(e))
+    power = float(e @ e)
+    if power == 0:
+        return 1.0
+    lags = min(200, len(e) // 10)
+    rho = np.array([e[k:] @ e[:-k] for k in range(1, lags)]) / power
+    return float(1 + 2 * np.sum(rho**2))

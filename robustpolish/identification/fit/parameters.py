@@ -8,17 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.effects import Effect
-from robustpolish.identification.fit.chains import connected
-from robustpolish.identification.fit.units_of_force import units_of_force
+from robustpolish.identification.policy import Policy
 from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical_parts import FORCE
 
 Array = NDArray[np.float64]
-
-MASS_PRIOR = 0.05
-GAIN_PRIOR = 0.05
-SPRING_PRIOR = 0.3
-DAMPER_PRIOR = 1.0
-NOTHING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -53,8 +47,82 @@ class FreeParameter:
         return self.key.startswith("effect[")
 
 
+def connected(model: MechanicalModel) -> list[set[str]]:
+    """Return the chains of a model: coordinates that springs, dampers and effects join."""
+    groups = [{name} for name in model.dof_names]
+    joints = [s.between for s in model.springs] + [d.between for d in model.dampers]
+    for joint in [*joints, *(e.at for e in model.effects)]:
+        ends = {name for name in joint if name in model.dof_names}
+        touched = [g for g in groups if g & ends]
+        if len(touched) > 1:
+            groups = [g for g in groups if not g & ends] + [set().union(*touched)]
+    return groups
+
+
+def inertia_key(model: MechanicalModel, name: str) -> str:
+    """Return the key of a coordinate's mass."""
+    return f"dof.{name}.{'inertia' if model.dof(name).rotational else 'mass'}"
+
+
+def chain_keys(model: MechanicalModel, chain: set[str]) -> tuple[list[str], list[str], list[str]]:
+    """Return the keys of a chain's masses, springs and dampers."""
+    return (
+        [inertia_key(model, d.name) for d in model.dofs if d.name in chain],
+        [f"spring[{i}].stiffness" for i, s in enumerate(model.springs) if chain & {*s.between}],
+        [f"damper[{i}].damping" for i, d in enumerate(model.dampers) if chain & {*d.between}],
+    )
+
+
+def driving(model: MechanicalModel, chain: set[str]) -> list[str]:
+    """Return the names of the inputs that push a chain."""
+    return [i.name for i in model.inputs if i.imposes is None and i.on[0] in chain]
+
+
+def units_of_force(model: MechanicalModel) -> dict[str, set[str]]:
+    """Return a mass of each chain in which no force is known, and the chain.
+
+    It stays, and gives the forces a unit: a free decay, or a motion under an imposed one, shows
+    ratios of masses and springs only. So does a record all of whose inputs or outputs have an
+    unknown gain.
+    """
+    gains = {(e.kind, e.at[0]) for e in model.effects}
+    chosen = {}
+    for chain in connected(model):
+        known = any(
+            i.imposes is None and chain.intersection(i.on) and ("input_gain", i.name) not in gains
+            for i in model.inputs
+        )
+        known |= any(o.quantity == FORCE and chain.intersection(o.of) for o in model.outputs)
+        seen = [o.name for o in model.outputs if chain.intersection(o.of)]
+        known &= not seen or any(("sensor_gain", name) not in gains for name in seen)
+        masses = [d for d in model.dofs if d.name in chain and d.name in model.free]
+        if not known and masses:
+            chosen[max(masses, key=lambda d: d.mass).name] = chain
+    return chosen
+
+
+def with_units_of_force(model: MechanicalModel, reference: MechanicalModel) -> MechanicalModel:
+    """Return the model with those masses as they were, the rest of their chains in proportion.
+
+    Parameters
+    ----------
+    model, reference : MechanicalModel
+        Fitted, and before any fit.
+    """
+    values, known, changes = model.parameters, reference.parameters, {}
+    for name, chain in units_of_force(model).items():
+        key = inertia_key(model, name)
+        if known.get(key) and values[key] != known[key]:
+            inside = (k for keys in chain_keys(model, chain) for k in keys)
+            changes |= {k: values[k] * known[key] / values[key] for k in inside}
+    return model.with_parameters(changes) if changes else model
+
+
 def free_parameters(
-    model: MechanicalModel, bandwidth: float, reference: MechanicalModel | None = None
+    model: MechanicalModel,
+    bandwidth: float,
+    policy: Policy,
+    reference: MechanicalModel | None = None,
 ) -> list[FreeParameter]:
     """Return the parameters of a model that are fitted.
 
@@ -63,65 +131,54 @@ def free_parameters(
     model : MechanicalModel
     bandwidth : float
         Excited bandwidth in rad/s; gives zero stiffness and damping a scale.
+    policy : Policy
     reference : MechanicalModel, optional
         The model before any fit, about which the priors are centred.
     """
     known = (reference or model).parameters
-    free = set(model.free)
-    driven = {o.of[0] for o in model.outputs if o.drive}
-    result = []
+    moving = {*model.free, *(o.of[0] for o in model.outputs if o.drive)} - set(
+        units_of_force(model)
+    )
     mass = float(np.mean([d.mass for d in model.dofs if d.mass > 0] or [1.0]))
-    given = units_of_force(model)
-    for dof in model.dofs:
-        if (dof.name in free or dof.name in driven) and dof.name not in given:
-            key = f"dof.{dof.name}.{'inertia' if dof.rotational else 'mass'}"
-            result.append(_near(key, dof.mass, known.get(key, dof.mass), MASS_PRIOR))
+
+    def near(key: str, value: float, share: float) -> FreeParameter:
+        """Describe a number that is known rather well."""
+        centre = known.get(key, value)
+        low, high = sorted(bound * centre for bound in policy.weighed)
+        scale, prior = abs(centre) or 1.0, share * abs(centre)
+        return FreeParameter(key, value, scale, low, high, prior, centre)
+
+    def elastic(key: str, value: float, natural: float, share: float) -> FreeParameter:
+        """Describe a stiffness or damping: it may be far off, and keeps its sign."""
+        centre = known.get(key, 0.0)
+        if abs(centre) <= policy.nothing * natural:  # as good as none: it may well be missing
+            return FreeParameter(key, value, natural, 0.0, np.inf)
+        low, high = (0.0, np.inf) if centre > 0 else (-np.inf, 0.0)
+        scale, prior = abs(value) or natural, share * abs(centre)
+        return FreeParameter(key, value, scale, low, high, prior, centre)
+
+    result = [
+        near(inertia_key(model, dof.name), dof.mass, policy.mass_prior)
+        for dof in model.dofs
+        if dof.name in moving
+    ]
     for i, spring in enumerate(model.springs):
-        key = f"spring[{i}].stiffness"
-        natural = mass * bandwidth**2
-        result.append(_elastic(key, spring.stiffness, known.get(key, 0.0), natural))
+        key, natural = f"spring[{i}].stiffness", mass * bandwidth**2
+        result.append(elastic(key, spring.stiffness, natural, policy.spring_prior))
     for i, damper in enumerate(model.dampers):
-        key = f"damper[{i}].damping"
-        natural = 0.02 * mass * bandwidth
-        result.append(_elastic(key, damper.damping, known.get(key, 0.0), natural))
+        key, natural = f"damper[{i}].damping", 0.02 * mass * bandwidth
+        result.append(elastic(key, damper.damping, natural, policy.damper_prior))
+    # the gain of the only input of a chain would scale its masses and springs, no more
+    pushing = {name for chain in connected(model) if len(driving(model, chain)) > 1
+               for name in driving(model, chain)}  # fmt: skip
     for item in model.inputs:
-        if item.imposes is None and not _is_gauge(model, item.name):
-            key = f"input.{item.name}.gain"
-            result.append(_near(key, item.gain, known.get(key, item.gain), GAIN_PRIOR))
-    for i, added in enumerate(model.effects):
-        effect = Effect(added.kind, added.at, added.parameters)
+        if item.name in pushing:
+            result.append(near(f"input.{item.name}.gain", item.gain, policy.gain_prior))
+    for i, effect in enumerate(model.effects):
         for parameter in effect.definition.parameters:
-            asked = parameter.name in added.parameters
-            if parameter.fitted and asked:
+            if parameter.fitted and parameter.name in effect.parameters:
                 result.append(_effect(i, effect, parameter.name))
     return result
-
-
-def _is_gauge(model: MechanicalModel, name: str) -> bool:
-    """Return whether a gain only scales masses and springs: the only input of its chain."""
-    for group in connected(model):
-        inputs = [i.name for i in model.inputs if i.imposes is None and i.on[0] in group]
-        if name in inputs:
-            return len(inputs) == 1
-    return True
-
-
-def _near(key: str, value: float, centre: float, share: float) -> FreeParameter:
-    """Describe a number that is known rather well."""
-    low, high = sorted((0.4 * centre, 2.5 * centre))
-    prior = share * abs(centre)
-    return FreeParameter(key, value, abs(centre) or 1.0, low, high, prior, centre)
-
-
-def _elastic(key: str, value: float, centre: float, natural: float) -> FreeParameter:
-    """Describe a stiffness or damping: it may be far off, and keeps its sign."""
-    scale = abs(value) or natural
-    if abs(centre) <= NOTHING * natural:  # as good as none: it may well be missing
-        return FreeParameter(key, value, natural, 0.0, np.inf)
-    low, high = (0.0, np.inf) if centre > 0 else (-np.inf, 0.0)
-    share = SPRING_PRIOR if key.startswith("spring") else DAMPER_PRIOR
-    prior = share * abs(centre)
-    return FreeParameter(key, value, scale, low, high, prior, centre)
 
 
 def _effect(i: int, effect: Effect, name: str) -> FreeParameter:

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.effects import Effect, Motion, force_along
-from robustpolish.identification.observer.kalman import (
-    Level,
-    Scales,
-)
+from robustpolish.effects import Motion, force_along
+from robustpolish.identification.observer.kalman import Level, Scales, amplitude_of, scales_of
 from robustpolish.identification.observer.linear_observer import LinearObserver, PortForces
-from robustpolish.identification.observer.run import Prediction, Predictor, zero_start
-from robustpolish.identification.record import Record
+from robustpolish.identification.observer.run import Prediction, Runner, Start, StartedPiece, rest
+from robustpolish.identification.record import Record, least_samples
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.simulation.nonlinear import raw_outputs, signals
 from robustpolish.simulation.nonlinear_system import (
     context_of,
+    dynamic_effects,
     port_matrices,
     port_pairs,
     port_rows,
@@ -26,6 +25,8 @@ from robustpolish.simulation.nonlinear_system import (
 
 Array = NDArray[np.float64]
 _START = 3.0
+# Levels of a model that may be nearly right, to predict with and to see the motion.
+_OBSERVING = tuple(Level(share) for share in (0.01, 0.03, 0.1, 0.3, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +43,8 @@ class Smoothed:
     inputs : ndarray, shape (samples, signals)
     outputs : ndarray, shape (samples, ny)
         Noise-free outputs.
+    internal : ndarray, shape (samples, nz)
+        Internal states of the effects, from the forward pass.
     """
 
     q: Array
@@ -50,6 +53,13 @@ class Smoothed:
     force: Array
     inputs: Array
     outputs: Array
+    internal: Array
+
+    def start(self, model: MechanicalModel, sample: int) -> Start:
+        """Return the state at a sample."""
+        free = model.matrices.free
+        state = np.concatenate([self.q[free, sample], self.v[free, sample]])
+        return Start(state, self.internal[sample])
 
 
 def known_forces(
@@ -57,10 +67,7 @@ def known_forces(
 ) -> PortForces | None:
     """Return the forces of a model's effects along a motion."""
     rows, pairs, values = [], [], []
-    for added in model.effects:
-        effect = Effect(added.kind, added.at, added.parameters)
-        if effect.definition.law is None:
-            continue
+    for _, effect in dynamic_effects(model):
         here = port_rows(model, effect)
         context = context_of(model, effect.at, dt / 4)
         motion = Motion(time, here @ q, here @ v, context)
@@ -73,37 +80,90 @@ def known_forces(
     return PortForces(np.vstack(rows), pairs, np.vstack(values))
 
 
+def following(
+    model: MechanicalModel,
+    record: Record,
+    scales: Scales,
+    amplitude: float,
+    levels: Sequence[Level],
+) -> tuple[Level, Prediction]:
+    """Return the level at which an observer predicts the record best, and what it saw.
+
+    The observer begins at rest: what it does in the first samples is not counted.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    record : Record
+    scales : Scales
+    amplitude : float
+        Of displacements, see :class:`~robustpolish.identification.observer.run.Runner`.
+    levels : sequence of Level
+        The first of them if the observer diverges at all.
+    """
+    best, chosen = np.inf, None
+    piece = StartedPiece(record, rest(model))
+    for level in levels:
+        run = Runner(model, record.dt, amplitude, level, scales).run(model)
+        found = run.over(piece, keep=True)
+        tail = (record.Y - found.outputs)[record.samples // 20 :]
+        with np.errstate(over="ignore", invalid="ignore"):
+            score = float(np.sum(np.log(np.mean(tail**2, axis=0))))
+        if chosen is None or score < best:
+            chosen = level, found
+            best = score if np.isfinite(score) else np.inf
+    assert chosen is not None
+    return chosen
+
+
 def smooth(
-    model: MechanicalModel, record: Record, level: Level, scales: Scales, amplitude: float
+    model: MechanicalModel,
+    record: Record,
+    scales: Scales,
+    amplitude: float,
+    levels: Sequence[Level],
 ) -> Smoothed:
-    """Return motion and missing force along a record.
+    """Return motion and missing force along a record, led by the data as far as they ask for.
 
     Effects of the model enter as known forces along the motion that a forward pass of the
-    nonlinear observer finds.
+    nonlinear observer finds. Arguments as of :func:`following`.
     """
-    W = signals(model, record.data)
-    Y = raw_outputs(model, record.Y)
-    time = np.asarray(record.data["time"].values, dtype=float)
+    level, seen = following(model, record, scales, amplitude, levels)
+    W, Y, time = record.own(signals(model, record.data)), raw_outputs(model, record.Y), record.time
     observer = LinearObserver(model, record.dt, level, scales)
     sizes = _start_sizes(model, scales, amplitude)
-    forces = None
-    if any(Effect(e.kind, e.at, e.parameters).definition.law is not None for e in model.effects):
-        predictor = Predictor(model, record.dt, level, scales, amplitude)
-        kept: Prediction = predictor.predict(model, record, zero_start(model), keep=True)
-        q, v = motion_of(model, kept.states, W)
-        forces = known_forces(model, np.nan_to_num(q), np.nan_to_num(v), time, record.dt)
+    q, v = motion_of(model, seen.states, W)
+    forces = known_forces(model, np.nan_to_num(q), np.nan_to_num(v), time, record.dt)
     s = _smoothed_states(observer, Y, W, forces, sizes)
     if forces is not None:  # once more, along the smoothed motion
         forces = known_forces(model, *motion_of(model, s, W), time, record.dt)
         s = _smoothed_states(observer, Y, W, forces, sizes)
     q, v = motion_of(model, s, W)
     n = 2 * len(model.free)
-    force = s[:, n:].T
     return Smoothed(
-        q, v, _accelerations(model, q, v, W, forces), force, W,
+        q, v, _accelerations(model, q, v, W, forces), s[:, n:].T, W,
         s @ observer.system.C.T + W @ observer.system.D.T
         + (0.0 if forces is None else _through(model, forces)),
+        seen.internal,
     )  # fmt: skip
+
+
+def observed(model: MechanicalModel, record: Record) -> Prediction:
+    """Return the predictions and states of the observer that predicts a record best."""
+    scales = scales_of(model, record)
+    amplitude = amplitude_of(model, record, scales.bandwidth)
+    return following(model, record, scales, amplitude, _OBSERVING)[1]
+
+
+def observed_motion(model: MechanicalModel, record: Record) -> Smoothed | None:
+    """Return the smoothed motion of a record; None if it is too short or cannot be followed."""
+    if record.samples < least_samples(model):
+        return None
+    scales = scales_of(model, record)
+    amplitude = amplitude_of(model, record, scales.bandwidth)
+    found = smooth(model, record, scales, amplitude, _OBSERVING)
+    finite = all(np.isfinite(part).all() for part in (found.q, found.force, found.internal))
+    return found if finite else None
 
 
 def _through(model: MechanicalModel, forces: PortForces) -> Array:

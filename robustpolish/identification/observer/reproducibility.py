@@ -6,12 +6,14 @@ the same start part company, while its parameters may be right to a fraction of 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.identification.compare.comparison import Reproducibility
-from robustpolish.identification.observer.free_run import EstimatedRun, FreeRun
-from robustpolish.identification.observer.scales import white_noise
+from robustpolish.identification.observer.kalman import white_noise
+from robustpolish.identification.observer.run import Run, StartedPiece
+from robustpolish.identification.record import Record
 
 Array = NDArray[np.float64]
 
@@ -21,28 +23,53 @@ _DIRECTIONS = 3
 _VISIBLE = 1e-3
 
 
+@dataclass(frozen=True)
+class Reproducibility:
+    """Whether a free run can be repeated at all.
+
+    Attributes
+    ----------
+    reproducible : bool
+        False if a tiny change of the start grows beyond the noise, or the run diverges.
+    growth : float
+        Largest change of an output over the change at the beginning.
+    diverged_after : float or None
+        Time in s until the change exceeds the noise.
+    reason : str
+        In words.
+    """
+
+    reproducible: bool
+    growth: float
+    diverged_after: float | None
+    reason: str
+
+
 def reproducibility(
-    run: FreeRun, start: EstimatedRun, span: float | None, method: str = "free run"
+    run: Run, piece: StartedPiece, outputs: Array, span: float | None = None, ahead: bool = False
 ) -> Reproducibility:
     """Change the start by a millionth and see whether the runs part by more than the noise.
 
     Parameters
     ----------
-    run : FreeRun
-    start : EstimatedRun
-        Estimated start of the record and the outputs simulated from there on.
-    span : float or None
+    run : Run
+        Free.
+    piece : StartedPiece
+    outputs : ndarray, shape (samples, ny)
+        What is judged: a run from that start, or windows and predictions.
+    span : float, optional
         Length of the windows or the horizon in s: only so long do runs have to agree.
-    method : str, optional
-        How the comparison runs; decides on the advice.
+    ahead : bool, optional
+        Whether these are predictions, which need not hold from the first sample on.
 
     Returns
     -------
     Reproducibility
     """
-    diverged = _divergence(start.outputs[0 if method != "prediction" else -1 :])
+    record = piece.record
+    diverged = _divergence(outputs[-1:] if ahead else outputs)
     if diverged is not None:
-        after = diverged * run.step
+        after = diverged * record.dt
         return Reproducibility(
             False,
             np.inf,
@@ -50,21 +77,20 @@ def reproducibility(
             f"the free run diverges after {after:.4g} s: its error judges nothing; "
             "compare in windows, or check the signs of the model's damping and stiffness",
         )
-    if not run.start_size:
+    if not piece.start.vector.size:
         return Reproducibility(True, 0.0, None, "")
-    length = run.samples if span is None else min(run.samples, max(round(span / run.step), 2))
-    size = np.std(run.measured, axis=0)
+    length = record.samples
+    if span is not None:
+        length = min(length, max(round(span / record.dt), 2))
+    size = np.std(record.Y, axis=0)
     size = np.where(size > 0, size, 1.0)
-    change = _largest_change(run, start.state, length, size)
-    noise = _noise(run, size)
-    beyond = np.flatnonzero(~(change <= max(noise, _VISIBLE)))
+    change = _largest_change(run, StartedPiece(record.part(0, length), piece.start), size)
+    beyond = np.flatnonzero(~(change <= max(_noise(record, size), _VISIBLE)))
     growth = float(np.max(change) / _TINY) if np.isfinite(change).all() else np.inf
     if not beyond.size:
-        return Reproducibility(True, growth, None, _drift_note(run, span))
-    after = float(beyond[0] * run.step)
-    advice = (
-        f"compare in windows shorter than {after:.3g} s" if method != "prediction" else "look ahead"
-    )
+        return Reproducibility(True, growth, None, "" if span else _drift_note(run, record))
+    after = float(beyond[0] * record.dt)
+    advice = "look ahead" if ahead else f"compare in windows shorter than {after:.3g} s"
     return Reproducibility(
         False,
         growth,
@@ -74,11 +100,11 @@ def reproducibility(
     )
 
 
-def _noise(run: FreeRun, size: Array) -> float:
+def _noise(record: Record, size: Array) -> float:
     """Return the noise of the quietest output, as a share of its size."""
-    if run.samples < 64:  # too few for a spectrum
+    if record.samples < 64:  # too few for a spectrum
         return 0.0
-    return min(white_noise(y, run.step) / s for y, s in zip(run.measured.T, size, strict=True))
+    return min(white_noise(y, record.dt) / s for y, s in zip(record.Y.T, size, strict=True))
 
 
 def _divergence(outputs: Array) -> int | None:
@@ -86,30 +112,30 @@ def _divergence(outputs: Array) -> int | None:
     return int(bad[0]) if bad.size else None
 
 
-def _largest_change(run: FreeRun, state: Array, length: int, size: Array) -> Array:
+def _largest_change(run: Run, piece: StartedPiece, size: Array) -> Array:
     """Largest change of an output at each sample, as a share of its size, over a few directions."""
-    base, states, internal = run.states(state, 0, length)
-    every = np.hstack([states, internal])
+    base = run.over(piece, keep=True)
+    every = np.hstack([base.states, base.internal])
     typical = np.std(every, axis=0)
     typical = np.maximum(typical, 1e-3 * np.max(np.abs(every), axis=0))
     typical[run.system.states :] = 0.0  # the memory of an effect follows from the motion
-    signs = np.random.default_rng(0).choice([-1.0, 1.0], (_DIRECTIONS, state.size))
-    change = np.zeros(length)
+    start = piece.start.vector
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (_DIRECTIONS, start.size))
+    change = np.zeros(len(every))
     for sign in signs:
-        other = run.run(state + _TINY * sign * typical, 0, length)
+        moved = piece.start.with_vector(start + _TINY * sign * typical)
+        other = run.over(StartedPiece(piece.record, moved)).outputs
         with np.errstate(invalid="ignore", over="ignore"):
-            change = np.maximum(change, np.max(np.abs(other - base) / size, axis=1))
+            change = np.maximum(change, np.max(np.abs(other - base.outputs) / size, axis=1))
     return change
 
 
-def _drift_note(run: FreeRun, span: float | None) -> str:
+def _drift_note(run: Run, record: Record) -> str:
     """Warn of a plant that integrates, whose free run sums up every small error."""
-    if span is not None or not run.system.states:
+    if not run.system.states:
         return ""
     poles = np.linalg.eigvals(run.system.A)
-    fastest = float(np.max(np.abs(poles)))
-    record = run.samples * run.step
-    slow = np.abs(poles) * record < 1e-3
-    if slow.any() and fastest > 0:
+    slow = np.abs(poles) * record.samples * record.dt < 1e-3
+    if slow.any() and float(np.max(np.abs(poles))) > 0:
         return "the model integrates: a free run sums up small errors; windows judge it better"
     return ""

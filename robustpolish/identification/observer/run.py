@@ -1,4 +1,4 @@
-"""Prediction errors of a model with effects, led by the data as strongly as wanted."""
+"""A model run over a record: freely, or led by the data as strongly as wanted."""
 
 from __future__ import annotations
 
@@ -9,38 +9,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.identification.observer.kalman import (
+    FREE,
+    Gain,
     Level,
     Scales,
+    amplitude_of,
+    excited_bandwidth,
     observer_gain,
     with_missing_force,
 )
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.simulation.nonlinear import measured, needed_substeps, raw_outputs, signals
-from robustpolish.simulation.nonlinear_step import run
+from robustpolish.simulation.nonlinear_step import StepMatrices, run
 from robustpolish.simulation.nonlinear_system import NonlinearSystem, build_system, dynamic_effects
 
 Array = NDArray[np.float64]
 
 
-class Prediction(NamedTuple):
-    """Predicted outputs (samples, ny), augmented states and internal states if kept."""
-
-    outputs: Array
-    states: Array
-    internal: Array
-
-
 @dataclass(frozen=True, eq=False)
 class Start:
-    """State of a piece of record at its first sample: mechanical and internal."""
+    """State of a model at the first sample of a record: mechanical and internal."""
 
     state: Array
     internal: Array
 
     @property
     def vector(self) -> Array:
-        """Both parts in one vector."""
+        """Free displacements, their velocities, then internal states of the effects."""
         return np.concatenate([self.state, self.internal])
 
     def with_vector(self, vector: Array) -> Start:
@@ -48,69 +44,133 @@ class Start:
         return Start(vector[: self.state.size], vector[self.state.size :])
 
 
-class Predictor:
-    """Predicts pieces of a record at one level of guidance.
+@dataclass(frozen=True, eq=False)
+class StartedPiece:
+    """A contiguous piece of record and the state at its first sample."""
 
-    The observer's gain is computed once, for the model it is made with, and kept for all
-    models that are tried with it.
+    record: Record
+    start: Start
+
+
+class Prediction(NamedTuple):
+    """Outputs (samples, ny); states and internal states over the samples, if they are kept.
+
+    The states of a run that the data lead end with the missing forces.
+    """
+
+    outputs: Array
+    states: Array
+    internal: Array
+
+
+class Runner:
+    """Makes models ready to run, led by the data at one level.
+
+    The steps per sample and the observer's gain are chosen once, for the model it is made with,
+    and kept for all models that are tried with it.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    dt : float
+        Sampling step in s.
+    amplitude : float
+        Displacement amplitude in m or rad; decides on the steps.
+    level : Level, optional
+        Free by default.
+    scales : Scales, optional
+        Needed for every level but the free one.
     """
 
     def __init__(
-        self, model: MechanicalModel, dt: float, level: Level, scales: Scales, amplitude: float
+        self,
+        model: MechanicalModel,
+        dt: float,
+        amplitude: float,
+        level: Level = FREE,
+        scales: Scales | None = None,
     ) -> None:
-        self.dt = dt
-        self.level = level
-        self.scales = scales
-        self.amplitude = amplitude
+        self.dt, self.level = dt, level
         self.substeps = needed_substeps(model, dt, amplitude)
-        self.moves_inputs = any(e.kind.startswith("input_") for e in model.effects)
-        self._signals: dict[int, tuple[Record, Array]] = {}
-        self.gain = observer_gain(self._system(model), dt, level, scales)
+        self._leak = None if level.free or scales is None else scales.leak
+        self._moves_inputs = any(e.definition.domain == "input" for e in model.effects)
+        self._inputs: tuple[tuple[object, object], Array] | None = None
+        self.gain: Gain | None = None
+        if self._leak is not None and scales is not None:
+            self.gain = observer_gain(self._system(model), dt, level, scales)
+
+    def run(self, model: MechanicalModel) -> Run:
+        """Return a model ready to run."""
+        system = self._system(model)
+        return Run(self, model, system, system.steps(self.dt / self.substeps))
 
     def _system(self, model: MechanicalModel) -> NonlinearSystem:
         plain = build_system(model, self.dt / self.substeps)
-        return with_missing_force(model, plain, self.scales.leak)
+        return plain if self._leak is None else with_missing_force(model, plain, self._leak)
 
-    def _inputs(self, model: MechanicalModel, record: Record) -> Array:
-        if self.moves_inputs:
-            return signals(model, record.data)
-        known = self._signals.get(id(record))
-        if known is None:
-            known = (record, signals(model, record.data))
-            self._signals[id(record)] = known
-        return known[1]
+    def inputs(self, model: MechanicalModel, record: Record) -> Array:
+        """Return the model's input signals over a record, shape (samples, signals)."""
+        key = (record.data, model if self._moves_inputs else None)
+        known = self._inputs
+        if known is None or any(a is not b for a, b in zip(known[0], key, strict=True)):
+            known = self._inputs = (key, signals(model, record.data))
+        return record.own(known[1])
 
-    def system(self, model: MechanicalModel) -> NonlinearSystem:
-        """Return the augmented system of a model."""
-        return self._system(model)
 
-    def predict(
-        self,
-        model: MechanicalModel,
-        record: Record,
-        start: Start,
-        keep: bool = False,
-        system: NonlinearSystem | None = None,
-        matrices: tuple[Array, ...] | None = None,
-    ) -> Prediction:
-        """Return the predictions of a piece from its start."""
-        system = self._system(model) if system is None else system
-        matrices = system.steps(self.dt / self.substeps) if matrices is None else matrices
-        sites = system.states - start.state.size
-        s0 = np.concatenate([start.state, np.zeros(sites)])
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A model ready to be run again and again, from any start over any piece of record."""
+
+    runner: Runner
+    model: MechanicalModel
+    system: NonlinearSystem
+    matrices: StepMatrices
+
+    @property
+    def linear(self) -> bool:
+        """Whether no effect makes a force."""
+        return not self.system.effects
+
+    def over(self, piece: StartedPiece, keep: bool = False) -> Prediction:
+        """Return what the model predicts for a piece of record.
+
+        Parameters
+        ----------
+        piece : StartedPiece
+        keep : bool, optional
+            Whether the states are wanted too.
+
+        Returns
+        -------
+        Prediction
+        """
+        system, runner, record, start = self.system, self.runner, piece.record, piece.start
+        n, ny = system.states, system.C.shape[0]
+        state = np.zeros(n)
+        state[: start.state.size] = start.state
+        gain = np.zeros((n, ny)) if runner.gain is None else runner.gain.filter
         outputs, states, internal = run(
-            matrices, system.motion, (system.C, system.D, system.H), system.laws,
-            system.layout, system.values, self._inputs(model, record), raw_outputs(model, record.Y),
-            self.gain.filter, s0, start.internal, record.start, self.dt, self.substeps, keep,
+            self.matrices, system.motion, (system.C, system.D, system.H), system.laws,
+            system.layout, system.values, runner.inputs(self.model, record),
+            raw_outputs(self.model, record.Y), gain, state, np.ascontiguousarray(start.internal),
+            record.start, runner.dt, runner.substeps, keep,
         )  # fmt: skip
-        return Prediction(measured(model, outputs), states, internal)
+        return Prediction(measured(self.model, outputs), states, internal)
+
+    def errors(self, piece: StartedPiece) -> Array:
+        """Return measured minus predicted outputs, shape (samples, ny)."""
+        return piece.record.Y - self.over(piece).outputs
 
 
-def zero_start(model: MechanicalModel) -> Start:
+def free_run(model: MechanicalModel, record: Record) -> Run:
+    """Return a model ready to run freely over a record."""
+    amplitude = 0.0
+    if model.effects:
+        amplitude = amplitude_of(model, record, excited_bandwidth(model, record))
+    return Runner(model, record.dt, amplitude).run(model)
+
+
+def rest(model: MechanicalModel) -> Start:
     """Return a start at rest."""
-    internal = sum(_internal_states(model))
+    internal = sum(effect.definition.states for _, effect in dynamic_effects(model))
     return Start(np.zeros(2 * len(model.free)), np.zeros(internal))
-
-
-def _internal_states(model: MechanicalModel) -> list[int]:
-    return [effect.definition.states for _, effect in dynamic_effects(model)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +13,12 @@ from robustpolish.analysis import modes
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.identification.compare.comparison import Comparison
 from robustpolish.identification.residuals.correlation import (
-    Coherence,
-    Correlation,
     autocorrelation,
     coherence,
     cross_correlation,
 )
-from robustpolish.identification.residuals.places import PlaceShares, place_shares
+from robustpolish.identification.residuals.figures import ResidualFigures
+from robustpolish.identification.residuals.places import place_shares
 from robustpolish.identification.residuals.shares import (
     band_shares,
     contact_shares,
@@ -28,6 +26,7 @@ from robustpolish.identification.residuals.shares import (
     phase_shares,
     window_shares,
 )
+from robustpolish.identification.residuals.words import explain, to_dict
 from robustpolish.measurements import sampling_time
 from robustpolish.plotting import plot_residual_analysis, plot_residual_map, plot_surface
 from robustpolish.validation import described, invalid, one_of
@@ -41,7 +40,7 @@ _HARMONICS = 5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ResidualAnalysis(Displayed):
+class ResidualAnalysis(ResidualFigures, Displayed):
     """Where the error of a comparison is.
 
     Attributes
@@ -88,34 +87,6 @@ class ResidualAnalysis(Displayed):
     (['autocorrelation', 'bands'], True)
     """
 
-    residual: xr.Dataset
-    channels: xr.DataArray
-    windows: xr.DataArray
-    bands: xr.DataArray
-    modes: xr.DataArray
-    harmonics: xr.DataArray
-    places: Mapping[str, PlaceShares]
-    phase: xr.DataArray | None
-    contact: xr.DataArray | None
-    autocorrelation: Mapping[str, Correlation]
-    cross_correlation: Mapping[tuple[str, str], Correlation]
-    coherence: Mapping[tuple[str, str], Coherence]
-    nrmse: Mapping[str, float]
-
-    def overall(self, shares: xr.DataArray) -> xr.DataArray:
-        """Return the shares of the total error: those of the outputs, weighted by `channels`.
-
-        Parameters
-        ----------
-        shares : xarray.DataArray
-            One of the tables of shares, over ``output``.
-
-        Returns
-        -------
-        xarray.DataArray
-        """
-        return (shares * self.channels).sum("output")
-
     def explain(self) -> str:
         """Say in words where the error is.
 
@@ -123,8 +94,6 @@ class ResidualAnalysis(Displayed):
         -------
         str
         """
-        from robustpolish.identification.residuals.words import explain
-
         return explain(self)
 
     def to_dict(self) -> dict[str, Any]:
@@ -134,14 +103,7 @@ class ResidualAnalysis(Displayed):
         -------
         dict
         """
-        from robustpolish.identification.residuals.words import to_dict
-
         return to_dict(self)
-
-    @property
-    def worst(self) -> str:
-        """The output with the largest share of the error."""
-        return str(self.channels["output"].values[int(np.argmax(self.channels.values))])
 
     def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
         """Draw when and at which frequencies one output's error is.

@@ -9,10 +9,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from robustpolish.identification.compare.comparison import Comparison
-from robustpolish.identification.observer.free_run import FreeRun
 from robustpolish.identification.observer.kalman import force_sites
-from robustpolish.identification.observer.missing_force import motion_of
-from robustpolish.identification.observer.observed_motion import observed_motion
+from robustpolish.identification.observer.missing_force import motion_of, observed_motion
+from robustpolish.identification.observer.run import StartedPiece, free_run, rest
+from robustpolish.identification.record import record_of
 from robustpolish.identification.residuals.shares import surface, value_shares
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical_parts import FORCE, UNITS
@@ -89,14 +89,15 @@ def place_shares(comparison: Comparison, residual: xr.Dataset, bins: int) -> dic
 def _motion(comparison: Comparison) -> tuple[Array, Array, Array, bool]:
     """Displacements, velocities and missing forces along the record, shape (rows, samples)."""
     model = comparison.model
-    found = observed_motion(model, comparison.data)
+    record = record_of(model, comparison.data)
+    found = observed_motion(model, record)
     if found is not None:
-        smoothed = found.smoothed
-        return smoothed.q, smoothed.v, smoothed.force, True
-    run = FreeRun(model, comparison.data)
-    states = run.states(comparison.starts[0])[1]
-    q, v = motion_of(model, np.nan_to_num(states), run.inputs)
-    return q, v, np.full((len(force_sites(model)[0]), run.samples), np.nan), False
+        return found.q, found.v, found.force, True
+    run = free_run(model, record)
+    start = rest(model).with_vector(comparison.starts[0])
+    states = run.over(StartedPiece(record, start), keep=True).states
+    q, v = motion_of(model, np.nan_to_num(states), run.runner.inputs(model, record))
+    return q, v, np.full((len(force_sites(model)[0]), record.samples), np.nan), False
 
 
 def _places(model: MechanicalModel) -> list[tuple[tuple[str, str], Array]]:

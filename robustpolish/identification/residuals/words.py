@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
-if TYPE_CHECKING:
-    from robustpolish.identification.residuals.analysis import ResidualAnalysis
+from robustpolish.identification.residuals.figures import ResidualFigures
 
 # A place where the error is this many times denser than on average is worth a sentence.
 _DENSE = 2.0
 
 
-def explain(analysis: ResidualAnalysis) -> str:
+def explain(analysis: ResidualFigures) -> str:
     """Say where the error is, the largest shares first."""
     lines = ["Where the error is:"]
     for name in analysis.channels["output"].values:
@@ -32,14 +31,14 @@ def explain(analysis: ResidualAnalysis) -> str:
     return "\n".join([*lines, "Tests (99 % bands, 1 % by chance):", *_tests(analysis)])
 
 
-def _time(analysis: ResidualAnalysis) -> str:
+def _time(analysis: ResidualFigures) -> str:
     share = analysis.overall(analysis.windows)
     worst = int(np.argmax(share.values))
     begin, end = (float(share[key][worst]) for key in ("begin", "end"))
     return f"  time: most in {begin:.4g} to {end:.4g} s, {float(share[worst]):.0%} of the error"
 
 
-def _frequency(analysis: ResidualAnalysis) -> str:
+def _frequency(analysis: ResidualFigures) -> str:
     share = analysis.overall(analysis.bands)
     worst = int(np.argmax(share.values))
     low, high = (float(share[key][worst]) for key in ("low", "high"))
@@ -49,7 +48,7 @@ def _frequency(analysis: ResidualAnalysis) -> str:
     return f"  frequency: most in {low:.4g} to {high:.4g} Hz, {float(share[worst]):.0%}{note}"
 
 
-def _lines(analysis: ResidualAnalysis) -> list[str]:
+def _lines(analysis: ResidualFigures) -> list[str]:
     found = []
     for table, what in ((analysis.modes, "mode"), (analysis.harmonics, "spin harmonic")):
         share = analysis.overall(table)
@@ -59,7 +58,7 @@ def _lines(analysis: ResidualAnalysis) -> list[str]:
     return found
 
 
-def _places(analysis: ResidualAnalysis) -> list[str]:
+def _places(analysis: ResidualFigures) -> list[str]:
     found = []
     for name, place in analysis.places.items():
         for table, what in ((place.displacement, "displacement"), (place.velocity, "velocity")):
@@ -78,7 +77,7 @@ def _places(analysis: ResidualAnalysis) -> list[str]:
     return found
 
 
-def _phase(analysis: ResidualAnalysis) -> list[str]:
+def _phase(analysis: ResidualFigures) -> list[str]:
     if analysis.phase is None:
         return []
     share = analysis.overall(analysis.phase)
@@ -89,7 +88,7 @@ def _phase(analysis: ResidualAnalysis) -> list[str]:
     return [f"  spin phase: most near {angle:.0f} deg, {float(share[worst]):.0%} of the error"]
 
 
-def _tests(analysis: ResidualAnalysis) -> list[str]:
+def _tests(analysis: ResidualFigures) -> list[str]:
     lines = [
         f"  autocorrelation of {name}: {test.flagged_share:.1%} of the lags outside, "
         f"largest {test.largest:.2f}"
@@ -104,7 +103,7 @@ def _tests(analysis: ResidualAnalysis) -> list[str]:
     return lines
 
 
-def to_dict(analysis: ResidualAnalysis) -> dict[str, Any]:
+def to_dict(analysis: ResidualFigures) -> dict[str, Any]:
     """Return the shares and the figures of the tests as plain numbers."""
     return {
         "channels": _table(analysis.channels),

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robustpolish.identification import compare, diagnose, refit
-from robustpolish.identification.discover.ledger import Ledger
+from robustpolish.identification.findings.ledger import Ledger
 from tests.hidden_effects.cases import Case, model_of, one, records
 
 PLACE = ("x", "ground")

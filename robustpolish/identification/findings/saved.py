@@ -1,35 +1,36 @@
-"""Diagnoses in files: the model as TOML inside, numbers and missing force beside it."""
+"""Findings in files: the model as TOML inside, numbers and missing force beside it."""
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
+import xarray as xr
+
 from robustpolish.effects import Effect, lookup
-from robustpolish.identification.discover.diagnosis import (
+from robustpolish.identification.findings.findings import (
     Confusion,
-    Diagnosis,
+    Findings,
     FoundEffect,
     RankedCandidate,
     Value,
 )
-from robustpolish.identification.discover.ledger import Entry, Ledger
+from robustpolish.identification.findings.ledger import Entry, Ledger
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.saved_file import Fields, read_saved, write_saved
+from robustpolish.saved_file import Fields
 
 VERDICTS = ("adequate", "parameters", "missing_effect", "unexplained")
 
 
-def save_diagnosis(diagnosis: Diagnosis, path: str | os.PathLike[str], force: bool = False) -> None:
-    """Write a diagnosis; see :meth:`Diagnosis.save`."""
-    content = {
-        "verdict": diagnosis.verdict,
-        "reasons": list(diagnosis.reasons),
-        "reproducible": diagnosis.reproducible,
-        "model": diagnosis.model.to_toml().splitlines(),
+def content(found: Findings) -> dict[str, Any]:
+    """Return what stands in the file."""
+    covariance = found.covariance
+    return {
+        "verdict": found.verdict,
+        "reasons": list(found.reasons),
+        "reproducible": found.reproducible,
+        "model": found.model.to_toml().splitlines(),
         "effects": [
-            {"kind": e.kind, "at": e.at, "parameters": _values(e.parameters)}
-            for e in diagnosis.effects
+            {"kind": e.kind, "at": e.at, "parameters": _values(e.parameters)} for e in found.effects
         ],
         "candidates": [
             {
@@ -41,24 +42,26 @@ def save_diagnosis(diagnosis: Diagnosis, path: str | os.PathLike[str], force: bo
                 "parameters": dict(c.parameters),
                 "remark": c.remark,
             }
-            for c in diagnosis.candidates
+            for c in found.candidates
         ],
         "indistinguishable": [
             {"first": _place(c.first), "second": _place(c.second), "experiment": c.experiment}
-            for c in diagnosis.indistinguishable
+            for c in found.indistinguishable
         ],
-        "ledger": [{"step": e.step, "nrmse": dict(e.nrmse)} for e in diagnosis.ledger.entries],
-        "noise_floor": dict(diagnosis.noise_floor),
-        "parameters": _values(diagnosis.parameters),
-        "sites": diagnosis.sites,
-        "time": diagnosis.time,
-        "missing_force": diagnosis.missing_force,
+        "ledger": [{"step": e.step, "nrmse": dict(e.nrmse)} for e in found.ledger.entries],
+        "noise_floor": dict(found.noise_floor),
+        "parameters": _values(found.parameters),
+        "sites": found.sites,
+        "time": found.time,
+        "missing_force": found.missing_force,
+        "covariance": None
+        if covariance is None
+        else {"keys": covariance["parameter"].values, "values": covariance.values},
     }
-    write_saved(path, "diagnosis", content, force)
 
 
-def diagnosis_from(fields: Fields) -> Diagnosis:
-    """Return the diagnosis in a file.
+def findings_from(fields: Fields) -> Findings:
+    """Return the findings in a file.
 
     Raises
     ------
@@ -70,7 +73,7 @@ def diagnosis_from(fields: Fields) -> Diagnosis:
         tuple(Entry(e.text("step"), e.numbers("nrmse")) for e in fields.tables("ledger")),
         fields.numbers("noise_floor"),
     )
-    return Diagnosis(
+    return Findings(
         verdict=fields.text("verdict", VERDICTS),
         model=MechanicalModel.from_toml("\n".join(fields.texts("model")) + "\n"),
         effects=tuple(
@@ -97,15 +100,21 @@ def diagnosis_from(fields: Fields) -> Diagnosis:
         missing_force=fields.array("missing_force", len(sites), None),
         sites=sites,
         parameters=_read_values(fields.table("parameters")),
+        covariance=_covariance(fields),
         reasons=fields.texts("reasons"),
         reproducible=fields.truth("reproducible"),
         time=fields.array("time", None),
     )
 
 
-def load_diagnosis(path: str | os.PathLike[str]) -> Diagnosis:
-    """Read a diagnosis; see :meth:`Diagnosis.load`."""
-    return diagnosis_from(read_saved(path, "diagnosis"))
+def _covariance(fields: Fields) -> xr.DataArray | None:
+    """Return the covariance of the fitted numbers; files of older versions hold none."""
+    if "covariance" not in fields or fields.raw("covariance") is None:
+        return None
+    table = fields.table("covariance")
+    keys = list(table.texts("keys"))
+    values = table.array("values", len(keys), len(keys))
+    return xr.DataArray(values, {"parameter": keys, "other": keys}, ("parameter", "other"))
 
 
 def _values(values: Any) -> dict[str, Any]:

@@ -3,80 +3,25 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from robustpolish.display import Card, Displayed, Table
-from robustpolish.effects import Effect
-from robustpolish.identification.discover.ledger import Ledger
-from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.identification.findings.findings import Findings
+from robustpolish.identification.findings.saved import content, findings_from
+from robustpolish.identification.findings.words import explain, headline, plain
 from robustpolish.plotting import plot_time_series
+from robustpolish.saved_file import Fields, read_saved, write_saved
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Value:
-    """A fitted number with its standard error and unit."""
-
-    value: float
-    stderr: float
-    unit: str
-
-
-@dataclass(frozen=True)
-class FoundEffect:
-    """An effect that was added, with fitted parameters."""
-
-    kind: str
-    at: tuple[str, ...]
-    parameters: Mapping[str, Value]
-
-
-@dataclass(frozen=True)
-class RankedCandidate:
-    """An effect that was tried.
-
-    Attributes
-    ----------
-    step : int
-        1 when it was tried as the first effect, and so on.
-    nrmse_held_out : float
-        Error on held-out blocks over the deviation, the mean over the outputs.
-    score : float
-        Log odds from screening.
-    remark : str
-        Why it was not taken, if there is a reason.
-    """
-
-    kind: str
-    at: tuple[str, ...]
-    nrmse_held_out: float
-    score: float
-    step: int
-    parameters: Mapping[str, float]
-    remark: str = ""
-
-
-@dataclass(frozen=True)
-class Confusion:
-    """Two effects that this data cannot tell apart, and an experiment that would."""
-
-    first: Effect
-    second: Effect
-    experiment: str
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Diagnosis(Displayed):
+class Diagnosis(Findings, Displayed):
     """What a model lacks.
 
     Attributes
@@ -124,25 +69,6 @@ class Diagnosis(Displayed):
     True
     """
 
-    verdict: str
-    model: MechanicalModel
-    effects: tuple[FoundEffect, ...]
-    candidates: tuple[RankedCandidate, ...]
-    indistinguishable: tuple[Confusion, ...]
-    ledger: Ledger
-    missing_force: Array
-    sites: tuple[tuple[str, ...], ...]
-    parameters: Mapping[str, Value] = field(default_factory=dict)
-    covariance: xr.DataArray | None = None
-    reasons: tuple[str, ...] = ()
-    reproducible: bool = True
-    time: Array = field(default_factory=lambda: np.zeros(0))
-
-    @property
-    def noise_floor(self) -> Mapping[str, float]:
-        """Noise over each output's standard deviation."""
-        return self.ledger.noise_floor
-
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, as the command line writes it.
 
@@ -150,40 +76,7 @@ class Diagnosis(Displayed):
         -------
         dict
         """
-        return {
-            "verdict": self.verdict,
-            "effects": [
-                {
-                    "kind": e.kind,
-                    "at": list(e.at),
-                    "parameters": {k: _plain(v) for k, v in e.parameters.items()},
-                }
-                for e in self.effects
-            ],
-            "candidates": [
-                {
-                    "kind": c.kind,
-                    "at": list(c.at),
-                    "nrmse_held_out": _number(c.nrmse_held_out),
-                    "step": c.step,
-                    "score": _number(c.score),
-                    "remark": c.remark,
-                }
-                for c in self.candidates
-            ],
-            "indistinguishable": [
-                [_place(c.first), _place(c.second)] for c in self.indistinguishable
-            ],
-            "experiments": [c.experiment for c in self.indistinguishable],
-            "ledger": [
-                {"step": e.step, "nrmse": {k: _number(v) for k, v in e.nrmse.items()}}
-                for e in self.ledger.entries
-            ],
-            "noise_floor": {k: _number(v) for k, v in self.noise_floor.items()},
-            "parameters": {k: _plain(v) for k, v in self.parameters.items()},
-            "reasons": list(self.reasons),
-            "free_run_reproducible": self.reproducible,
-        }
+        return plain(self)
 
     def explain(self) -> str:
         """Say in words what was found, why, and what to check on the machine.
@@ -192,8 +85,6 @@ class Diagnosis(Displayed):
         -------
         str
         """
-        from robustpolish.identification.discover.explain import explain
-
         return explain(self)
 
     def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
@@ -211,9 +102,7 @@ class Diagnosis(Displayed):
         InvalidInputError
             If the file exists and `force` is not set, or it cannot be written there.
         """
-        from robustpolish.identification.discover.diagnosis_file import save_diagnosis
-
-        save_diagnosis(self, path, force)
+        write_saved(path, "diagnosis", content(self), force)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Diagnosis:
@@ -232,9 +121,7 @@ class Diagnosis(Displayed):
         InvalidInputError
             If it is no such file; the message names the key that is wrong.
         """
-        from robustpolish.identification.discover.diagnosis_file import load_diagnosis
-
-        return load_diagnosis(path)
+        return diagnosis_from(read_saved(path, "diagnosis"))
 
     def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
         """Draw how the error of one output fell, as :meth:`Ledger.plot`.
@@ -279,8 +166,6 @@ class Diagnosis(Displayed):
         return plot_time_series(signals, ax)
 
     def _card(self) -> Card:
-        from robustpolish.identification.discover.explain import headline
-
         found = [
             (effect.kind, ", ".join(effect.at), name, v.value, v.stderr, v.unit)
             for effect in self.effects
@@ -293,14 +178,12 @@ class Diagnosis(Displayed):
         return Card(headline(self), tuple(tables), self.reasons)
 
 
-def _plain(value: Value) -> dict[str, Any]:
-    return {"value": _number(value.value), "stderr": _number(value.stderr), "unit": value.unit}
+def diagnosis_from(fields: Fields) -> Diagnosis:
+    """Return the diagnosis in a file.
 
-
-def _number(value: float) -> float | None:
-    """JSON has no infinity: what is not known is null."""
-    return float(value) if np.isfinite(value) else None
-
-
-def _place(effect: Effect) -> dict[str, Any]:
-    return {"kind": effect.kind, "at": list(effect.at)}
+    Raises
+    ------
+    InvalidInputError
+        If a key is missing or wrong, or names an effect that is not in the catalogue.
+    """
+    return Diagnosis(**vars(findings_from(fields)))
