@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from robustpolish.measurements import check_sampling, read_measurement, same_kind
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical_parts import Input, Output
+from robustpolish.models.mechanical.parts import Input, Output
 from robustpolish.validation import described, invalid
 
 Array = NDArray[np.float64]

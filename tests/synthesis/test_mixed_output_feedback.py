@@ -8,9 +8,11 @@ from robustpolish.errors import InvalidInputError, SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.lmi.mixed.output import Specification, mixed_start
 from robustpolish.synthesis.methods.mixed_output_feedback import mixed_output_feedback
-from robustpolish.synthesis.nonsmooth import HinfMeasure, Loop, augmented
+from robustpolish.synthesis.nonsmooth import HinfMeasure
 from robustpolish.synthesis.problem.channels import channel
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
+from robustpolish.synthesis.problem.static_loop import augmented
 
 
 def oscillator():
@@ -76,7 +78,7 @@ def test_gain_bound_holds_at_all_frequencies():
 def test_inequalities_alone_come_within_their_back_off():
     plant = oscillator()
     K = mixed_start([Specification(plant, "hinf", None)], (), np.inf)
-    loop = augmented(Loop.of(plant), plant.nx)
+    loop = augmented(PlantMatrices.of(plant), plant.nx)
     achieved = HinfMeasure(loop).pieces(K, 0.0, ())[0].value
     best = mixed_output_feedback(plant, time_limit=5).certificate.achieved
     assert best * 0.999 <= achieved <= 1.06 * best
@@ -89,7 +91,7 @@ def test_picos_states_the_same_inequalities():
         mixed_start([Specification(plant, "hinf", None)], (HalfPlane(-0.3),), np.inf, backend)
         for backend in ("cvxpy", "picos")
     ]
-    loop = augmented(Loop.of(plant), plant.nx)
+    loop = augmented(PlantMatrices.of(plant), plant.nx)
     norms = [HinfMeasure(loop).pieces(K, 0.0, ())[0].value for K in starts]
     assert norms[0] == pytest.approx(norms[1], rel=0.02)
 

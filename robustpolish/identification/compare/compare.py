@@ -16,7 +16,7 @@ from robustpolish.identification.compare.horizon import predict
 from robustpolish.identification.compare.parameter_band import parameter_band
 from robustpolish.identification.observer.missing_force import observed_motion
 from robustpolish.identification.observer.reproducibility import reproducibility
-from robustpolish.identification.observer.run import Run, Start, StartedPiece, free_run, rest
+from robustpolish.identification.observer.run import RecordRun, Start, StartedPiece, free_run, rest
 from robustpolish.identification.observer.start import (
     fitted_start,
     lengths,
@@ -134,7 +134,9 @@ def compare(
     )
 
 
-def _started(run: Run, record: Record, stretches: list[tuple[int, int]]) -> list[StartedPiece]:
+def _started(
+    run: RecordRun, record: Record, stretches: list[tuple[int, int]]
+) -> list[StartedPiece]:
     """Return stretches of a record with the starts that suit a model best."""
     model, still = run.model, rest(run.model)
     observed = None if run.linear else observed_motion(model, record)
@@ -155,7 +157,7 @@ def _started(run: Run, record: Record, stretches: list[tuple[int, int]]) -> list
     return pieces
 
 
-def _stretches(run: Run, record: Record, window: float | None) -> list[tuple[int, int]]:
+def _stretches(run: RecordRun, record: Record, window: float | None) -> list[tuple[int, int]]:
     """First and last sample of each free run; a short rest belongs to the last one."""
     if window is None:
         return [(0, record.samples)]

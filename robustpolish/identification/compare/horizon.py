@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.identification.observer.missing_force import observed
-from robustpolish.identification.observer.run import Run, Start, StartedPiece, rest
+from robustpolish.identification.observer.run import RecordRun, Start, StartedPiece, rest
 from robustpolish.identification.record import Record
 from robustpolish.validation import described, invalid
 
 Array = NDArray[np.float64]
 
 
-def predict(run: Run, record: Record, horizon: float) -> tuple[Array, StartedPiece]:
+def predict(run: RecordRun, record: Record, horizon: float) -> tuple[Array, StartedPiece]:
     """Return predictions, and the record with the start that the observer began with.
 
     Each prediction is a free run of the model over the horizon. The observer may take a part of
@@ -22,7 +22,7 @@ def predict(run: Run, record: Record, horizon: float) -> tuple[Array, StartedPie
 
     Parameters
     ----------
-    run : Run
+    run : RecordRun
         The model, free.
     record : Record
     horizon : float
@@ -53,7 +53,7 @@ def predict(run: Run, record: Record, horizon: float) -> tuple[Array, StartedPie
             "one that can follow them",
             "Compare in short windows, or check its stiffness and damping.",
         )
-    n = run.system.states
+    n = run.run.system.states
 
     def started(k: int, end: int) -> StartedPiece:
         return StartedPiece(record.part(k, end), Start(seen.states[k, :n], seen.internal[k]))

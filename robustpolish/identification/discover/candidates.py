@@ -15,7 +15,7 @@ from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.observer.missing_force import Smoothed, known_forces
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear_system import context_of, port_pairs, port_rows
+from robustpolish.models.mechanical.ports import context_of, port_pairs, port_rows
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ from robustpolish.identification.observer.missing_force import Smoothed, known_f
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear import raw_outputs
-from robustpolish.simulation.nonlinear_system import port_row
+from robustpolish.models.mechanical.ports import port_row
+from robustpolish.simulation.signals import raw_outputs
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ class FilteredRecord:
         self.level, self.policy = level, prepared.policy
         self.observer = LinearObserver(model, record.dt, level, prepared.scales)
         forces = known_forces(model, motion.q, motion.v, record.time, record.dt)
-        Y = raw_outputs(model, record.Y)
+        Y = raw_outputs(model, record.Y, record.time)
         _, errors = self.observer.innovations(Y, motion.inputs, forces)
         self.errors = errors
         self.sigma = np.ones(errors.shape[1])

@@ -15,7 +15,7 @@ from robustpolish.identification.discover.candidates import places
 from robustpolish.identification.discover.filtered import FilteredRecord
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear_system import port_pairs, port_rows
+from robustpolish.models.mechanical.ports import port_pairs, port_rows
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from robustpolish.identification.fit.parameters import chain_keys, connected, dr
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.kalman import FREE
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical_parts import FORCE
+from robustpolish.models.mechanical.parts import FORCE
 
 
 class OwnNumbers(NamedTuple):

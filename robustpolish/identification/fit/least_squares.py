@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from robustpolish.identification.fit.parameters import FreeParameter
-from robustpolish.identification.observer.run import Run, Runner, Start, StartedPiece
+from robustpolish.identification.observer.run import RecordRun, Runner, Start, StartedPiece
 from robustpolish.models.mechanical import MechanicalModel
 
 Array = NDArray[np.float64]
@@ -91,7 +91,7 @@ class Residuals:
         keys = (f.key for f in self.free)
         return self.model.with_parameters(dict(zip(keys, (x * self.scale).tolist(), strict=True)))
 
-    def run_at(self, x: Array) -> Run:
+    def run_at(self, x: Array) -> RecordRun:
         """Return the model with scaled parameters x, ready to run."""
         return self.runner.run(self.model_at(x))
 
@@ -110,7 +110,7 @@ class Residuals:
         moved[j] += h
         return (self.errors(moved, starts) - errors) / h
 
-    def start_block(self, run: Run, start: Start, errors: Array, i: int) -> Array:
+    def start_block(self, run: RecordRun, start: Start, errors: Array, i: int) -> Array:
         """Return the derivative of piece i's errors to its scaled start."""
         here = errors[self.offsets[i] : self.offsets[i + 1]]
         vector = start.vector

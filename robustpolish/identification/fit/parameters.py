@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.effects import Effect
+from robustpolish.effects import Effect, Parameter
 from robustpolish.identification.policy import Policy
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical_parts import FORCE
+from robustpolish.models.mechanical.parts import FORCE
 
 Array = NDArray[np.float64]
 
@@ -177,26 +177,15 @@ def free_parameters(
     for i, effect in enumerate(model.effects):
         for parameter in effect.definition.parameters:
             if parameter.fitted and parameter.name in effect.parameters:
-                result.append(_effect(i, effect, parameter.name))
+                result.append(_effect(i, effect, parameter))
     return result
 
 
-def _effect(i: int, effect: Effect, name: str) -> FreeParameter:
-    parameter = effect.definition.parameter(name)
-    value = effect.values[name]
-    lower, upper = parameter.lower, parameter.upper
-    if name == "gap" and lower < 0:
-        lower, upper = (0.0, upper) if value >= 0 else (lower, 0.0)
-    if name == "velocity" and value > 0:  # a corner much sharper than the data shows is none
-        lower, upper = 0.2 * value, 6 * value
-    if name == "static_force" and "force" in effect.values:
-        lower = min(0.95 * effect.values["force"], value)
-    scale = abs(value) or 1.0
-    if parameter.dimension == "rad":
-        scale = 1.0
-    if name == "frequency":
-        scale = 1e-3 * abs(value)
-    return FreeParameter(f"effect[{i}].{name}", value, scale, lower, upper)
+def _effect(i: int, effect: Effect, parameter: Parameter) -> FreeParameter:
+    value = effect.values[parameter.name]
+    lower, upper = parameter.bounds_from(effect.values)
+    scale = parameter.scale_from(value)
+    return FreeParameter(f"effect[{i}].{parameter.name}", value, scale, lower, upper)
 
 
 def unit_of(model: MechanicalModel, key: str) -> str:

@@ -17,7 +17,7 @@ from robustpolish.identification.observer.kalman import (
     scales_of,
 )
 from robustpolish.identification.observer.missing_force import Smoothed, smooth
-from robustpolish.identification.observer.run import Run, Runner, Start, StartedPiece, rest
+from robustpolish.identification.observer.run import RecordRun, Runner, Start, StartedPiece, rest
 from robustpolish.identification.observer.start import fitted_start, state_sizes
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record
@@ -91,7 +91,9 @@ class PreparedRecord:
         """Return the sizes of a model's states, internal ones included."""
         return state_sizes(model, self.motion_sizes)
 
-    def with_fitted_starts(self, run: Run, pieces: Sequence[StartedPiece]) -> list[StartedPiece]:
+    def with_fitted_starts(
+        self, run: RecordRun, pieces: Sequence[StartedPiece]
+    ) -> list[StartedPiece]:
         """Return the pieces with the starts from which a model runs closest to them."""
         sizes = self.sizes(run.model)
         return [

@@ -15,10 +15,11 @@ from scipy.signal import welch
 
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical_parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
-from robustpolish.simulation.nonlinear import signals
-from robustpolish.simulation.nonlinear_step import step_matrices
-from robustpolish.simulation.nonlinear_system import NonlinearSystem, port_matrices
+from robustpolish.models.mechanical.parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
+from robustpolish.models.mechanical.ports import port_matrices
+from robustpolish.simulation.signals import signals
+from robustpolish.simulation.step import step_matrices
+from robustpolish.simulation.system import NonlinearSystem
 
 Array = NDArray[np.float64]
 _QUIETEST = 1e-5

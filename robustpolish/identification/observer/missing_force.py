@@ -11,17 +11,18 @@ from numpy.typing import NDArray
 from robustpolish.effects import Motion, force_along
 from robustpolish.identification.observer.kalman import Level, Scales, amplitude_of, scales_of
 from robustpolish.identification.observer.linear_observer import LinearObserver, PortForces
-from robustpolish.identification.observer.run import Prediction, Runner, Start, StartedPiece, rest
+from robustpolish.identification.observer.run import Runner, Start, StartedPiece, rest
 from robustpolish.identification.record import Record, least_samples
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear import raw_outputs, signals
-from robustpolish.simulation.nonlinear_system import (
+from robustpolish.models.mechanical.ports import (
     context_of,
     dynamic_effects,
     port_matrices,
     port_pairs,
     port_rows,
 )
+from robustpolish.simulation.run import NonlinearResponse
+from robustpolish.simulation.signals import raw_outputs, signals
 
 Array = NDArray[np.float64]
 _START = 3.0
@@ -86,7 +87,7 @@ def following(
     scales: Scales,
     amplitude: float,
     levels: Sequence[Level],
-) -> tuple[Level, Prediction]:
+) -> tuple[Level, NonlinearResponse]:
     """Return the level at which an observer predicts the record best, and what it saw.
 
     The observer begins at rest: what it does in the first samples is not counted.
@@ -129,7 +130,8 @@ def smooth(
     nonlinear observer finds. Arguments as of :func:`following`.
     """
     level, seen = following(model, record, scales, amplitude, levels)
-    W, Y, time = record.own(signals(model, record.data)), raw_outputs(model, record.Y), record.time
+    W, time = record.own(signals(model, record.data)), record.time
+    Y = raw_outputs(model, record.Y, time)
     observer = LinearObserver(model, record.dt, level, scales)
     sizes = _start_sizes(model, scales, amplitude)
     q, v = motion_of(model, seen.states, W)
@@ -148,7 +150,7 @@ def smooth(
     )  # fmt: skip
 
 
-def observed(model: MechanicalModel, record: Record) -> Prediction:
+def observed(model: MechanicalModel, record: Record) -> NonlinearResponse:
     """Return the predictions and states of the observer that predicts a record best."""
     scales = scales_of(model, record)
     amplitude = amplitude_of(model, record, scales.bandwidth)

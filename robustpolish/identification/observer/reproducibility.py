@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.identification.observer.kalman import white_noise
-from robustpolish.identification.observer.run import Run, StartedPiece
+from robustpolish.identification.observer.run import RecordRun, StartedPiece
 from robustpolish.identification.record import Record
 
 Array = NDArray[np.float64]
@@ -46,13 +46,17 @@ class Reproducibility:
 
 
 def reproducibility(
-    run: Run, piece: StartedPiece, outputs: Array, span: float | None = None, ahead: bool = False
+    run: RecordRun,
+    piece: StartedPiece,
+    outputs: Array,
+    span: float | None = None,
+    ahead: bool = False,
 ) -> Reproducibility:
     """Change the start by a millionth and see whether the runs part by more than the noise.
 
     Parameters
     ----------
-    run : Run
+    run : RecordRun
         Free.
     piece : StartedPiece
     outputs : ndarray, shape (samples, ny)
@@ -112,13 +116,13 @@ def _divergence(outputs: Array) -> int | None:
     return int(bad[0]) if bad.size else None
 
 
-def _largest_change(run: Run, piece: StartedPiece, size: Array) -> Array:
+def _largest_change(run: RecordRun, piece: StartedPiece, size: Array) -> Array:
     """Largest change of an output at each sample, as a share of its size, over a few directions."""
     base = run.over(piece, keep=True)
     every = np.hstack([base.states, base.internal])
     typical = np.std(every, axis=0)
     typical = np.maximum(typical, 1e-3 * np.max(np.abs(every), axis=0))
-    typical[run.system.states :] = 0.0  # the memory of an effect follows from the motion
+    typical[run.run.system.states :] = 0.0  # the memory of an effect follows from the motion
     start = piece.start.vector
     signs = np.random.default_rng(0).choice([-1.0, 1.0], (_DIRECTIONS, start.size))
     change = np.zeros(len(every))
@@ -130,11 +134,11 @@ def _largest_change(run: Run, piece: StartedPiece, size: Array) -> Array:
     return change
 
 
-def _drift_note(run: Run, record: Record) -> str:
+def _drift_note(run: RecordRun, record: Record) -> str:
     """Warn of a plant that integrates, whose free run sums up every small error."""
-    if not run.system.states:
+    if not run.run.system.states:
         return ""
-    poles = np.linalg.eigvals(run.system.A)
+    poles = np.linalg.eigvals(run.run.system.A)
     slow = np.abs(poles) * record.samples * record.dt < 1e-3
     if slow.any() and float(np.max(np.abs(poles))) > 0:
         return "the model integrates: a free run sums up small errors; windows judge it better"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +19,11 @@ from robustpolish.identification.observer.kalman import (
 )
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear import measured, needed_substeps, raw_outputs, signals
-from robustpolish.simulation.nonlinear_step import StepMatrices, run
-from robustpolish.simulation.nonlinear_system import NonlinearSystem, build_system, dynamic_effects
+from robustpolish.models.mechanical.data import MechanicalData
+from robustpolish.models.mechanical.ports import dynamic_effects
+from robustpolish.simulation.run import NonlinearResponse, Run
+from robustpolish.simulation.signals import signals
+from robustpolish.simulation.system import NonlinearSystem, build_system, needed_substeps
 
 Array = NDArray[np.float64]
 
@@ -50,17 +51,6 @@ class StartedPiece:
 
     record: Record
     start: Start
-
-
-class Prediction(NamedTuple):
-    """Outputs (samples, ny); states and internal states over the samples, if they are kept.
-
-    The states of a run that the data lead end with the missing forces.
-    """
-
-    outputs: Array
-    states: Array
-    internal: Array
 
 
 class Runner:
@@ -99,10 +89,9 @@ class Runner:
         if self._leak is not None and scales is not None:
             self.gain = observer_gain(self._system(model), dt, level, scales)
 
-    def run(self, model: MechanicalModel) -> Run:
+    def run(self, model: MechanicalModel) -> RecordRun:
         """Return a model ready to run."""
-        system = self._system(model)
-        return Run(self, model, system, system.steps(self.dt / self.substeps))
+        return RecordRun(self, model, Run(model, self._system(model), self.dt, self.substeps))
 
     def _system(self, model: MechanicalModel) -> NonlinearSystem:
         plain = build_system(model, self.dt / self.substeps)
@@ -118,51 +107,48 @@ class Runner:
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class RecordRun:
     """A model ready to be run again and again, from any start over any piece of record."""
 
     runner: Runner
     model: MechanicalModel
-    system: NonlinearSystem
-    matrices: StepMatrices
+    run: Run
 
     @property
     def linear(self) -> bool:
         """Whether no effect makes a force."""
-        return not self.system.effects
+        return not self.run.system.effects
 
-    def over(self, piece: StartedPiece, keep: bool = False) -> Prediction:
+    def over(self, piece: StartedPiece, keep: bool = False) -> NonlinearResponse:
         """Return what the model predicts for a piece of record.
 
         Parameters
         ----------
         piece : StartedPiece
         keep : bool, optional
-            Whether the states are wanted too.
+            Whether the states are wanted too; those of a run that the data lead end with the
+            missing forces.
 
         Returns
         -------
-        Prediction
+        NonlinearResponse
         """
-        system, runner, record, start = self.system, self.runner, piece.record, piece.start
-        n, ny = system.states, system.C.shape[0]
-        state = np.zeros(n)
+        record, start, gain = piece.record, piece.start, self.runner.gain
+        state = np.zeros(self.run.system.states)
         state[: start.state.size] = start.state
-        gain = np.zeros((n, ny)) if runner.gain is None else runner.gain.filter
-        outputs, states, internal = run(
-            self.matrices, system.motion, (system.C, system.D, system.H), system.laws,
-            system.layout, system.values, runner.inputs(self.model, record),
-            raw_outputs(self.model, record.Y), gain, state, np.ascontiguousarray(start.internal),
-            record.start, runner.dt, runner.substeps, keep,
-        )  # fmt: skip
-        return Prediction(measured(self.model, outputs), states, internal)
+        inputs = self.runner.inputs(self.model, record)
+        if gain is None:
+            return self.run.over(inputs, state, start.internal, record.time, keep=keep)
+        return self.run.over(
+            inputs, state, start.internal, record.time, record.Y, gain.filter, keep
+        )
 
     def errors(self, piece: StartedPiece) -> Array:
         """Return measured minus predicted outputs, shape (samples, ny)."""
         return piece.record.Y - self.over(piece).outputs
 
 
-def free_run(model: MechanicalModel, record: Record) -> Run:
+def free_run(model: MechanicalModel, record: Record) -> RecordRun:
     """Return a model ready to run freely over a record."""
     amplitude = 0.0
     if model.effects:
@@ -170,7 +156,7 @@ def free_run(model: MechanicalModel, record: Record) -> Run:
     return Runner(model, record.dt, amplitude).run(model)
 
 
-def rest(model: MechanicalModel) -> Start:
+def rest(model: MechanicalData) -> Start:
     """Return a start at rest."""
     internal = sum(effect.definition.states for _, effect in dynamic_effects(model))
     return Start(np.zeros(2 * len(model.free)), np.zeros(internal))

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.identification.observer.run import Run, Start, StartedPiece
+from robustpolish.identification.observer.run import RecordRun, Start, StartedPiece
 from robustpolish.identification.record import Record
-from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear_system import dynamic_effects
+from robustpolish.models.mechanical.data import MechanicalData
+from robustpolish.models.mechanical.ports import dynamic_effects
 
 Array = NDArray[np.float64]
 _ROUNDS = 8
@@ -18,7 +18,7 @@ _STEP = 1e-4
 _SHORTEST = 50
 
 
-def fitted_start(run: Run, record: Record, guesses: Sequence[Start], sizes: Array) -> Start:
+def fitted_start(run: RecordRun, record: Record, guesses: Sequence[Start], sizes: Array) -> Start:
     """Find the start from which a free run comes closest to the measured outputs.
 
     For a linear model that is one least-squares problem, over the whole of the record, as in
@@ -28,7 +28,7 @@ def fitted_start(run: Run, record: Record, guesses: Sequence[Start], sizes: Arra
 
     Parameters
     ----------
-    run : Run
+    run : RecordRun
     record : Record
         All of it is run over.
     guesses : sequence of Start
@@ -62,7 +62,7 @@ def lengths(samples: int) -> list[int]:
     return found
 
 
-def state_sizes(model: MechanicalModel, states: Array) -> Array:
+def state_sizes(model: MechanicalData, states: Array) -> Array:
     """Append the sizes of internal states to those of the free displacements and velocities."""
     half = len(states) // 2
     q, v = np.max(states[:half], initial=1e-12), np.max(states[half:], initial=1e-12)
@@ -74,7 +74,7 @@ def state_sizes(model: MechanicalModel, states: Array) -> Array:
     return np.concatenate([states, np.array(sizes, dtype=float)])
 
 
-def visible_sizes(linear: Run, record: Record, start: Start) -> Array:
+def visible_sizes(linear: RecordRun, record: Record, start: Start) -> Array:
     """Return for each state of a linear model what would move its outputs by their own size."""
     vector = start.vector
     base = linear.over(StartedPiece(record, start)).outputs
@@ -90,7 +90,7 @@ def visible_sizes(linear: Run, record: Record, start: Start) -> Array:
     return scale
 
 
-def _error(run: Run, record: Record, start: Start, weights: Array) -> Array:
+def _error(run: RecordRun, record: Record, start: Start, weights: Array) -> Array:
     """Weighted errors in one vector; a run that diverges has very large ones."""
     with np.errstate(over="ignore", invalid="ignore"):
         error = -run.errors(StartedPiece(record, start)) * weights
@@ -101,7 +101,7 @@ def _sum(error: Array) -> float:
     return float(error @ error)
 
 
-def _closest(run: Run, record: Record, start: Start, sizes: Array, weights: Array) -> Start:
+def _closest(run: RecordRun, record: Record, start: Start, sizes: Array, weights: Array) -> Start:
     """Improve a start by damped least squares; it never becomes worse."""
 
     def error(vector: Array) -> Array:

@@ -15,7 +15,7 @@ from robustpolish.identification.observer.run import StartedPiece, free_run, res
 from robustpolish.identification.record import record_of
 from robustpolish.identification.residuals.shares import surface, value_shares
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical_parts import FORCE, UNITS
+from robustpolish.models.mechanical.parts import FORCE, UNITS
 
 Array = NDArray[np.float64]
 

@@ -17,13 +17,13 @@ from scipy import linalg
 
 from robustpolish.synthesis.lmi.affine import symmetric_block
 from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram
-from robustpolish.synthesis.nonsmooth import Loop
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 
 Matrix = NDArray[Any]
 
 
 def stabilising_gain(
-    loop: Loop,
+    loop: PlantMatrices,
     mask: NDArray[np.bool_],
     deadline: float,
     decay: float = 1e-3,
@@ -34,7 +34,7 @@ def stabilising_gain(
 
     Parameters
     ----------
-    loop : Loop
+    loop : PlantMatrices
         Scaled.
     mask : ndarray of bool, shape (nu, ny)
         Entries of K that are free; the last program alone respects it.
@@ -113,7 +113,7 @@ def _gain(
     return None if solution.x is None else solution.value(K)
 
 
-def _continuous(loop: Loop, decay: float) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+def _continuous(loop: PlantMatrices, decay: float) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     """Return A, B, C, D from u to y whose stability implies that of the loop with its decay.
 
     A discrete loop is mapped by z = (1 + s)/(1 - s), which leaves u and y as they are.

@@ -1,6 +1,6 @@
 """Descent on the true norms of a loop with a structured controller.
 
-Everything here works on plain matrices: a :class:`Loop` closes a plant with a
+Everything here works on plain matrices: a :class:`PlantMatrices` closes a plant with a
 constant matrix K, the measures (norms, spectral abscissa, gain, regions) return values
 with gradients over K, a parametrisation maps free numbers to K, and two descents use
 them: BFGS for functions that are smooth almost everywhere, and a bundle method that
@@ -10,7 +10,6 @@ sees all active peaks at once.
 from robustpolish.synthesis.nonsmooth.bfgs import bfgs
 from robustpolish.synthesis.nonsmooth.h2 import H2Measure
 from robustpolish.synthesis.nonsmooth.hinf import HinfMeasure
-from robustpolish.synthesis.nonsmooth.loops import Loop, augmented, controller_loop
 from robustpolish.synthesis.nonsmooth.minimax import Bounds, minimax
 from robustpolish.synthesis.nonsmooth.parametrisations import (
     AffineGain,
@@ -36,7 +35,6 @@ __all__ = [
     "GainMeasure",
     "H2Measure",
     "HinfMeasure",
-    "Loop",
     "MaskedGain",
     "Measure",
     "ObserverGain",
@@ -50,9 +48,7 @@ __all__ = [
     "SearchResult",
     "StabilityMeasure",
     "WorstMeasure",
-    "augmented",
     "bfgs",
-    "controller_loop",
     "minimax",
     "search",
 ]

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
-from robustpolish.synthesis.nonsmooth.loops import Loop, Matrix
 from robustpolish.synthesis.nonsmooth.problem import Piece
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
+from robustpolish.synthesis.problem.static_loop import close_static
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,11 +22,11 @@ class H2Measure:
     with A left out in continuous time.
     """
 
-    loop: Loop
+    loop: PlantMatrices
 
     def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
         """Return the one piece; nothing if the loop is not stable or the norm infinite."""
-        closed = self.loop.close(K)
+        closed = close_static(self.loop, K)
         if closed is None or not closed.stable:
             return []
         A, B, C, D = closed.A, closed.B, closed.C, closed.D

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.synthesis.nonsmooth.loops import Closed, Loop, Matrix
 from robustpolish.synthesis.nonsmooth.problem import Piece
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
+from robustpolish.synthesis.problem.static_loop import StaticLoop, close_static
 
 Vector = NDArray[Any]
 
@@ -27,13 +28,13 @@ class HinfMeasure:
     stands for the feedthrough in continuous time.
     """
 
-    loop: Loop
+    loop: PlantMatrices
     # The last peaks are good guesses for the next.
     _recent: list[float] = field(default_factory=list, init=False, repr=False)
 
     def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
         """Return the active peaks; nothing if the loop is not stable."""
-        closed = self.loop.close(K)
+        closed = close_static(self.loop, K)
         if closed is None or not closed.stable:
             return []
         response = _Response(closed)
@@ -72,9 +73,9 @@ class HinfMeasure:
 class _Response:
     """Singular values of one closed loop over frequency, with its level sets."""
 
-    def __init__(self, closed: Closed) -> None:
+    def __init__(self, closed: StaticLoop) -> None:
         self.closed = closed
-        self.discrete = closed.loop.discrete
+        self.discrete = closed.plant.discrete
         self.A, self.B, self.C, self.D = _continuous(closed)
         self.feedthrough = float(np.linalg.norm(self.D, 2)) if self.D.any() else 0.0
 
@@ -135,10 +136,10 @@ class _Response:
         return np.concatenate([guesses, between, [2 * guesses[-1]]])
 
 
-def _continuous(closed: Closed) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+def _continuous(closed: StaticLoop) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     """Map a discrete loop to a continuous one with the same norm (z = (1 + s)/(1 - s))."""
     A, B, C, D = closed.A, closed.B, closed.C, closed.D
-    if not closed.loop.discrete:
+    if not closed.plant.discrete:
         return A, B, C, D
     shifted = A + np.eye(len(A))
     X = np.linalg.solve(shifted, np.hstack([A - np.eye(len(A)), B]))

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robustpolish.synthesis.nonsmooth.loops import Loop, Matrix
 from robustpolish.synthesis.nonsmooth.problem import Measure, Piece
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
+from robustpolish.synthesis.problem.static_loop import close_static
 
 # Distance of one pole from its region (negative inside), and the derivative of the
 # distance over the pole's real and imaginary part, packed as a complex number.
@@ -21,20 +22,20 @@ class RegionMeasure:
 
     Attributes
     ----------
-    loop : Loop
+    loop : PlantMatrices
     distance : callable
         pole -> (distance, derivative over real part + 1j times that over imaginary part).
     scale : float
         What distances are divided by, to be without a unit.
     """
 
-    loop: Loop
+    loop: PlantMatrices
     distance: Distance
     scale: float = 1.0
 
     def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
         """Return one piece for each pole (pair) near the worst."""
-        closed = self.loop.close(K)
+        closed = close_static(self.loop, K)
         if closed is None or not np.isfinite(closed.A).all():
             return []
         found = np.linalg.eig(closed.A)
@@ -63,7 +64,7 @@ class StabilityMeasure(RegionMeasure):
     """Spectral abscissa, or in discrete time the spectral radius less one."""
 
     @classmethod
-    def of(cls, loop: Loop, scale: float = 1.0) -> StabilityMeasure:
+    def of(cls, loop: PlantMatrices, scale: float = 1.0) -> StabilityMeasure:
         """Measure how far the poles are inside the stable region."""
         return cls(loop, _radius if loop.discrete else _abscissa, scale)
 

@@ -28,12 +28,12 @@ from robustpolish.synthesis.nonsmooth import (
     GainMeasure,
     H2Measure,
     HinfMeasure,
-    Loop,
     MaskedGain,
     Problem,
     Requirement,
     minimax,
 )
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.state_feedback_problem import StateFeedbackProblem
 from robustpolish.synthesis.riccati.equations import solve_lyapunov
 from robustpolish.synthesis.state_search.engines import Answer, Engine, minimise
@@ -222,7 +222,7 @@ def _descended(
     for _ in range(_DESCENTS):
         T, V = _coordinates(problem, F) if balanced else (np.eye(problem.nx), np.eye(problem.nu))
         q = problem.in_states(T)
-        loop = Loop(
+        loop = PlantMatrices(
             A=q.A,
             B1=q.B1,
             B2=q.B2 @ V,

@@ -14,17 +14,17 @@ from robustpolish.synthesis.lmi.mixed.output import Specification, mixed_start
 from robustpolish.synthesis.lmi.mixed.state import mixed_state_start
 from robustpolish.synthesis.nonsmooth import (
     AffineGain,
-    Loop,
     MaskedGain,
     ObserverGain,
     RegionMeasure,
     Requirement,
-    augmented,
 )
 from robustpolish.synthesis.problem.channels import channel as cut
 from robustpolish.synthesis.problem.fixed_modes import refuse_fixed_modes
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
+from robustpolish.synthesis.problem.static_loop import augmented
 from robustpolish.synthesis.structured_search.observer import proposals
 from robustpolish.synthesis.structured_search.search import Norm, Setting, objective
 from robustpolish.synthesis.structured_search.static import (
@@ -88,18 +88,18 @@ def mixed_setting(task: MixedTask) -> Setting:
     """
     scaled = scale_plant(task.whole)
     n, what = task.order, "controller" if task.order else "static gain"
-    inner = Loop.of(scaled.plant)
+    inner = PlantMatrices.of(scaled.plant)
     everything = np.ones((task.whole.nu, task.whole.ny), bool)
     refuse_fixed_modes(inner, everything, task.whole.states, scaled.time, what)
     goal = _scaled_channel(scaled, task.goal)
-    goal_loop = augmented(Loop.of(goal), n)
+    goal_loop = augmented(PlantMatrices.of(goal), n)
     side = None if task.side is None else _scaled_channel(scaled, task.side)
     other: Norm = "h2" if task.norm == "hinf" else "hinf"
     h2_loop = goal_loop if task.norm == "h2" else None
     requirements: list[Requirement] = []
     specifications = [Specification(goal, task.norm, None)]
     if side is not None and task.side_bound is not None:
-        side_loop = augmented(Loop.of(side), n)
+        side_loop = augmented(PlantMatrices.of(side), n)
         bound = scaled.scaled_norm(task.side_bound, other)
         requirements.append(Requirement(objective(side_loop, other), bound))
         specifications.append(Specification(side, other, bound))
@@ -144,7 +144,7 @@ def _scaled_channel(scaled: ScaledPlant, channel: GeneralizedPlant) -> Generaliz
     return cut(scaled.plant, channel.disturbance_names, channel.performance_names)
 
 
-def _region(loop: Loop, region: PoleRegion) -> RegionMeasure:
+def _region(loop: PlantMatrices, region: PoleRegion) -> RegionMeasure:
     """Measure the largest eigenvalue of the region's matrix over the poles."""
     size = float(np.linalg.norm(loop.A, 2)) or 1.0
     scale = float(np.linalg.norm(region.L, 2)) + size * float(np.linalg.norm(region.M, 2))
@@ -167,7 +167,7 @@ def _measures_the_state(plant: GeneralizedPlant) -> bool:
 
 
 def _regulators(
-    loop: Loop, parametrisation: AffineGain | MaskedGain, rng: np.random.Generator
+    loop: PlantMatrices, parametrisation: AffineGain | MaskedGain, rng: np.random.Generator
 ) -> Iterator[Vector]:
     """Propose a linear-quadratic gain, no gain, then random changes of the first."""
     rest = np.zeros((loop.B2.shape[1], loop.C2.shape[0]))

@@ -13,11 +13,12 @@ from scipy import linalg
 
 from robustpolish.errors import InfeasibleError
 from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.nonsmooth import Loop, ObserverGain, augmented
+from robustpolish.synthesis.nonsmooth import ObserverGain
 from robustpolish.synthesis.problem.fixed_modes import refuse_fixed_modes
-from robustpolish.synthesis.problem.matrices import PlantMatrices, matrices
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.regularisation import regularise
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
+from robustpolish.synthesis.problem.static_loop import augmented
 from robustpolish.synthesis.riccati.gamma_search import search_gamma
 from robustpolish.synthesis.riccati.two_riccati import attempt, central_controller, normalise
 from robustpolish.synthesis.structured_search.observer_form import observer_form
@@ -57,7 +58,7 @@ def observer_setting(plant: GeneralizedPlant, norm: Norm, gain_bound: float | No
             "disturbance straight to z. Filter the disturbance or the output, or use 'hinf'."
         )
     scaled = scale_plant(plant)
-    inner = Loop.of(scaled.plant)
+    inner = PlantMatrices.of(scaled.plant)
     everything = np.ones((plant.nu, plant.ny), bool)
     refuse_fixed_modes(inner, everything, plant.states, scaled.time, "observer-based controller")
     parametrisation = ObserverGain(inner.A, inner.B2, inner.C2, inner.D22)
@@ -117,10 +118,10 @@ def proposals(
     for epsilon in _EPSILONS:
         if found and time.monotonic() > deadline:
             break
-        gains = _quadratic(matrices(plant), epsilon, plant.is_discrete)
+        gains = _quadratic(PlantMatrices.of(plant).without_d22(), epsilon, plant.is_discrete)
         if gains is not None:
             found.append(parametrisation.join(*gains))
-    measure = objective(with_performance(augmented(Loop.of(plant), plant.nx)), norm)
+    measure = objective(with_performance(augmented(PlantMatrices.of(plant), plant.nx)), norm)
 
     def achieved(point: Vector) -> float:
         K = parametrisation.gain(point)
@@ -171,7 +172,7 @@ def _central(
     for epsilon in _EPSILONS:
         if time.monotonic() > deadline:
             return
-        normal = normalise(regularise(matrices(plant), epsilon))
+        normal = normalise(regularise(PlantMatrices.of(plant).without_d22(), epsilon))
         bracket = search_gamma(normal, gamma, 1e-3, lambda: time.monotonic() > deadline)
         if bracket is None:
             continue

@@ -20,7 +20,6 @@ from robustpolish.synthesis.nonsmooth import (
     GainMeasure,
     H2Measure,
     HinfMeasure,
-    Loop,
     Measure,
     Parametrisation,
     Problem,
@@ -32,6 +31,7 @@ from robustpolish.synthesis.nonsmooth import (
     minimax,
     search,
 )
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import ScaledPlant
 
 Matrix = NDArray[Any]
@@ -61,7 +61,7 @@ class Setting:
     scaled : ScaledPlant
         The part before and after scaling.
     norm : {"hinf", "h2"}
-    loop : Loop
+    loop : PlantMatrices
         The scaled part, with integrators for a dynamic controller.
     parametrisation : Parametrisation
     starts : callable
@@ -77,9 +77,9 @@ class Setting:
         Largest number of descents.
     fewest : int
         Number of descents before their agreement counts.
-    objective_loop : Loop or None
+    objective_loop : PlantMatrices or None
         The loop whose norm is minimised, if it is another than `loop`.
-    also_stable : tuple of Loop
+    also_stable : tuple of PlantMatrices
         Further loops to be made stable first, such as the controller itself.
     bounds : pair of ndarray or None
         Bounds of the free numbers.
@@ -91,7 +91,7 @@ class Setting:
 
     scaled: ScaledPlant
     norm: Norm
-    loop: Loop
+    loop: PlantMatrices
     parametrisation: Parametrisation
     starts: Starts
     controller: Callable[[Matrix], control.StateSpace]
@@ -100,8 +100,8 @@ class Setting:
     bound_named: str = ""
     descents: int = 100
     fewest: int = 9
-    objective_loop: Loop | None = None
-    also_stable: tuple[Loop, ...] = ()
+    objective_loop: PlantMatrices | None = None
+    also_stable: tuple[PlantMatrices, ...] = ()
     bounds: Bounds | None = None
     size: Measure | None = None
     slack: float = SLACK
@@ -234,18 +234,18 @@ def _outcome(
     )
 
 
-def objective(loop: Loop, norm: Norm) -> Measure:
+def objective(loop: PlantMatrices, norm: Norm) -> Measure:
     """Return the measure of a norm."""
     return HinfMeasure(loop) if norm == "hinf" else H2Measure(loop)
 
 
-def with_performance(loop: Loop) -> Loop:
+def with_performance(loop: PlantMatrices) -> PlantMatrices:
     """Disturb and watch the states where no disturbance reaches any performance output."""
     if loop.B1.shape[1] and loop.C1.shape[0]:
         return loop
     n, nu, ny = len(loop.A), loop.B2.shape[1], loop.C2.shape[0]
     zeros = np.zeros
-    return Loop(
+    return PlantMatrices(
         loop.A,
         np.eye(n),
         loop.B2,

@@ -18,15 +18,14 @@ from robustpolish.synthesis.nonsmooth import (
     AffineGain,
     GainMeasure,
     HinfMeasure,
-    Loop,
     MaskedGain,
     Requirement,
-    augmented,
-    controller_loop,
 )
 from robustpolish.synthesis.problem.decoupling import named_controller
 from robustpolish.synthesis.problem.fixed_modes import refuse_fixed_modes
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
+from robustpolish.synthesis.problem.static_loop import augmented, controller_loop
 from robustpolish.synthesis.structured_search.search import Matrix, Norm, Setting, Vector
 from robustpolish.validation import described, invalid
 
@@ -69,7 +68,7 @@ def static_setting(task: StaticTask) -> Setting:
         If an unstable mode is fixed, or no gain makes the H2 norm finite.
     """
     scaled = scale_plant(task.plant)
-    inner = Loop.of(scaled.plant)
+    inner = PlantMatrices.of(scaled.plant)
     loop = augmented(inner, task.order)
     what = "static gain" if task.order == 0 else f"controller of order {task.order}"
     # Whatever the pattern of a dynamic controller, it moves no mode that no gain moves.
@@ -95,7 +94,7 @@ def static_setting(task: StaticTask) -> Setting:
     )
 
 
-def free_gain(mask: NDArray[np.bool_], loop: Loop) -> AffineGain | MaskedGain:
+def free_gain(mask: NDArray[np.bool_], loop: PlantMatrices) -> AffineGain | MaskedGain:
     """Free the marked entries, as far as the feedthrough of a continuous loop stays zero.
 
     Raises
@@ -136,12 +135,14 @@ def gain_requirement(
     return (Requirement(HinfMeasure(own_loop(order, scaled)), bound),)
 
 
-def bounded_loops(bound: float | None, order: int, scaled: ScaledPlant) -> tuple[Loop, ...]:
+def bounded_loops(
+    bound: float | None, order: int, scaled: ScaledPlant
+) -> tuple[PlantMatrices, ...]:
     """Return the loops that have to be stable for a bound on the gain to be meant."""
     return () if bound is None or order == 0 else (own_loop(order, scaled),)
 
 
-def own_loop(order: int, scaled: ScaledPlant) -> Loop:
+def own_loop(order: int, scaled: ScaledPlant) -> PlantMatrices:
     """Return the loop that is the controller itself, from y to u in plant units."""
     left, right = np.diag(scaled.control), np.diag(1 / scaled.measurement)
     return controller_loop(order, left, right, scaled.original.is_discrete)
@@ -150,7 +151,7 @@ def own_loop(order: int, scaled: ScaledPlant) -> Loop:
 def _starts(
     task: StaticTask,
     scaled: ScaledPlant,
-    loop: Loop,
+    loop: PlantMatrices,
     parametrisation: AffineGain | MaskedGain,
     deadline: float,
     rng: np.random.Generator,
@@ -175,7 +176,7 @@ def _starts(
         yield parametrisation.coordinates(np.where(task.mask, K, 0.0))
 
 
-def projected_regulator(loop: Loop) -> Matrix | None:
+def projected_regulator(loop: PlantMatrices) -> Matrix | None:
     """Return the output gain nearest to a linear-quadratic state feedback."""
     solve = linalg.solve_discrete_are if loop.discrete else linalg.solve_continuous_are
     A, B, eye = loop.A, loop.B2, np.eye(loop.B2.shape[1])

@@ -20,7 +20,7 @@ from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
 from robustpolish.synthesis.lmi.output.inequalities import Variables, stacked
 from robustpolish.synthesis.lmi.output.reconstruction import reconstruct
 from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram, SemidefiniteSolution
-from robustpolish.synthesis.problem.matrices import matrices, shift
+from robustpolish.synthesis.problem.matrices import PlantMatrices, shift
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 
 Matrix = NDArray[Any]
@@ -191,7 +191,7 @@ def reconstructed(
 ) -> Matrix | None:
     """Undo the change of variables, (10.23) and (10.24)."""
     X, Y, Ah, Bh, Ch, Dk = (solution.value(M) for M in variables)
-    inner = reconstruct(matrices(P), Variables(Y, X, Ah, Bh, Ch, Dk))
+    inner = reconstruct(PlantMatrices.of(P).without_d22(), Variables(Y, X, Ah, Bh, Ch, Dk))
     K = None if inner is None else shift(inner, P.D22)
     if K is None or not all(np.isfinite(M).all() for M in K):
         return None
