@@ -194,5 +194,5 @@ def _frequencies(model: MechanicalModel) -> list[float]:
     """Return the frequencies in Hz at which the linear part of a model swings."""
     if not model.free:
         return []
-    poles = np.linalg.eigvals(np.asarray(model.state_space().A, dtype=float))
+    poles = np.linalg.eigvals(model.matrices.first_order()[0])
     return [abs(float(pole.imag)) / (2 * np.pi) for pole in poles]

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.identification.discover.confusion import asymmetries
+from robustpolish.effects import Effect
+from robustpolish.identification.discover.confusion import confused
 from robustpolish.identification.discover.free_shape import better_shape
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.diagnosis import Diagnosis
-from robustpolish.identification.findings.findings import FoundEffect, Value
+from robustpolish.identification.findings.findings import Confusion, FoundEffect, Value
 from robustpolish.identification.findings.ledger import Entry, Ledger
 from robustpolish.identification.fit.homotopy import JudgedFit, free_rms, homotopy, steady
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import effect_unit, unit_of
 from robustpolish.identification.observer.kalman import FREE, force_sites
 from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.parts import FORCE
 
 Array = NDArray[np.float64]
+_DRY = ("coulomb_friction", "stribeck_friction")
 
 
 class Verdict(NamedTuple):
@@ -90,7 +94,7 @@ def _diagnosis(
         model=model,
         effects=found,
         candidates=tuple(search.candidates),
-        indistinguishable=(*search.confusions, *asymmetries(reference, found)),
+        indistinguishable=(*search.confusions, *_asymmetries(reference, found)),
         ledger=Ledger(entries, by_output(verdict.floor)),
         missing_force=search.prepared.motion(model, record).force,
         sites=tuple(force_sites(reference)[1]),
@@ -188,3 +192,32 @@ def _found(model: MechanicalModel, index: int, errors: dict[str, float]) -> Foun
         error = errors.get(f"effect[{index}].{p.name}", 0.0)
         parameters[p.name] = Value(effect.values[p.name], error, unit)
     return FoundEffect(effect.kind, effect.at, parameters)
+
+
+def _asymmetries(model: MechanicalModel, found: Sequence[FoundEffect]) -> list[Confusion]:
+    """Return the constants that friction of unlike size in the two directions would be.
+
+    Only the friction in each direction plus or minus the constant shows while something slides.
+    """
+    pairs = []
+    for constant in found:
+        end = _loaded(model, constant)
+        for friction in found:
+            if end is None or friction.kind not in _DRY or end not in friction.at:
+                continue
+            size = next(iter(constant.parameters.values())).value
+            name = next(iter(constant.parameters))
+            lopsided = Effect("coulomb_friction", friction.at, {"asymmetry": -size})
+            here = Effect(constant.kind, constant.at, {name: size})
+            pairs.append(confused(here, lopsided))
+    return pairs
+
+
+def _loaded(model: MechanicalModel, constant: FoundEffect) -> str | None:
+    """Return the coordinate on which a constant force acts, or seems to act by an offset."""
+    if constant.kind == "constant_force":
+        return constant.at[0]
+    if constant.kind == "sensor_offset":
+        output = next(o for o in model.outputs if o.name == constant.at[0])
+        return output.of[0] if output.quantity == FORCE else None
+    return None

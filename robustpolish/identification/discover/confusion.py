@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from robustpolish.effects import Effect, lookup
-from robustpolish.identification.findings.findings import Confusion, FoundEffect
-from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.parts import FORCE
+from robustpolish.identification.findings.findings import Confusion
 
-_DRY = ("coulomb_friction", "stribeck_friction")
 _EXPERIMENTS: dict[frozenset[str], str] = {
     frozenset({"sensor_offset", "constant_force"}): "Start the record at rest, before the "
     "force acts: an offset is there from the first sample, a force moves the machine.",
@@ -29,35 +24,6 @@ _EXPERIMENTS: dict[frozenset[str], str] = {
 def confused(first: Effect, second: Effect) -> Confusion:
     """Return two effects as a pair that data cannot tell apart, with an experiment that would."""
     return Confusion(first, second, _experiment(first, second))
-
-
-def asymmetries(model: MechanicalModel, found: Sequence[FoundEffect]) -> list[Confusion]:
-    """Return the constants that friction of unlike size in the two directions would be.
-
-    Only the friction in each direction plus or minus the constant shows while something slides.
-    """
-    pairs = []
-    for constant in found:
-        end = _loaded(model, constant)
-        for friction in found:
-            if end is None or friction.kind not in _DRY or end not in friction.at:
-                continue
-            size = next(iter(constant.parameters.values())).value
-            name = next(iter(constant.parameters))
-            lopsided = Effect("coulomb_friction", friction.at, {"asymmetry": -size})
-            here = Effect(constant.kind, constant.at, {name: size})
-            pairs.append(confused(here, lopsided))
-    return pairs
-
-
-def _loaded(model: MechanicalModel, constant: FoundEffect) -> str | None:
-    """Return the coordinate on which a constant force acts, or seems to act by an offset."""
-    if constant.kind == "constant_force":
-        return constant.at[0]
-    if constant.kind == "sensor_offset":
-        output = next(o for o in model.outputs if o.name == constant.at[0])
-        return output.of[0] if output.quantity == FORCE else None
-    return None
 
 
 def _experiment(first: Effect, second: Effect) -> str:

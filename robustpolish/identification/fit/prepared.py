@@ -168,8 +168,8 @@ def drifts(model: MechanicalModel, length: float) -> bool:
     """
     if not model.free:
         return False
-    A = np.asarray(model.state_space().A, dtype=float)
-    return bool(np.min(np.abs(np.linalg.eigvals(A))) * length < 1)
+    poles = np.linalg.eigvals(model.matrices.first_order()[0])
+    return bool(np.min(np.abs(poles)) * length < 1)
 
 
 def _motion_sizes(model: MechanicalModel, motion: Smoothed) -> Array:
