@@ -68,24 +68,26 @@ def test_minimax_keeps_requirements_and_bounds():
     assert ended.point[1] == pytest.approx(1.0, abs=1e-6)
 
 
+def many_slopes(x):
+    return float(np.sum(np.abs(x) ** 1.5)), 1.5 * np.sign(x) * np.sqrt(np.abs(x))
+
+
 def test_descents_obey_the_safety_net():
     def slow(x):
         time.sleep(0.01)
-        return float(np.sum(x**2)), 2 * x
+        return many_slopes(x)
 
     began = time.monotonic()
-    # Narrow enough that BFGS does not end by itself.
-    ended = bfgs(slow, np.ones(50), Budget(seconds=0.1), iterations=10_000, tolerance=0.0)
-    assert ended.reason in ("time", "stationary")
+    ended = bfgs(
+        slow, np.linspace(1.0, 2.0, 20), Budget(seconds=0.1), iterations=10_000, tolerance=0.0
+    )
+    assert ended.reason == "time"
     assert time.monotonic() - began < 1.0
 
 
 def test_descents_end_when_their_work_is_spent():
-    def function(x):
-        return float(np.sum(np.abs(x) ** 1.5)), 1.5 * np.sign(x) * np.sqrt(np.abs(x))
-
     def bowl(budget):
-        return bfgs(function, np.linspace(1.0, 2.0, 20), budget, work=2.0, tolerance=0.0)
+        return bfgs(many_slopes, np.linspace(1.0, 2.0, 20), budget, work=2.0, tolerance=0.0)
 
     ended = bowl(Budget(20.0))
     assert ended.reason == "work"
