@@ -17,7 +17,7 @@ from robustpolish.models.plant.systems import system_content, system_from
 from robustpolish.saved_file import Fields, plain, read_saved, write_saved
 from robustpolish.synthesis.certificate.certificate import certify
 from robustpolish.synthesis.design.design import Design, Status
-from robustpolish.synthesis.design.passive_element import PassiveElement
+from robustpolish.synthesis.problem.passive_element import PassiveElement
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
 from robustpolish.validation import described, invalid
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.synthesis.nonsmooth.problem import Piece
+from robustpolish.budget import step_cost
+from robustpolish.synthesis.nonsmooth.problem import ActivePiece
 from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
 from robustpolish.synthesis.problem.static_loop import StaticLoop, close_static
 
@@ -32,7 +33,12 @@ class HinfMeasure:
     # The last peaks are good guesses for the next.
     _recent: list[float] = field(default_factory=list, init=False, repr=False)
 
-    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
+    @property
+    def work(self) -> float:
+        """Work of one evaluation: its Hamiltonians have twice the loop's states."""
+        return step_cost(2 * self.loop.nx)
+
+    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[ActivePiece]:
         """Return the active peaks; nothing if the loop is not stable."""
         closed = close_static(self.loop, K)
         if closed is None or not closed.stable:
@@ -42,14 +48,14 @@ class HinfMeasure:
         norm, peak = _norm(response, known)
         self._recent[:] = [peak, *self._recent[:2]]
         if norm == 0:
-            return [Piece(0.0, np.zeros_like(K), peak)]
+            return [ActivePiece(0.0, np.zeros_like(K), peak)]
         peaks = [peak]
         if width > 0:
             peaks = _distinct([peak, *_local_peaks(response, norm * (1 - width)), *frequencies])
         pieces = [p for w in peaks for p in self._at(response, w, norm * (1 - width))]
         return sorted(pieces, key=lambda piece: -piece.value)
 
-    def _at(self, response: _Response, frequency: float, level: float) -> list[Piece]:
+    def _at(self, response: _Response, frequency: float, level: float) -> list[ActivePiece]:
         """Return one piece for each singular value above `level` at one frequency."""
         closed, loop = response.closed, self.loop
         if np.isinf(frequency):
@@ -66,7 +72,7 @@ class HinfMeasure:
         found = []
         for i in range(count):
             slope = np.outer(U[:, i].conj() @ left, right @ Vh[i].conj()).real
-            found.append(Piece(float(sigma[i]), closed.back(slope), frequency))
+            found.append(ActivePiece(float(sigma[i]), closed.back(slope), frequency))
         return found
 
 

@@ -1,4 +1,4 @@
-"""Functions of the closed-loop poles and of K itself, with gradients over K."""
+"""Functions of the closed-loop poles, with gradients over K, and the worst of several functions."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robustpolish.synthesis.nonsmooth.problem import Measure, Piece
+from robustpolish.budget import step_cost
+from robustpolish.synthesis.nonsmooth.problem import ActivePiece, Measure
 from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
 from robustpolish.synthesis.problem.static_loop import close_static
 
@@ -33,7 +34,12 @@ class RegionMeasure:
     distance: Distance
     scale: float = 1.0
 
-    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
+    @property
+    def work(self) -> float:
+        """Work of one evaluation: eigenvalues are a small part of that of a norm."""
+        return 0.1 * step_cost(self.loop.nx)
+
+    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[ActivePiece]:
         """Return one piece for each pole (pair) near the worst."""
         closed = close_static(self.loop, K)
         if closed is None or not np.isfinite(closed.A).all():
@@ -53,7 +59,7 @@ class RegionMeasure:
                 continue
             into, outof = left[i] @ self.loop.B2, self.loop.C2 @ right[:, i]
             slope = (np.conj(marks[i][1]) * np.outer(into, outof)).real / self.scale
-            pieces.append(Piece(float(sizes[i]), closed.back(slope)))
+            pieces.append(ActivePiece(float(sizes[i]), closed.back(slope)))
             if width == 0:
                 break
         return pieces
@@ -70,22 +76,17 @@ class StabilityMeasure(RegionMeasure):
 
 
 @dataclass(frozen=True, eq=False)
-class FrobeniusMeasure:
-    """Root of the sum of squares of K."""
-
-    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
-        """Return the one piece."""
-        size = float(np.linalg.norm(K))
-        return [Piece(size, K / size if size > 0 else np.zeros_like(K))]
-
-
-@dataclass(frozen=True, eq=False)
 class WorstMeasure:
     """The largest of several measures; infinite where one of them is."""
 
     measures: tuple[Measure, ...]
 
-    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
+    @property
+    def work(self) -> float:
+        """Work of one evaluation: of all of them."""
+        return sum(measure.work for measure in self.measures)
+
+    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[ActivePiece]:
         """Return the pieces of all measures, the largest first."""
         found = [measure.pieces(K, width, frequencies) for measure in self.measures]
         if not all(found):
@@ -100,29 +101,3 @@ def _abscissa(pole: complex) -> tuple[float, complex]:
 def _radius(pole: complex) -> tuple[float, complex]:
     size = abs(pole)
     return size - 1, pole / size if size > 0 else 1.0 + 0j
-
-
-@dataclass(frozen=True, eq=False)
-class GainMeasure:
-    """Largest singular value of left K right: the gain in the plant's own units.
-
-    Attributes
-    ----------
-    left, right : ndarray
-        Undo the scaling of u and y; zero rows leave parts of K out.
-    """
-
-    left: Matrix
-    right: Matrix
-
-    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
-        """Return one piece for each singular value near the largest."""
-        factors = np.linalg.svd(self.left @ K @ self.right, full_matrices=False)
-        U, sigma, Vh = (np.asarray(M, float) for M in factors)
-        found = []
-        for i in range(len(sigma)):
-            if i > 0 and (width == 0 or sigma[i] < sigma[0] * (1 - width)):
-                break
-            slope = np.outer(self.left.T @ U[:, i], Vh[i] @ self.right.T)
-            found.append(Piece(float(sigma[i]), slope))
-        return found

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
-from robustpolish.synthesis.nonsmooth.problem import Piece
+from robustpolish.budget import step_cost
+from robustpolish.synthesis.nonsmooth.problem import ActivePiece
 from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
 from robustpolish.synthesis.problem.static_loop import close_static
 
@@ -24,7 +25,12 @@ class H2Measure:
 
     loop: PlantMatrices
 
-    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
+    @property
+    def work(self) -> float:
+        """Work of one evaluation: two Lyapunov equations, quicker than level sets."""
+        return 0.5 * step_cost(self.loop.nx)
+
+    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[ActivePiece]:
         """Return the one piece; nothing if the loop is not stable or the norm infinite."""
         closed = close_static(self.loop, K)
         if closed is None or not closed.stable:
@@ -51,7 +57,7 @@ class H2Measure:
         direct = loop.D12.T @ D if loop.discrete else 0.0
         on_noise = (loop.B2.T @ Q @ B + direct) @ loop.D21.T
         slope = (on_state + on_noise) / norm if norm > 0 else np.zeros_like(K)
-        return [Piece(norm, closed.back(slope))]
+        return [ActivePiece(norm, closed.back(slope))]
 
     def _has_feedthrough(self, K: Matrix, D: Matrix) -> bool:
         """Whether D is more than what rounding leaves of its terms."""

@@ -1,51 +1,19 @@
-"""Several descents from different starts, until they agree or time is up."""
+"""Several descents from different starts, until they agree or the work is done."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.synthesis.nonsmooth.bfgs import bfgs
-from robustpolish.synthesis.nonsmooth.minimax import Bounds, minimax
-from robustpolish.synthesis.nonsmooth.problem import Measure, Problem
+from robustpolish.budget import Budget
+from robustpolish.synthesis.nonsmooth import Bounds, Measure, Problem, bfgs, ended_by, minimax
+from robustpolish.synthesis.structured_search.policy import POLICY, Effort
 
 Vector = NDArray[Any]
-
-# Two descents agree if their norms differ by less than this share.
-_AGREEMENT = 1e-4
-
-
-@dataclass(frozen=True, eq=False)
-class SearchLimits:
-    """When to stop.
-
-    Attributes
-    ----------
-    deadline : float
-        Of :func:`time.monotonic`.
-    target : float
-        Logarithm of a norm that is good enough.
-    starts : int
-        Largest number of descents.
-    fewest : int
-        Number of descents before agreement counts.
-    agreeing : int
-        Stop when so many descents have reached the best norm ...
-    patience : int
-        ... or when so many in a row have not improved it.
-    """
-
-    deadline: float
-    target: float = -np.inf
-    starts: int = 40
-    fewest: int = 9
-    agreeing: int = 4
-    patience: int = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +27,7 @@ class SearchResult:
     value : float
         Logarithm of its norm; infinite if there is none.
     reason : str
-        "agreed", "patience", "starts", "target" or "time".
+        "agreed", "patience", "starts", "target", "work" or "time".
     instability : float
         The lowest spectral abscissa seen, where nothing was stable.
     history : tuple of mapping
@@ -85,7 +53,7 @@ class _Progress:
     def take(self, point: Vector, value: float) -> None:
         self.values.append(value)
         self.since += 1
-        if value < self.value - _AGREEMENT:
+        if value < self.value - POLICY.agreement:
             self.since = 0
         if value < self.value:
             self.point, self.value = point, value
@@ -97,15 +65,17 @@ class _Progress:
             self.point, self.value = point, model.objective
 
     def agreeing(self) -> int:
-        return sum(v <= self.value + _AGREEMENT for v in self.values)
+        return sum(v <= self.value + POLICY.agreement for v in self.values)
 
 
-def search(
+def descend_from(
+    starts: Iterable[Vector],
     problem: Problem,
     stability: Measure,
-    starts: Iterable[Vector],
-    limits: SearchLimits,
+    effort: Effort,
+    budget: Budget,
     rng: np.random.Generator,
+    target: float = -np.inf,
     bounds: Bounds | None = None,
     weight: float = 3.0,
 ) -> SearchResult:
@@ -116,13 +86,16 @@ def search(
 
     Parameters
     ----------
+    starts : iterable of ndarray
     problem : Problem
     stability : Measure
         Negative for a stable loop; lowered first where a start is unstable.
-    starts : iterable of ndarray
-    limits : SearchLimits
+    effort : Effort
+    budget : Budget
     rng : numpy.random.Generator
         For the descents near the best point.
+    target : float
+        Logarithm of a norm that is good enough.
     bounds : pair of ndarray, optional
         Bounds of the free numbers.
     weight : float
@@ -134,14 +107,14 @@ def search(
     """
     progress, reason = _Progress(), "starts"
     if problem.parametrisation.size == 0:
-        starts, limits = [np.zeros(0)], replace(limits, starts=1)
+        starts = [np.zeros(0)]
     for count, start in enumerate(starts):
-        if count >= limits.starts:
+        if count >= effort.descents:
             break
         near = progress.point is not None and count % 3 == 2
         begin = _nearby(progress.point, rng) if near and progress.point is not None else start
-        _descend(problem, stability, begin, limits, progress, bounds, weight)
-        stop = _verdict(progress, limits)
+        _descend(problem, stability, begin, budget, target, progress, bounds, weight)
+        stop = _verdict(progress, effort, budget, target)
         if stop is not None:
             reason = stop
             break
@@ -156,15 +129,15 @@ def _nearby(point: Vector, rng: np.random.Generator) -> Vector:
     return point + spread * size * rng.normal(size=point.size)
 
 
-def _verdict(progress: _Progress, limits: SearchLimits) -> str | None:
-    if time.monotonic() > limits.deadline:
-        return "time"
-    if progress.value < limits.target:
+def _verdict(progress: _Progress, effort: Effort, budget: Budget, target: float) -> str | None:
+    if budget.over:
+        return ended_by(budget)
+    if progress.value < target:
         return "target"
-    enough = len(progress.values) >= limits.fewest
-    if progress.point is not None and enough and progress.agreeing() >= limits.agreeing:
+    enough = len(progress.values) >= effort.fewest
+    if progress.point is not None and enough and progress.agreeing() >= effort.agreeing:
         return "agreed"
-    if progress.point is not None and progress.since >= limits.patience:
+    if progress.point is not None and progress.since >= effort.patience:
         return "patience"
     return None
 
@@ -173,12 +146,13 @@ def _descend(
     problem: Problem,
     stability: Measure,
     start: Vector,
-    limits: SearchLimits,
+    budget: Budget,
+    target: float,
     progress: _Progress,
     bounds: Bounds | None,
     weight: float,
 ) -> None:
-    began = time.monotonic()
+    began = budget.spent
     point = start if bounds is None else np.clip(start, *bounds)
     if point.size == 0:
         model = problem.model(point)
@@ -187,7 +161,7 @@ def _descend(
         progress.history.append({"outcome": "nothing is free"})
         return
     if problem.model(point) is None:
-        point, abscissa = stabilise(problem, stability, point, limits.deadline)
+        point, abscissa = stabilise(problem, stability, point, budget)
         progress.instability = min(progress.instability, abscissa)
         if problem.model(point) is None:
             progress.history.append({"outcome": "not stabilised", "abscissa": abscissa})
@@ -198,12 +172,13 @@ def _descend(
         first = bfgs(
             lambda theta: problem.penalised(theta, weight),
             point,
-            limits.deadline,
-            target=limits.target if not problem.requirements else -np.inf,
+            budget,
+            problem.work,
+            target=target if not problem.requirements else -np.inf,
         )
         point = first.point
     if first is None or first.value < progress.value + 0.1:
-        last = minimax(problem, point, limits.deadline, target=limits.target, bounds=bounds)
+        last = minimax(problem, point, budget, target=target, bounds=bounds)
         point, value, how = last.point, last.value, last.reason
     else:
         model = problem.model(point)
@@ -214,13 +189,13 @@ def _descend(
         {
             "outcome": how,
             "value": float(np.exp(value)),
-            "seconds": time.monotonic() - began,
+            "work": budget.spent - began,
         }
     )
 
 
 def stabilise(
-    problem: Problem, stability: Measure, start: Vector, deadline: float
+    problem: Problem, stability: Measure, start: Vector, budget: Budget
 ) -> tuple[Vector, float]:
     """Lower the spectral abscissa by BFGS until the objective is finite."""
     parametrisation = problem.parametrisation
@@ -234,7 +209,7 @@ def stabilise(
     margin = 1e-7
     point, abscissa = start, np.inf
     for _ in range(4):
-        ended = bfgs(function, point, deadline, iterations=200, target=-margin, tolerance=1e-6)
+        ended = bfgs(function, point, budget, stability.work, 200, -margin, tolerance=1e-6)
         if not np.isfinite(ended.value):
             return start, np.inf
         point, abscissa = ended.point, ended.value
