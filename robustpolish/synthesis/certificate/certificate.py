@@ -12,18 +12,22 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from robustpolish.analysis import stability
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_poles
 from robustpolish.synthesis.certificate.achieved_norm import achieved_h2, achieved_hinf
+from robustpolish.synthesis.certificate.controller_system import (
+    GivenController,
+    controller_system,
+)
 from robustpolish.synthesis.certificate.loop_balls import enclose_loop, rounding_level
 from robustpolish.synthesis.certificate.norm_proof import NormProof
 from robustpolish.synthesis.certificate.tightest_proof import TIGHT, tightest_proof
 from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries
-from robustpolish.validation import described, invalid, matrix, one_of, positive
+from robustpolish.validation import described, invalid, one_of, positive
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -169,7 +173,7 @@ class Certificate(Displayed):
 
 def certify(
     plant: GeneralizedPlant,
-    controller: control.StateSpace | ArrayLike,
+    controller: GivenController,
     norm: Norm = "hinf",
     claimed: float | None = None,
     tolerance: float = 1e-3,
@@ -180,7 +184,7 @@ def certify(
     ----------
     plant : GeneralizedPlant
         With nw disturbances and nz performance outputs, continuous or discrete.
-    controller : control.StateSpace or array_like, shape (nu, ny)
+    controller : control.StateSpace, control.TransferFunction or array_like, shape (nu, ny)
         K in u = K y (positive sign): a system or a gain.
     norm : {"hinf", "h2"}
         The norm from w to z to be certified.
@@ -223,7 +227,14 @@ def certify(
     if claimed is not None:
         claimed = positive("claimed", claimed, zero=True)
     positive("tolerance", tolerance, zero=True)
-    K = _as_system(plant, controller)
+    if not isinstance(plant, GeneralizedPlant):
+        raise invalid(
+            "plant",
+            described(type(plant).__name__),
+            "a GeneralizedPlant",
+            "Build one with GeneralizedPlant(control.ss(...), measurements=..., controls=...).",
+        )
+    K = controller_system(plant, controller)
     rounded = plant.closed_loop(K)  # checks shapes, times and that the loop is well posed
     reasons: list[str] = []
     try:
@@ -279,16 +290,6 @@ def certify(
         frequencies_hz=hertz,
         proof=proof,
         discrete=plant.is_discrete,
-    )
-
-
-def _as_system(
-    plant: GeneralizedPlant, controller: control.StateSpace | ArrayLike
-) -> control.StateSpace:
-    if isinstance(controller, control.StateSpace):
-        return controller
-    return control.StateSpace(
-        [], [], [], matrix("controller", controller, (plant.nu, plant.ny)), plant.dt
     )
 
 
