@@ -1,16 +1,16 @@
 """Descent on the true norms of a loop with a structured controller.
 
-Everything here works on plain matrices: a :class:`Loop` closes a plant with a
+Everything here works on plain matrices: a :class:`PlantMatrices` closes a plant with a
 constant matrix K, the measures (norms, spectral abscissa, gain, regions) return values
 with gradients over K, a parametrisation maps free numbers to K, and two descents use
 them: BFGS for functions that are smooth almost everywhere, and a bundle method that
 sees all active peaks at once.
 """
 
-from robustpolish.synthesis.nonsmooth.bfgs import bfgs
-from robustpolish.synthesis.nonsmooth.h2 import H2Measure
-from robustpolish.synthesis.nonsmooth.hinf import HinfMeasure
-from robustpolish.synthesis.nonsmooth.loops import Loop, augmented, controller_loop
+from robustpolish.synthesis.nonsmooth.bfgs import bfgs, ended_by
+from robustpolish.synthesis.nonsmooth.gain_measures import FrobeniusMeasure, GainMeasure
+from robustpolish.synthesis.nonsmooth.h2_measure import H2Measure
+from robustpolish.synthesis.nonsmooth.hinf_measure import HinfMeasure
 from robustpolish.synthesis.nonsmooth.minimax import Bounds, minimax
 from robustpolish.synthesis.nonsmooth.parametrisations import (
     AffineGain,
@@ -19,40 +19,32 @@ from robustpolish.synthesis.nonsmooth.parametrisations import (
     Parametrisation,
     PositiveElements,
 )
-from robustpolish.synthesis.nonsmooth.problem import Measure, Piece, Problem, Requirement
-from robustpolish.synthesis.nonsmooth.search import SearchLimits, SearchResult, search
-from robustpolish.synthesis.nonsmooth.spectrum import (
-    FrobeniusMeasure,
-    GainMeasure,
+from robustpolish.synthesis.nonsmooth.pole_measures import (
     RegionMeasure,
     StabilityMeasure,
     WorstMeasure,
 )
+from robustpolish.synthesis.nonsmooth.problem import ActivePiece, Measure, Problem, Requirement
 
 __all__ = [
+    "ActivePiece",
     "AffineGain",
     "Bounds",
     "FrobeniusMeasure",
     "GainMeasure",
     "H2Measure",
     "HinfMeasure",
-    "Loop",
     "MaskedGain",
     "Measure",
     "ObserverGain",
     "Parametrisation",
-    "Piece",
     "PositiveElements",
     "Problem",
     "RegionMeasure",
     "Requirement",
-    "SearchLimits",
-    "SearchResult",
     "StabilityMeasure",
     "WorstMeasure",
-    "augmented",
     "bfgs",
-    "controller_loop",
+    "ended_by",
     "minimax",
-    "search",
 ]

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.errors import InfeasibleError
-from robustpolish.synthesis.nonsmooth import Loop
+from robustpolish.models import GeneralizedPlant
+from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.static_loop import close_static
 
 # A mode that random gains move by less than this share of the state matrix is fixed.
 _MOVED = 1e-7
@@ -33,7 +35,7 @@ class FixedMode:
 
 
 def unstable_fixed_modes(
-    loop: Loop, mask: NDArray[np.bool_], states: Sequence[str]
+    loop: PlantMatrices, mask: NDArray[np.bool_], states: Sequence[str]
 ) -> tuple[FixedMode, ...]:
     """Find unstable eigenvalues of A + B2 K C2 common to all K with the given pattern.
 
@@ -43,7 +45,7 @@ def unstable_fixed_modes(
 
     Parameters
     ----------
-    loop : Loop
+    loop : PlantMatrices
         Scaled, so that entries of K of order one matter.
     mask : ndarray of bool, shape (nu, ny)
         True where K is free.
@@ -66,7 +68,7 @@ def unstable_fixed_modes(
     for scale in np.logspace(-1, 1, _GAINS):
         if not suspects:
             break
-        closed = loop.close(np.where(mask, scale * rng.normal(size=mask.shape), 0.0))
+        closed = close_static(loop, np.where(mask, scale * rng.normal(size=mask.shape), 0.0))
         if closed is None:
             continue
         suspects = [i for i in suspects if np.abs(closed.poles - values[i]).min() <= _MOVED * size]
@@ -77,7 +79,7 @@ def unstable_fixed_modes(
 
 
 def refuse_fixed_modes(
-    loop: Loop,
+    loop: PlantMatrices,
     mask: NDArray[np.bool_],
     states: Sequence[str],
     unit_of_time: float,
@@ -110,6 +112,23 @@ def refuse_fixed_modes(
         + (", or free more entries of the structure." if kind else "."),
         modes,
     )
+
+
+def refuse_unstable(plant: GeneralizedPlant) -> None:
+    """Raise an InfeasibleError unless a part without control is stable by itself."""
+    if not plant.nx:
+        return
+    found = np.linalg.eig(plant.A)
+    poles, vectors = np.asarray(found[0], complex), np.asarray(found[1])
+    margin = np.abs(poles) - 1 if plant.is_discrete else np.real(poles)
+    worst = int(np.argmax(margin))
+    if margin[worst] >= 0:
+        state = plant.states[int(np.argmax(np.abs(vectors[:, worst])))]
+        raise InfeasibleError(
+            f"No controller stabilises the plant: nothing joins the mode {poles[worst]:.6g} "
+            f"(state {state}) to a control and a measurement. Add an actuator and a sensor there.",
+            [complex(poles[worst])],
+        )
 
 
 def _shown(value: complex) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import control
@@ -14,8 +16,17 @@ from robustpolish.synthesis.problem.balancing import balancing_scale
 Matrix = NDArray[Any]
 
 
-class PlantMatrices(NamedTuple):
-    """A plant with D22 = 0, continuous unless `discrete` says otherwise."""
+@dataclass(frozen=True, eq=False)
+class PlantMatrices:
+    """The nine matrices of a plant as bare arrays: the one type that all searches work on.
+
+    Attributes
+    ----------
+    A, B1, B2, C1, C2, D11, D12, D21, D22 : ndarray
+        As in :class:`robustpolish.GeneralizedPlant`.
+    discrete : bool
+        Whether the plant is a discrete-time system.
+    """
 
     A: Matrix
     B1: Matrix
@@ -25,7 +36,61 @@ class PlantMatrices(NamedTuple):
     D11: Matrix
     D12: Matrix
     D21: Matrix
+    D22: Matrix
     discrete: bool = False
+
+    @classmethod
+    def of(cls, plant: GeneralizedPlant) -> PlantMatrices:
+        """Copy the matrices out of a plant."""
+        matrices = {name: getattr(plant, name) for name in _NAMES}
+        return cls(**matrices, discrete=plant.is_discrete)
+
+    @property
+    def nx(self) -> int:
+        """Number of states."""
+        return self.A.shape[0]
+
+    @property
+    def nw(self) -> int:
+        """Number of disturbances."""
+        return self.B1.shape[1]
+
+    @property
+    def nu(self) -> int:
+        """Number of controls."""
+        return self.B2.shape[1]
+
+    @property
+    def nz(self) -> int:
+        """Number of performance outputs."""
+        return self.C1.shape[0]
+
+    @property
+    def ny(self) -> int:
+        """Number of measurements."""
+        return self.C2.shape[0]
+
+    @cached_property
+    def has_d22(self) -> bool:
+        """Whether u reaches y directly."""
+        return bool(np.any(self.D22))
+
+    def replace(self, **matrices: Any) -> PlantMatrices:
+        """Return the plant with some matrices exchanged."""
+        return replace(self, **matrices)
+
+    def without_d22(self) -> PlantMatrices:
+        """Return the plant whose y lacks D22 u, which :func:`shift` accounts for."""
+        return self.replace(D22=np.zeros_like(self.D22)) if self.has_d22 else self
+
+    @cached_property
+    def fingerprint(self) -> tuple[bytes, ...]:
+        """What is the same for parts with the same matrices."""
+        matrices = [np.ascontiguousarray(getattr(self, name)) for name in _NAMES]
+        return (*(str(M.shape).encode() + M.tobytes() for M in matrices), bytes([self.discrete]))
+
+
+_NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
 
 
 class Controller(NamedTuple):
@@ -42,7 +107,7 @@ class Controller(NamedTuple):
         return max(float(np.abs(M).max(initial=0.0)) for M in self)
 
 
-class Loop(NamedTuple):
+class LoopMatrices(NamedTuple):
     """The closed loop from w to z."""
 
     A: Matrix
@@ -51,25 +116,10 @@ class Loop(NamedTuple):
     D: Matrix
 
 
-def matrices(plant: GeneralizedPlant) -> PlantMatrices:
-    """Return the matrices of `plant` without D22, which :func:`shift` accounts for."""
-    return PlantMatrices(
-        plant.A,
-        plant.B1,
-        plant.B2,
-        plant.C1,
-        plant.C2,
-        plant.D11,
-        plant.D12,
-        plant.D21,
-        plant.is_discrete,
-    )
-
-
-def close(plant: PlantMatrices, K: Controller) -> Loop:
-    """Connect u = K y."""
+def close(plant: PlantMatrices, K: Controller) -> LoopMatrices:
+    """Connect u = K y to a plant without D22."""
     P = plant
-    return Loop(
+    return LoopMatrices(
         np.block([[P.A + P.B2 @ K.D @ P.C2, P.B2 @ K.C], [K.B @ P.C2, K.A]]),
         np.vstack([P.B1 + P.B2 @ K.D @ P.D21, K.B @ P.D21]),
         np.hstack([P.C1 + P.D12 @ K.D @ P.C2, P.D12 @ K.C]),

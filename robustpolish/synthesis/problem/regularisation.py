@@ -28,14 +28,10 @@ def regularise(plant: PlantMatrices, epsilon: float) -> PlantMatrices:
     nz, ny = P.C1.shape[0], P.C2.shape[0]
     D11 = np.zeros((nz + n + nu, nw + n + ny))
     D11[:nz, :nw] = P.D11
-    return PlantMatrices(
-        P.A,
-        np.hstack([P.B1, epsilon * np.eye(n), np.zeros((n, ny))]),
-        P.B2,
-        np.vstack([P.C1, epsilon * np.eye(n), np.zeros((nu, n))]),
-        P.C2,
-        D11,
-        np.vstack([P.D12, np.zeros((n, nu)), epsilon * np.eye(nu)]),
-        np.hstack([P.D21, np.zeros((ny, n)), epsilon * np.eye(ny)]),
-        P.discrete,
+    return P.replace(
+        B1=np.hstack([P.B1, epsilon * np.eye(n), np.zeros((n, ny))]),
+        C1=np.vstack([P.C1, epsilon * np.eye(n), np.zeros((nu, n))]),
+        D11=D11,
+        D12=np.vstack([P.D12, np.zeros((n, nu)), epsilon * np.eye(nu)]),
+        D21=np.hstack([P.D21, np.zeros((ny, n)), epsilon * np.eye(ny)]),
     )

@@ -15,7 +15,6 @@ from robustpolish.synthesis.problem.matrices import (
     Matrix,
     PlantMatrices,
     balanced,
-    matrices,
     shift,
 )
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
@@ -58,7 +57,7 @@ class SolverPlant:
         if plant.is_discrete and mapped:
             image, feedback = to_continuous(plant)
         scaled = scale_plant(image)
-        return cls(plant, scaled, matrices(scaled.plant), feedback)
+        return cls(plant, scaled, PlantMatrices.of(scaled.plant).without_d22(), feedback)
 
     def norm(self, value: float, kind: str = "hinf") -> float:
         """Return a norm of the scaled loop in the plant's units."""

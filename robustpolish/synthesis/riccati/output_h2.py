@@ -44,7 +44,7 @@ def cancel_feedthrough(plant: PlantMatrices) -> WithoutFeedthrough:
     rest = P.D11 + P.D12 @ F @ P.D21
     if np.abs(rest).max() > _CANCELLED * np.abs(P.D11).max():
         raise no_finite_h2_norm()
-    closed = P._replace(
+    closed = P.replace(
         A=P.A + P.B2 @ F @ P.C2,
         B1=P.B1 + P.B2 @ F @ P.D21,
         C1=P.C1 + P.D12 @ F @ P.C2,

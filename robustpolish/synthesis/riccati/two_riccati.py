@@ -49,15 +49,14 @@ def normalise(plant: PlantMatrices) -> NormalisedPlant:
     measurement = (U21 / s21).T
     D12 = np.vstack([np.zeros((nz - nu, nu)), np.eye(nu)])
     D21 = np.hstack([np.zeros((ny, nw - ny)), np.eye(ny)])
-    turned = PlantMatrices(
-        plant.A,
-        plant.B1 @ w_turn,
-        plant.B2 @ control,
-        z_turn @ plant.C1,
-        measurement @ plant.C2,
-        z_turn @ plant.D11 @ w_turn,
-        D12,
-        D21,
+    turned = plant.replace(
+        B1=plant.B1 @ w_turn,
+        B2=plant.B2 @ control,
+        C1=z_turn @ plant.C1,
+        C2=measurement @ plant.C2,
+        D11=z_turn @ plant.D11 @ w_turn,
+        D12=D12,
+        D21=D21,
     )
     return NormalisedPlant(turned, control, measurement)
 

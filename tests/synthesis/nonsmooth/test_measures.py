@@ -10,13 +10,12 @@ from robustpolish.synthesis.nonsmooth import (
     GainMeasure,
     H2Measure,
     HinfMeasure,
-    Loop,
     ObserverGain,
     RegionMeasure,
     StabilityMeasure,
-    augmented,
-    controller_loop,
 )
+from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.static_loop import augmented, close_static, controller_loop
 
 
 def random_loop(rng, discrete=False, d22=0.0, n=4):
@@ -27,7 +26,7 @@ def random_loop(rng, discrete=False, d22=0.0, n=4):
         A -= (np.linalg.eigvals(A).real.max() + 0.5) * np.eye(n)
     feed = 1.0 if discrete else 0.0
     draw = lambda *shape: rng.normal(size=shape)  # noqa: E731
-    return Loop(
+    return PlantMatrices(
         A,
         draw(n, 2),
         draw(n, 2),
@@ -88,7 +87,7 @@ def test_norms_agree_with_the_analysis_room(discrete):
     for n in (1, 3, 6, 10):
         loop = random_loop(rng, discrete, n=n)
         # Lightly damped, so that peaks are narrow and many.
-        closed = loop.close(np.zeros((2, 2)))
+        closed = close_static(loop, np.zeros((2, 2)))
         system = control.ss(closed.A, closed.B, closed.C, closed.D, discrete)
         found = HinfMeasure(loop).pieces(np.zeros((2, 2)), 0.0, ())[0].value
         assert found == pytest.approx(float(hinf_norm(system)), rel=1e-6)
@@ -105,7 +104,7 @@ def test_all_peaks_within_the_width_are_found():
         A[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[0, 1], [-(omega**2), -2 * zeta * omega]]
         B[2 * i + 1], C[0, 2 * i] = 1.0, height * 2 * zeta * omega**2
     one = np.zeros((1, 1))
-    loop = Loop(A, B, B, C, C, one, one, one, one)
+    loop = PlantMatrices(A, B, B, C, C, one, one, one, one)
     pieces = HinfMeasure(loop).pieces(np.zeros((1, 1)), 0.05, ())
     peaks = sorted(p.frequency for p in pieces)
     assert peaks == pytest.approx([1.0, 3.0], rel=1e-2)
@@ -113,7 +112,7 @@ def test_all_peaks_within_the_width_are_found():
 
 def test_unstable_loops_have_no_norm():
     one, zero = np.eye(1), np.zeros((1, 1))
-    loop = Loop(one, one, one, one, one, zero, zero, zero, zero)
+    loop = PlantMatrices(one, one, one, one, one, zero, zero, zero, zero)
     assert HinfMeasure(loop).pieces(zero, 0.0, ()) == []
     assert H2Measure(loop).pieces(zero, 0.0, ()) == []
 

@@ -118,7 +118,7 @@ def _back_off(
 def _in_unit(plant: PlantMatrices, unit: float) -> PlantMatrices:
     """Divide the norm by `unit`, half of it at w and half at z."""
     P, root = plant, np.sqrt(unit)
-    return P._replace(
+    return P.replace(
         B1=P.B1 / root, D21=P.D21 / root, C1=P.C1 / root, D12=P.D12 / root, D11=P.D11 / unit
     )
 

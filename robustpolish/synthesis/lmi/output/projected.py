@@ -74,6 +74,6 @@ def rebalanced(plant: PlantMatrices, R: Matrix, S: Matrix) -> PlantMatrices | No
     into = (U / np.sqrt(s)).T @ right.T  # x_new = into x
     back = left @ (Vt.T / np.sqrt(s))
     P = plant
-    return P._replace(
+    return P.replace(
         A=into @ P.A @ back, B1=into @ P.B1, B2=into @ P.B2, C1=P.C1 @ back, C2=P.C2 @ back
     )
