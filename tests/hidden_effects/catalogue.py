@@ -201,8 +201,8 @@ def _many():
         drive=40,
         samples=12000,
     )
-    # In motion, the cubic force is twice the linear one, which makes the brush chaotic: two starts
-    # that are 1e-9 of the motion apart are as far apart as the motion is large after 0.4 s of 2.4 s.
+    # In motion, the cubic force is twice the linear one, which makes the brush chaotic: starts
+    # 1e-9 of the motion apart are as far apart as the motion is large after 0.4 s of 2.4 s.
     yield Case(
         "bearing: cubic",
         bearing(),
