@@ -2,6 +2,7 @@
 
 from robustpolish.synthesis.certificate.certificate import Certificate, certify
 from robustpolish.synthesis.design.design import Design
+from robustpolish.synthesis.design.passive_element import PassiveElement
 from robustpolish.synthesis.methods.compare_methods import (
     MethodComparison,
     MethodResult,
@@ -12,7 +13,7 @@ from robustpolish.synthesis.methods.mixed_output_feedback import mixed_output_fe
 from robustpolish.synthesis.methods.mixed_state_feedback import mixed_state_feedback
 from robustpolish.synthesis.methods.observer_feedback import observer_controller, observer_feedback
 from robustpolish.synthesis.methods.output_feedback import output_feedback
-from robustpolish.synthesis.methods.passive_feedback import PassiveElement, passive_feedback
+from robustpolish.synthesis.methods.passive_feedback import passive_feedback
 from robustpolish.synthesis.methods.published_controllers import (
     PUBLISHED_CONTROLLERS,
     PUBLISHED_NORMS,

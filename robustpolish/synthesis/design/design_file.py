@@ -15,7 +15,7 @@ from robustpolish.models.plant_file import plant_content, plant_from, system_con
 from robustpolish.saved_file import Fields, plain, read_saved, write_saved
 from robustpolish.synthesis.certificate.certificate import certify
 from robustpolish.synthesis.design.design import Design, Status
-from robustpolish.synthesis.methods.passive_feedback import PassiveElement
+from robustpolish.synthesis.design.passive_element import PassiveElement
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
 from robustpolish.validation import described, invalid
 

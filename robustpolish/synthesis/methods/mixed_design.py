@@ -19,7 +19,6 @@ from robustpolish.synthesis.methods.structured_design import (
     PartTask,
     certified_design,
     design_parts,
-    refuse_unstable,
     search_deadline,
 )
 from robustpolish.synthesis.problem.channels import Channel, channel
@@ -29,6 +28,7 @@ from robustpolish.synthesis.problem.decoupling import (
     joined_controller,
     undivided,
 )
+from robustpolish.synthesis.problem.fixed_modes import refuse_unstable
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.problem.pricing import noisy, priced
 from robustpolish.synthesis.structured_search.mixed import MixedTask, mixed_setting

@@ -15,10 +15,10 @@ from robustpolish.synthesis.methods.structured_design import (
     PartTask,
     certified_design,
     design_parts,
-    refuse_unstable,
     search_deadline,
 )
 from robustpolish.synthesis.problem.decoupling import PlantPart, decoupled_parts
+from robustpolish.synthesis.problem.fixed_modes import refuse_unstable
 from robustpolish.synthesis.problem.pricing import noisy, priced
 from robustpolish.synthesis.problem.scaling import scale_plant
 from robustpolish.synthesis.structured_search.observer import gains, observer_setting

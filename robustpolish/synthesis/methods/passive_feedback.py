@@ -12,15 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.design.design import Design
+from robustpolish.synthesis.design.passive_element import PassiveElement, Place
 from robustpolish.synthesis.methods.structured_design import (
     PartTask,
     certified_design,
     design_parts,
-    refuse_unstable,
     search_deadline,
 )
 from robustpolish.synthesis.nonsmooth import FrobeniusMeasure, PositiveElements
 from robustpolish.synthesis.problem.decoupling import decoupled_parts, named_controller
+from robustpolish.synthesis.problem.fixed_modes import refuse_unstable
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.pricing import priced
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
@@ -30,7 +31,6 @@ from robustpolish.validation import described, invalid, one_of, positive
 
 Matrix = NDArray[Any]
 Vector = NDArray[Any]
-Place = tuple[str, str]
 
 GROUND = "ground"
 
@@ -38,37 +38,6 @@ GROUND = "ground"
 _NOTHING = 1e-9
 # Logarithm of the largest coefficient tried, in scaled units.
 _HIGHEST = np.log(3e4)
-
-
-@dataclass(frozen=True)
-class PassiveElement:
-    """A spring or a damper between two places.
-
-    Attributes
-    ----------
-    kind : {"spring", "damper"}
-    between : (str, str)
-        Names of two displacements, or of one and "ground".
-    coefficient : float
-        Stiffness in N/m or damping in N s/m (for rotations N m/rad and N m s/rad).
-    unit : str
-        "N/m" or "N s/m", or what follows from the units of the plant.
-
-    Examples
-    --------
-    >>> import robustpolish as rp
-    >>> print(rp.PassiveElement("spring", ("x", "ground"), 8e4, "N/m"))
-    spring between x and ground: 80000 N/m
-    """
-
-    kind: str
-    between: Place
-    coefficient: float
-    unit: str
-
-    def __str__(self) -> str:
-        places = " and ".join(self.between)
-        return f"{self.kind} between {places}: {self.coefficient:.6g} {self.unit}"
 
 
 def passive_feedback(

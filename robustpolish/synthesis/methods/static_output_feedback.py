@@ -14,7 +14,6 @@ from robustpolish.synthesis.methods.structured_design import (
     PartTask,
     certified_design,
     design_parts,
-    refuse_unstable,
     search_deadline,
 )
 from robustpolish.synthesis.problem.decoupling import (
@@ -23,6 +22,7 @@ from robustpolish.synthesis.problem.decoupling import (
     joined_controller,
     undivided,
 )
+from robustpolish.synthesis.problem.fixed_modes import refuse_unstable
 from robustpolish.synthesis.problem.pricing import noisy, priced
 from robustpolish.synthesis.structured_search.search import Norm
 from robustpolish.synthesis.structured_search.static import StaticTask, static_setting

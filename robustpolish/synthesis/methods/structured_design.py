@@ -12,7 +12,7 @@ import control
 import numpy as np
 
 from robustpolish.analysis import h2_norm, hinf_norm
-from robustpolish.errors import InfeasibleError, SolverError
+from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.progress import working
 from robustpolish.synthesis.certificate.certificate import certify
@@ -78,23 +78,6 @@ def _fingerprint(task: PartTask) -> tuple[bytes, ...]:
     P = task.plant
     matrices = (P.A, P.B1, P.B2, P.C1, P.C2, P.D11, P.D12, P.D21, P.D22)
     return (task.extra, *(M.tobytes() + str(M.shape).encode() for M in matrices))
-
-
-def refuse_unstable(plant: GeneralizedPlant) -> None:
-    """Raise an InfeasibleError unless a part without control is stable by itself."""
-    if not plant.nx:
-        return
-    found = np.linalg.eig(plant.A)
-    poles, vectors = np.asarray(found[0], complex), np.asarray(found[1])
-    margin = np.abs(poles) - 1 if plant.is_discrete else np.real(poles)
-    worst = int(np.argmax(margin))
-    if margin[worst] >= 0:
-        state = plant.states[int(np.argmax(np.abs(vectors[:, worst])))]
-        raise InfeasibleError(
-            f"No controller stabilises the plant: nothing joins the mode {poles[worst]:.6g} "
-            f"(state {state}) to a control and a measurement. Add an actuator and a sensor there.",
-            [complex(poles[worst])],
-        )
 
 
 def certified_design(
