@@ -16,7 +16,8 @@ from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.progress import working
 from robustpolish.synthesis.certificate.certificate import Certificate, Norm, certify
-from robustpolish.synthesis.design.design import Design, Status
+from robustpolish.synthesis.design.design import Design
+from robustpolish.synthesis.design.status import Status
 from robustpolish.synthesis.output_search.candidates import Findings
 from robustpolish.synthesis.output_search.choice import Chosen, choose
 from robustpolish.synthesis.output_search.engines import METHODS, Settings, run_engines

@@ -16,7 +16,8 @@ from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.progress import working
 from robustpolish.synthesis.certificate.certificate import certify
-from robustpolish.synthesis.design.design import Design, Status
+from robustpolish.synthesis.design.design import Design
+from robustpolish.synthesis.design.status import Status
 from robustpolish.synthesis.problem.decoupling import named_controller
 from robustpolish.synthesis.structured_search.search import Norm, PartDesign, Setting, solve_setting
 

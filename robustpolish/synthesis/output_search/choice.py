@@ -9,7 +9,7 @@ import control
 import numpy as np
 
 from robustpolish.synthesis.certificate.certificate import Certificate, Norm, certify
-from robustpolish.synthesis.design.design import Status
+from robustpolish.synthesis.design.status import Status
 from robustpolish.synthesis.output_search.candidates import Candidate, Findings, preferred
 from robustpolish.synthesis.output_search.simplification import simplify
 from robustpolish.synthesis.problem.deadline import Deadline
