@@ -8,8 +8,7 @@ from robustpolish.synthesis.backends.slycot_backend import synthesise
 from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.output_search.candidates import Findings, examine
 from robustpolish.synthesis.problem.deadline import Deadline
-from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
-from robustpolish.synthesis.problem.regularisation import regularise
+from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, regularise
 
 _EPSILON = 1e-4
 

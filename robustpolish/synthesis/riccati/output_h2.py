@@ -11,8 +11,7 @@ from scipy import linalg
 from robustpolish.errors import InfeasibleError
 from robustpolish.synthesis.output_search.candidates import Findings, examine
 from robustpolish.synthesis.problem.deadline import Deadline
-from robustpolish.synthesis.problem.matrices import Controller, Matrix, PlantMatrices
-from robustpolish.synthesis.problem.regularisation import regularise
+from robustpolish.synthesis.problem.matrices import Controller, Matrix, PlantMatrices, regularise
 from robustpolish.synthesis.riccati.equations import solve_riccati
 
 _EPSILONS = tuple(10.0 ** (-k / 2) for k in range(2, 19))

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustpolish.budget import Budget
 from robustpolish.synthesis.output_search.candidates import Candidate, Findings, examine
 from robustpolish.synthesis.problem.deadline import Deadline
-from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
-from robustpolish.synthesis.problem.regularisation import regularise
-from robustpolish.synthesis.riccati.gamma_search import GammaBracket, search_gamma
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices, regularise
+from robustpolish.synthesis.riccati.infimum import GammaBracket, search_gamma
 from robustpolish.synthesis.riccati.two_riccati import (
     NormalisedPlant,
-    attempt,
     central_controller,
     normalise,
 )
@@ -111,7 +110,7 @@ def _solve_regular(plant: PlantMatrices, ladder: Findings, deadline: Deadline) -
     if not (_full_rank(plant.D12) and _full_rank(plant.D21.T)):
         return False
     normal = normalise(plant)
-    bracket = search_gamma(normal, 1.0, _SETTLED, lambda: deadline.expired)
+    bracket = search_gamma(normal.halves, 1.0, _SETTLED, Budget(seconds=deadline.remaining))
     found = None if bracket is None else _confirm(plant, normal, bracket, 0.0, deadline)
     if bracket is None or found is None:
         return False
@@ -135,10 +134,12 @@ def _search(
     """Find the optimal gamma of one rung: coarsely while it falls fast, then finely."""
     first = gamma == 1.0
     shortcut = 0.0 if first else _SETTLED
-    rough = search_gamma(normal, gamma, 0.02, lambda: deadline.expired, shortcut)
+    rough = search_gamma(normal.halves, gamma, 0.02, Budget(seconds=deadline.remaining), shortcut)
     if rough is None or rough.upper < 0.9 * gamma or first:
         return rough
-    return search_gamma(normal, rough.upper, _SETTLED, lambda: deadline.expired, known=rough)
+    return search_gamma(
+        normal.halves, rough.upper, _SETTLED, Budget(seconds=deadline.remaining), known=rough
+    )
 
 
 def _confirm(
@@ -161,7 +162,7 @@ def _confirm(
 def _controller(
     plant: PlantMatrices, normal: NormalisedPlant, gamma: float, epsilon: float
 ) -> Candidate | None:
-    solution = attempt(normal, gamma)
+    solution = normal.halves.attempt(gamma)
     if solution.X is None or solution.Y is None or not solution.feasible:
         return None
     try:
@@ -183,7 +184,7 @@ def _is_falling(ladder: Findings) -> bool:
 def deeper_helps(plant: PlantMatrices, gamma: float) -> bool:
     """Look far down the ladder, lest a plateau be taken for the bottom."""
     return any(
-        attempt(normalise(regularise(plant, epsilon)), 0.97 * gamma).feasible
+        normalise(regularise(plant, epsilon)).halves.attempt(0.97 * gamma).feasible
         for epsilon in (1e-6, 1e-8)
     )
 

@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from robustpolish.budget import Budget
 from robustpolish.errors import InfeasibleError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.nonsmooth import ObserverGain
 from robustpolish.synthesis.problem.fixed_modes import refuse_fixed_modes
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.regularisation import regularise
+from robustpolish.synthesis.problem.matrices import PlantMatrices, regularise
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
 from robustpolish.synthesis.problem.static_loop import augmented
-from robustpolish.synthesis.riccati.gamma_search import search_gamma
-from robustpolish.synthesis.riccati.two_riccati import attempt, central_controller, normalise
+from robustpolish.synthesis.riccati.infimum import search_gamma
+from robustpolish.synthesis.riccati.two_riccati import central_controller, normalise
 from robustpolish.synthesis.structured_search.observer_form import observer_form
 from robustpolish.synthesis.structured_search.search import (
     CEILINGS,
@@ -173,12 +173,13 @@ def _central(
         if time.monotonic() > deadline:
             return
         normal = normalise(regularise(PlantMatrices.of(plant).without_d22(), epsilon))
-        bracket = search_gamma(normal, gamma, 1e-3, lambda: time.monotonic() > deadline)
+        budget = Budget(seconds=deadline - time.monotonic())
+        bracket = search_gamma(normal.halves, gamma, 1e-3, budget)
         if bracket is None:
             continue
         gamma = bracket.upper
         for back_off in _BACK_OFFS:
-            found = attempt(normal, gamma * back_off)
+            found = normal.halves.attempt(gamma * back_off)
             if not found.feasible or found.X is None or found.Y is None:
                 continue
             K = central_controller(normal, gamma * back_off, found.X, found.Y)

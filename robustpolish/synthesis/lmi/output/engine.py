@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustpolish.budget import Budget
 from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.lmi.options import LmiOptions
 from robustpolish.synthesis.lmi.output.inequalities import (
@@ -18,9 +19,8 @@ from robustpolish.synthesis.lmi.output.projected import Projected, rebalanced, s
 from robustpolish.synthesis.lmi.output.reconstruction import conditioned, reconstruct
 from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram
 from robustpolish.synthesis.output_search.candidates import Findings, examine
-from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
-from robustpolish.synthesis.problem.regularisation import regularise
-from robustpolish.synthesis.riccati.gamma_search import search_gamma
+from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, regularise
+from robustpolish.synthesis.riccati.infimum import search_gamma
 from robustpolish.synthesis.riccati.output_hinf import deeper_helps
 from robustpolish.synthesis.riccati.two_riccati import normalise
 
@@ -149,9 +149,8 @@ def _balanced_optimum(
 
 def _regular_optimum(plant: PlantMatrices, options: LmiOptions) -> float:
     """Return the optimum of a hardly regularised plant, to tell what is as good as zero."""
-    bracket = search_gamma(
-        normalise(regularise(plant, _HARDLY)), 1.0, 0.1, lambda: options.deadline.expired
-    )
+    budget = Budget(seconds=options.deadline.remaining)
+    bracket = search_gamma(normalise(regularise(plant, _HARDLY)).halves, 1.0, 0.1, budget)
     return 0.0 if bracket is None else bracket.upper
 
 
