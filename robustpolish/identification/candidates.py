@@ -14,7 +14,7 @@ from robustpolish.identification.chains import connected
 from robustpolish.identification.missing_force import Smoothed, known_forces
 from robustpolish.identification.observer import force_sites
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear_system import context_of, port_pairs, port_rows
+from robustpolish.models.mechanical.ports import context_of, port_pairs, port_rows
 
 Array = NDArray[np.float64]
 

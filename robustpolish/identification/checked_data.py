@@ -10,7 +10,7 @@ import xarray as xr
 from robustpolish.analysis import modes
 from robustpolish.measurements import check_sampling, read_measurement, same_kind
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical_parts import Input, Output
+from robustpolish.models.mechanical.parts import Input, Output
 from robustpolish.validation import described, invalid
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from robustpolish.effects import Effect, lookup
 from robustpolish.identification.diagnosis import Confusion, FoundEffect
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical_parts import FORCE
+from robustpolish.models.mechanical.parts import FORCE
 
 _DRY = ("coulomb_friction", "stribeck_friction")
 _EXPERIMENTS: dict[frozenset[str], str] = {

@@ -14,7 +14,7 @@ from robustpolish.identification.observer import Level, Scales
 from robustpolish.identification.prediction import Predictor, Start, zero_start
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear_system import dynamic_effects
+from robustpolish.models.mechanical.ports import dynamic_effects
 
 Array = NDArray[np.float64]
 FREE = Level()

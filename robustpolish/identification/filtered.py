@@ -16,7 +16,7 @@ from robustpolish.identification.nuisance import nuisance
 from robustpolish.identification.observer import Level, Scales
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear import raw_outputs
+from robustpolish.simulation.signals import raw_outputs
 
 Array = NDArray[np.float64]
 ORDERS = (0, 1, 2, 4)
@@ -32,7 +32,7 @@ class Filtered:
         self.level = level
         self.observer = LinearObserver(model, record.dt, level, scales)
         forces = known_forces(model, motion.q, motion.v, time, record.dt)
-        Y = raw_outputs(model, record.Y)
+        Y = raw_outputs(model, record.Y, record.data["time"].values)
         _, errors = self.observer.innovations(Y, motion.inputs, forces)
         self.errors = errors
         self.sigma = np.ones(errors.shape[1])

@@ -8,7 +8,7 @@ from robustpolish.identification.linear_observer import LinearObserver
 from robustpolish.identification.observer import Level, Scales
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear import raw_outputs, signals
+from robustpolish.simulation.signals import raw_outputs, signals
 
 FOLLOWING = (Level(10.0), Level(3.0), Level(1.0), Level(0.3), Level(0.1))
 
@@ -16,7 +16,7 @@ FOLLOWING = (Level(10.0), Level(3.0), Level(1.0), Level(0.3), Level(0.1))
 def following(model: MechanicalModel, record: Record, scales: Scales) -> Level:
     """Return the level whose innovations are smallest: it shows the motion best."""
     W = signals(model, record.data)
-    Y = raw_outputs(model, record.Y)
+    Y = raw_outputs(model, record.Y, record.data["time"].values)
     best, least = FOLLOWING[0], np.inf
     for level in FOLLOWING:
         observer = LinearObserver(model, record.dt, level, scales)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from robustpolish.measurements import sampling_time
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear import measured, needed_substeps, signals
-from robustpolish.simulation.nonlinear_step import run
-from robustpolish.simulation.nonlinear_system import build_system
+from robustpolish.simulation.signals import measured, signals
+from robustpolish.simulation.step import run_steps
+from robustpolish.simulation.system import build_system, needed_substeps
 
 Array = NDArray[np.float64]
 ErrorOf = Callable[[Array], Array]
@@ -78,7 +78,7 @@ class FreeRun:
     ) -> tuple[Array, Array, Array]:
         """Return outputs, states and internal states of a free run."""
         system, n, ny = self.system, self.system.states, self.measured.shape[1]
-        raw, states, internal = run(
+        raw, states, internal = run_steps(
             self._steps,
             system.motion,
             (system.C, system.D, system.H),
@@ -95,7 +95,7 @@ class FreeRun:
             self.substeps,
             True,
         )
-        return measured(self.model, raw), states, internal
+        return measured(self.model, raw, self.time[first:last]), states, internal
 
 
 @dataclass(frozen=True, eq=False)

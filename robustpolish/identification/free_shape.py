@@ -18,7 +18,7 @@ from robustpolish.identification.missing_force import smooth
 from robustpolish.identification.observer import Level
 from robustpolish.identification.setting import Setting
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear_system import port_pairs, port_rows
+from robustpolish.models.mechanical.ports import port_pairs, port_rows
 
 Array = NDArray[np.float64]
 _LEVELS = (Level(0.1), Level(0.01), Level(0.002))

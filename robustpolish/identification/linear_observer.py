@@ -15,12 +15,9 @@ from robustpolish.identification.observer import (
     with_missing_force,
 )
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear_step import step_matrices
-from robustpolish.simulation.nonlinear_system import (
-    NonlinearSystem,
-    build_system,
-    port_matrices,
-)
+from robustpolish.models.mechanical.ports import port_matrices
+from robustpolish.simulation.step import step_matrices
+from robustpolish.simulation.system import NonlinearSystem, build_system
 
 Array = NDArray[np.float64]
 

@@ -16,13 +16,8 @@ from robustpolish.identification.observer import (
 from robustpolish.identification.prediction import Prediction, Predictor, zero_start
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear import raw_outputs, signals
-from robustpolish.simulation.nonlinear_system import (
-    context_of,
-    port_matrices,
-    port_pairs,
-    port_rows,
-)
+from robustpolish.models.mechanical.ports import context_of, port_matrices, port_pairs, port_rows
+from robustpolish.simulation.signals import raw_outputs, signals
 
 Array = NDArray[np.float64]
 _START = 3.0
@@ -82,7 +77,7 @@ def smooth(
     nonlinear observer finds.
     """
     W = signals(model, record.data)
-    Y = raw_outputs(model, record.Y)
+    Y = raw_outputs(model, record.Y, record.data["time"].values)
     time = np.asarray(record.data["time"].values, dtype=float)
     observer = LinearObserver(model, record.dt, level, scales)
     sizes = _start_sizes(model, scales, amplitude)

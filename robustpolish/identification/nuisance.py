@@ -9,7 +9,7 @@ from robustpolish.identification.linear_observer import LinearObserver
 from robustpolish.identification.missing_force import Smoothed, known_forces
 from robustpolish.identification.parameters import GAIN_PRIOR, MASS_PRIOR, free_parameters
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear_system import port_row
+from robustpolish.models.mechanical.ports import port_row
 
 Array = NDArray[np.float64]
 SPRING_SHARE = 0.1

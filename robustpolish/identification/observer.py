@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical_parts import FORCE
-from robustpolish.simulation.nonlinear_step import step_matrices
-from robustpolish.simulation.nonlinear_system import NonlinearSystem, port_matrices
+from robustpolish.models.mechanical.parts import FORCE
+from robustpolish.models.mechanical.ports import port_matrices
+from robustpolish.simulation.step import step_matrices
+from robustpolish.simulation.system import NonlinearSystem
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from robustpolish.identification.homotopy import Stage, best_stage, homotopy, ju
 from robustpolish.identification.observer import Level
 from robustpolish.identification.setting import Setting
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical_parts import FORCE
+from robustpolish.models.mechanical.parts import FORCE
 
 _LEVELS = (Level(1.0), Level(0.1), FREE)
 _STEPS = 20

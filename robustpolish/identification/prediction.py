@@ -16,9 +16,10 @@ from robustpolish.identification.observer import (
 )
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.nonlinear import measured, needed_substeps, raw_outputs, signals
-from robustpolish.simulation.nonlinear_step import run
-from robustpolish.simulation.nonlinear_system import NonlinearSystem, build_system, dynamic_effects
+from robustpolish.models.mechanical.ports import dynamic_effects
+from robustpolish.simulation.signals import measured, raw_outputs, signals
+from robustpolish.simulation.step import run_steps
+from robustpolish.simulation.system import NonlinearSystem, build_system, needed_substeps
 
 Array = NDArray[np.float64]
 
@@ -98,12 +99,14 @@ class Predictor:
         matrices = system.steps(self.dt / self.substeps) if matrices is None else matrices
         sites = system.states - start.state.size
         s0 = np.concatenate([start.state, np.zeros(sites)])
-        outputs, states, internal = run(
+        time = np.asarray(record.data["time"].values, dtype=float)
+        outputs, states, internal = run_steps(
             matrices, system.motion, (system.C, system.D, system.H), system.laws,
-            system.layout, system.values, self._inputs(model, record), raw_outputs(model, record.Y),
-            self.gain.filter, s0, start.internal, record.start, self.dt, self.substeps, keep,
+            system.layout, system.values, self._inputs(model, record),
+            raw_outputs(model, record.Y, time), self.gain.filter, s0, start.internal,
+            record.start, self.dt, self.substeps, keep,
         )  # fmt: skip
-        return Prediction(measured(model, outputs), states, internal)
+        return Prediction(measured(model, outputs, time), states, internal)
 
 
 def zero_start(model: MechanicalModel) -> Start:

@@ -15,7 +15,7 @@ from robustpolish.identification.observed_motion import observed_motion
 from robustpolish.identification.observer import force_sites
 from robustpolish.identification.residual_shares import surface, value_shares
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical_parts import FORCE, UNITS
+from robustpolish.models.mechanical.parts import FORCE, UNITS
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from scipy.signal import welch
 from robustpolish.identification.observer import Scales, force_sites
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical_parts import ACCELERATION, DISPLACEMENT, VELOCITY
-from robustpolish.simulation.nonlinear import signals
+from robustpolish.models.mechanical.parts import ACCELERATION, DISPLACEMENT, VELOCITY
+from robustpolish.simulation.signals import signals
 
 Array = NDArray[np.float64]
 _QUIETEST = 1e-5

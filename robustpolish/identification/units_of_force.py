@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from robustpolish.identification.chains import connected
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical_parts import FORCE
+from robustpolish.models.mechanical.parts import FORCE
 
 
 def units_of_force(model: MechanicalModel) -> set[str]:

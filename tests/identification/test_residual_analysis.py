@@ -9,7 +9,7 @@ import xarray as xr
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification import compare, residual_analysis
 from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
-from robustpolish.simulation.nonlinear import simulate
+from robustpolish.simulation.run import simulate
 
 RATE, SAMPLES = 2000.0, 8000
 TIME = np.arange(SAMPLES) / RATE

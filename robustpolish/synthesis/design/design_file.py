@@ -13,7 +13,9 @@ from typing import Any, get_args
 import control
 import numpy as np
 
-from robustpolish.models.plant_file import plant_content, plant_from, system_content, system_from
+from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.file import plant_arguments, plant_content
+from robustpolish.models.plant.systems import system_content, system_from
 from robustpolish.saved_file import Fields, plain
 from robustpolish.synthesis.certificate.certificate import certify
 from robustpolish.synthesis.design.passive_element import PassiveElement
@@ -55,7 +57,7 @@ def design_fields(fields: Fields) -> dict[str, Any]:
         If a key is missing or wrong, if the controller does not earn a certificate, or if its
         loop has another norm than the file says.
     """
-    plant = plant_from(fields.table("plant"))
+    plant = GeneralizedPlant(*plant_arguments(fields.table("plant")))
     controller = system_from(fields.table("controller"))
     norm = fields.text("norm", ("hinf", "h2"))
     claimed = None if fields.raw("claimed") is None else fields.number("claimed")
