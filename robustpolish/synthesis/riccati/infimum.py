@@ -72,6 +72,10 @@ class GammaBracket(NamedTuple):
     attempts: int
 
 
+EXACT = "by Riccati equations in double precision"
+"""How a bound is known that holds without any regularisation."""
+
+
 class LowerBound(NamedTuple):
     """A norm below which no controller comes, and how that is known."""
 
@@ -97,7 +101,7 @@ def lower_bound(plant: PlantMatrices, tolerance: float, budget: Budget) -> Lower
     """
     bracket = search_gamma(reduced_halves(plant), 1.0, tolerance, budget)
     if bracket is not None:
-        return LowerBound(bracket.lower, "by Riccati equations in double precision")
+        return LowerBound(bracket.lower, EXACT)
     epsilon = _POLICY.hardly
     bracket = search_gamma(reduced_halves(regularise(plant, epsilon)), 1.0, tolerance, budget)
     if bracket is None:

@@ -61,10 +61,15 @@ class Half:
         return float(np.linalg.norm(free, 2)) if free.size else 0.0
 
     def solve(self, gamma: float) -> Matrix | None:
-        """Solve the Riccati equation; None unless its solution exists and is semidefinite."""
-        A, B, C = self.A, np.hstack([self.B1, self.B2]), self.C
-        D = np.hstack([self.D11, self.D12])
-        n, nw = len(A), self.B1.shape[1]
+        """Solve the Riccati equation; None unless its solution exists and is semidefinite.
+
+        With an infinite gamma it is that of the H2 norm.
+        """
+        # Without a bound the disturbances play no part.
+        nw = self.B1.shape[1] if np.isfinite(gamma) else 0
+        A, B, C = self.A, np.hstack([self.B1[:, :nw], self.B2]), self.C
+        D = np.hstack([self.D11[:, :nw], self.D12])
+        n = len(A)
         R = D.T @ D
         R[:nw, :nw] -= gamma**2 * np.eye(nw)
         try:
@@ -83,7 +88,7 @@ class Half:
         # X >= 0 if and only if the full-information controller stabilises with w = 0; unlike the
         # eigenvalues of X, which may span many decades, this can be seen in doubles.
         F = -(RDC + RB @ X)
-        direct = self.D11[len(C) - self.B2.shape[1] :]
+        direct = self.D11[len(C) - self.B2.shape[1] :, :nw]
         feedback = F[nw:] + direct @ F[:nw]
         if not np.linalg.eigvals(A + self.B2 @ feedback).real.max(initial=-np.inf) < 0:
             return None
