@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from robustpolish.exact import balls
 from robustpolish.exact.balls import Ball
 from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.problem.balancing import balancing_scale
+from robustpolish.synthesis.problem.matrices import balancing_scale
 
 Matrix = NDArray[Any]
 BITS = 240
