@@ -5,16 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from robustpolish.synthesis.design.design import Status
-
-# The worst first: the status of the whole is that of its worst part.
-_ORDER: tuple[Status, ...] = ("time_limit", "infimum_not_attained", "suboptimal", "optimal")
-
-
-def worst_status(statuses: Sequence[Status]) -> Status:
-    """Return the status that a whole of several parts has."""
-    found: list[Status] = [status for status in _ORDER if status in statuses]
-    return found[0] if found else "optimal"
+from robustpolish.synthesis.design.status import Status
 
 
 def message(
@@ -24,6 +15,7 @@ def message(
     tolerance: float,
     gain_bound: float | None,
     has_region: bool,
+    exhausted: bool,
     history: Sequence[Mapping[str, Any]],
 ) -> str:
     """Say what happened and what to try next.
@@ -36,6 +28,8 @@ def message(
     tolerance : float
     gain_bound : float or None
     has_region : bool
+    exhausted : bool
+        Whether the search ended with its work and not by itself.
     history : sequence of mapping
         The trade-off is read from the entries with a price.
     """
@@ -43,13 +37,18 @@ def message(
     if status == "optimal":
         return f"{found} No state feedback has a norm smaller by more than {tolerance:.0e} of it."
     if status == "time_limit":
-        return f"{found} Time ran out; raise time_limit for a better one."
+        return (
+            f"{found} Time ran out before the search ended: another run may find another gain. "
+            "Raise time_limit for a better one."
+        )
     if status == "infimum_not_attained":
         return (
             f"{found} The infimum is not attained: smaller norms need ever larger gains"
             f"{_trade_off(history)}. Set control_weight, gain_bound or pole_region to ask for a "
             "problem that has an optimum."
         )
+    if exhausted:
+        return f"{found} The search ended with its work, because the plant is large."
     if gain_bound is not None:
         return (
             f"{found} The bound {gain_bound:.6g} on the gain is kept. It makes the problem "
