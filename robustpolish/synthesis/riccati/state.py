@@ -260,7 +260,8 @@ def _no_gain_at(plant: PlantMatrices, gamma: float) -> bool:
     if not np.isfinite(H).all():
         return False
     schur: Any = linalg.schur(H, output="complex", sort="lhp")
-    values, basis, stable = np.diag(schur[0]), schur[1], schur[2]
+    values: Any = np.diag(schur[0])
+    basis, stable = schur[1:]
     level = POLICY.axis * np.abs(values) + n * np.finfo(float).eps * np.linalg.norm(H)
     if stable != n or (np.abs(values.real) < level).any():
         return True

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.budget import Budget
+from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.design.status import Status
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
@@ -59,7 +60,7 @@ class StateEngine(ABC):
         Who solves the inequalities, be it only those of a bound on the gain.
     """
 
-    norm: str
+    norm: Norm
     tolerance: float = 1e-4
     regions: tuple[PoleRegion, ...] = ()
     backend: str = "cvxpy"

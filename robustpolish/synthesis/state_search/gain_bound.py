@@ -182,7 +182,7 @@ class _BoundedSearch:
                 break
             gained = 1 - achieved / value
             F, value = new, achieved
-            if gained < POLICY.gained:
+            if gained < POLICY.round_gained:
                 break
         return F
 

@@ -97,7 +97,10 @@ class StatePolicy:
     worthwhile : float
         Share by which a descent from a small gain has to be better to be preferred.
     gained : float
-        A step that gains less than this share ends a search.
+        A descent that gains less than this share ends the search.
+    round_gained : float
+        A round of inequalities that gains less than this share is the last: the descents that follow
+        go the rest of the way, in a third of the work (displacement actuation of the bearing).
     bound_margin : float
         The bound is kept by this share, so that rounding does not break it.
     bound_noise : float
@@ -142,6 +145,7 @@ class StatePolicy:
     small_start: float = 0.5
     worthwhile: float = 1e-3
     gained: float = 1e-5
+    round_gained: float = 1e-2
     bound_margin: float = 1e-9
     bound_noise: float = 1e-3
 
