@@ -8,7 +8,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint docs linkcheck notebooks figure validation browser bench hidden-effects clean clean-cache
+.PHONY: help demo test test-slow lint structure docs linkcheck notebooks figure validation browser bench hidden-effects clean clean-cache
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 18
@@ -30,11 +30,16 @@ test: $(READY) ## Run the tests (about ten minutes on two cores)
 test-slow: $(READY) ## Run the long checks too
 	$(BIN)/python -m pytest -q -n 2 --timeout 3600
 
-lint: $(READY) ## Check style, types and the direction of imports
+lint: $(READY) ## Check style, types, the direction of imports, cycles and crowded folders
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.structure.imports
+
+structure: $(READY) ## Print the ways of calls through files, and the modules without tests of their own
+	$(BIN)/python -m tests.structure.call_path
+	$(BIN)/python -m tests.structure.untested
 
 docs: $(READY) ## Build the documentation, warnings are errors; pages go to docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html

@@ -14,7 +14,20 @@ class RobustPolishError(Exception):
 
 
 class InvalidInputError(RobustPolishError, ValueError):
-    """An argument has the wrong shape, value, name or unit."""
+    """An argument has the wrong shape, value, name or unit.
+
+    Parameters
+    ----------
+    message : str
+        Argument, value, expectation and remedy.
+    key : sequence of str or int, optional
+        Where the argument stands, from the outside in: ``("spring", 1, "stiffness")`` is the
+        stiffness of the second spring.
+    """
+
+    def __init__(self, message: str, key: Sequence[str | int] = ()) -> None:
+        super().__init__(message)
+        self.key = tuple(key)
 
 
 class MissingDependencyError(RobustPolishError, ImportError):

@@ -7,10 +7,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from robustpolish.identification.diagnosis import Diagnosis
-from robustpolish.identification.diagnosis_file import diagnosis_from
+from robustpolish.identification.findings.diagnosis import Diagnosis, diagnosis_from
 from robustpolish.models import GeneralizedPlant, MechanicalModel
-from robustpolish.models.plant_file import plant_from
+from robustpolish.models.plant.file import plant_arguments
 from robustpolish.saved_file import Fields, read_saved
 from robustpolish.synthesis import Design
 from robustpolish.synthesis.design.design_file import design_from
@@ -19,7 +18,7 @@ from robustpolish.validation import described, invalid
 _READERS: Mapping[str, Callable[[Fields], Any]] = {
     "design": design_from,
     "diagnosis": diagnosis_from,
-    "plant": plant_from,
+    "plant": lambda fields: GeneralizedPlant(*plant_arguments(fields)),
 }
 
 

@@ -12,31 +12,52 @@ from numpy.typing import ArrayLike, NDArray
 from robustpolish.errors import InvalidInputError
 
 T = TypeVar("T", bound=Hashable)
+Key = tuple[str | int, ...]
 
 
-def invalid(argument: str, value: object, expected: str, remedy: str) -> InvalidInputError:
+def invalid(
+    argument: str | Key, value: object, expected: str, remedy: str, key: Key | None = None
+) -> InvalidInputError:
     """Build the error for a bad argument; the caller raises it.
 
     Parameters
     ----------
-    argument : str
-        Name of the argument.
+    argument : str or tuple of str or int
+        Name of the argument, or where it stands from the outside in:
+        ``("spring", 1, "stiffness")`` is shown as ``spring[1].stiffness``.
     value : object
         What came; shown shortened.
     expected : str
         What the argument has to be.
     remedy : str
         What to do next, as an imperative sentence.
+    key : tuple of str or int, optional
+        Where the argument stands, if its name does not say it.
 
     Returns
     -------
     InvalidInputError
+
+    Examples
+    --------
+    >>> error = invalid(("spring", 1, "stiffness"), "3", "a number", "Write a number.")
+    >>> print(error)
+    spring[1].stiffness: got '3', expected a number. Write a number.
+    >>> error.key
+    ('spring', 1, 'stiffness')
     """
+    path = argument if isinstance(argument, tuple) else (argument,)
     shown = value if isinstance(value, _Described) else repr(value)
     text = str(shown)
     if len(text) > 120:
         text = text[:117] + "..."
-    return InvalidInputError(f"{argument}: got {text}, expected {expected}. {remedy}")
+    message = f"{_path_text(path)}: got {text}, expected {expected}. {remedy}"
+    return InvalidInputError(message, path if key is None else key)
+
+
+def _path_text(path: Key) -> str:
+    parts = [f"[{part}]" if isinstance(part, int) else f".{part}" for part in path]
+    return "".join(parts).removeprefix(".")
 
 
 class _Described(str):
@@ -115,7 +136,7 @@ def _show(shape: tuple[int | None, int | None]) -> str:
     return "(" + ", ".join("any" if n is None else str(n) for n in shape) + ")"
 
 
-def positive(argument: str, value: Any, unit: str = "", zero: bool = False) -> float:
+def positive(argument: str | Key, value: Any, unit: str = "", zero: bool = False) -> float:
     """Return `value` as a finite float above zero (at least zero if `zero`)."""
     want = f"a finite number {'of at least' if zero else 'above'} 0{' ' + unit if unit else ''}"
     try:
@@ -127,7 +148,7 @@ def positive(argument: str, value: Any, unit: str = "", zero: bool = False) -> f
     return number
 
 
-def one_of(argument: str, value: T, choices: Collection[T]) -> T:
+def one_of(argument: str | Key, value: T, choices: Collection[T]) -> T:
     """Return `value` if it is one of `choices`."""
     if value not in choices:
         listed = ", ".join(repr(choice) for choice in choices)

@@ -11,21 +11,19 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.brush import simulate_brush
-from robustpolish.cli.options import force_option, json_option, reports_errors, write_json
-from robustpolish.models.air_bearing import FORCES
+from robustpolish.cli.options import (
+    brush_options,
+    force_option,
+    json_option,
+    reports_errors,
+    write_json,
+)
+from robustpolish.models.machines.air_bearing import FORCES
 from robustpolish.saving import new_file
 
 
 @click.command()
-@click.option("--run", type=click.IntRange(1, 4), default=1, show_default=True, help="Table 9.2.")
-@click.option(
-    "--simulator",
-    type=click.Choice(["physical", "listing"]),
-    default="physical",
-    show_default=True,
-    help="Well-posed contact, or the thesis's listing with its defects.",
-)
-@click.option("--duration", type=float, default=5.0, show_default=True, help="Seconds.")
+@brush_options
 @click.option(
     "--out", type=click.Path(dir_okay=False), help="Save all signals: a .csv or .nc (netCDF) file."
 )

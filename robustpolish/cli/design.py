@@ -11,6 +11,7 @@ import click
 import robustpolish
 from robustpolish.cli.machine import READINGS, machine_options
 from robustpolish.cli.options import (
+    brush_options,
     force_option,
     json_option,
     reports_errors,
@@ -30,15 +31,7 @@ DEFAULT_OUT = "robustpolish-results"
 
 
 @click.command()
-@click.option("--run", type=click.IntRange(1, 4), default=1, show_default=True, help="Table 9.2.")
-@click.option(
-    "--simulator",
-    type=click.Choice(["physical", "listing"]),
-    default="physical",
-    show_default=True,
-    help="Well-posed contact, or the thesis's listing with its defects.",
-)
-@click.option("--duration", type=float, default=5.0, show_default=True, help="Seconds.")
+@brush_options
 @click.option(
     "--actuation",
     type=click.Choice(["force", "displacement"]),

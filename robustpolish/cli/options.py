@@ -28,6 +28,21 @@ json_option = click.option(
 force_option = click.option("--force", is_flag=True, help="Replace existing results.")
 
 
+def brush_options(command: F) -> F:
+    """Give a command the options of a run of the brush: --run, --simulator and --duration."""
+    simulator = click.option(
+        "--simulator",
+        type=click.Choice(["physical", "listing"]),
+        default="physical",
+        show_default=True,
+        help="Well-posed contact, or the thesis's listing with its defects.",
+    )
+    run = click.IntRange(1, 4)
+    command = click.option("--duration", default=5.0, show_default=True, help="Seconds.")(command)
+    command = simulator(command)
+    return click.option("--run", type=run, default=1, show_default=True, help="Table 9.2.")(command)
+
+
 def reports_errors(command: F) -> F:
     """Turn the package's errors into a message and an exit code.
 

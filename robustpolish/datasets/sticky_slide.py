@@ -7,7 +7,7 @@ import xarray as xr
 
 from robustpolish.datasets.stored import dataset
 from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
-from robustpolish.simulation.nonlinear import simulate
+from robustpolish.simulation.run import simulate
 
 _RATE, _SAMPLES = 1000.0, 2000
 _FRICTION = 3.0

@@ -1,12 +1,12 @@
-"""The catalogue of physical effects: one file per kind."""
+"""The catalogue of physical effects: what a kind is, and one file per kind."""
 
-from robustpolish.effects.base import CONSTANT as CONSTANT
-from robustpolish.effects.base import GROUND as GROUND
-from robustpolish.effects.base import Effect as Effect
-from robustpolish.effects.base import EffectKind as EffectKind
-from robustpolish.effects.base import Parameter as Parameter
-from robustpolish.effects.base import compiled_law as compiled_law
-from robustpolish.effects.base import force_along as force_along
+from robustpolish.effects.along import force_along as force_along
+from robustpolish.effects.effect import Effect as Effect
+from robustpolish.effects.kind import CONSTANT as CONSTANT
+from robustpolish.effects.kind import GROUND as GROUND
+from robustpolish.effects.kind import EffectKind as EffectKind
+from robustpolish.effects.kind import Parameter as Parameter
+from robustpolish.effects.kind import compiled_law as compiled_law
 from robustpolish.effects.registry import kinds as kinds
 from robustpolish.effects.registry import lookup as lookup
 from robustpolish.effects.registry import register as register

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numba
 import numpy as np
 from numba import types
 from numba.typed import List
 from numpy.typing import NDArray
 
-from robustpolish.effects.base import law_signature
+from robustpolish.effects.kind import EffectKind, compiled_law, law_signature
 from robustpolish.effects.shapes import Motion
+
+Array = NDArray[np.float64]
 
 _LEAST_SUBSTEPS, _MOST_SUBSTEPS = 8, 64
 
@@ -50,19 +50,38 @@ def _run(laws, t, q, v, p, z, f, substeps):  # type: ignore[no-untyped-def]  # c
     return out
 
 
-def run(
-    law: Any, states: int, motion: Motion, values: NDArray[np.float64], rate: float = 0.0
-) -> NDArray[np.float64]:
-    """Return the force along the motion, shape (ports, samples).
+def force_along(kind: EffectKind, motion: Motion, values: Array) -> Array:
+    """Return the force of a law along a given motion, shape (ports, samples).
 
-    `rate` is the fastest rate of the internal states in 1/s; it decides on the steps.
+    Internal states start at rest and are stepped with the motion (Heun).
+
+    Parameters
+    ----------
+    kind : EffectKind
+    motion : Motion
+    values : ndarray
+        Of the parameters, in the kind's order.
+
+    Returns
+    -------
+    ndarray, shape (ports, samples)
     """
-    q = np.ascontiguousarray(motion.q)
-    v = np.ascontiguousarray(motion.v)
+    q, v = np.ascontiguousarray(motion.q), np.ascontiguousarray(motion.v)
+    values = np.ascontiguousarray(values, dtype=float)
     # In a list all laws have one type: a kernel compiled for each of them anew would fill Numba's
     # cache with an entry from every process, and take longer to load each time.
     laws = List.empty_list(types.FunctionType(law_signature()))
-    laws.append(law)
+    laws.append(compiled_law(kind))
+    substeps = _substeps(kind, motion, values)
+    return _run(laws, motion.time, q, v, values, np.zeros(kind.states), np.zeros(len(q)), substeps)
+
+
+def _substeps(kind: EffectKind, motion: Motion, values: Array) -> int:
+    """Return steps per sample that follow the fastest rate of the internal states."""
+    rate = 0.0
+    if kind.states:
+        numbers = dict(zip((p.name for p in kind.parameters), values.tolist(), strict=False))
+        fastest = float(np.max(np.abs(motion.v), initial=0.0))
+        rate = kind.gains(numbers, motion.amplitude, fastest)[2]
     wanted = np.nan_to_num(np.ceil(rate * (motion.time[1] - motion.time[0])), posinf=1e9)
-    substeps = int(np.clip(wanted, _LEAST_SUBSTEPS, _MOST_SUBSTEPS))
-    return _run(laws, motion.time, q, v, values, np.zeros(states), np.zeros(q.shape[0]), substeps)
+    return int(np.clip(wanted, _LEAST_SUBSTEPS, _MOST_SUBSTEPS))

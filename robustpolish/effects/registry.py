@@ -7,7 +7,7 @@ from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import entry_points
 
-from robustpolish.effects.base import EffectKind
+from robustpolish.effects.kind import EffectKind
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.validation import invalid
 
@@ -98,14 +98,16 @@ def lookup(name: str) -> EffectKind:
     """
     kind = _registered.get(name) or _catalogue().get(name)
     if kind is None:
-        raise invalid("effect.kind", name, f"one of {', '.join(kinds())}", "Check the spelling.")
+        raise invalid(
+            ("effect", "kind"), name, f"one of {', '.join(kinds())}", "Check the spelling."
+        )
     return kind
 
 
 @lru_cache(maxsize=1)
 def _catalogue() -> dict[str, EffectKind]:
     found: dict[str, EffectKind] = {
-        name: import_module(f"robustpolish.effects.{name}").KIND for name in BUILT_IN
+        name: import_module(f"robustpolish.effects.catalogue.{name}").KIND for name in BUILT_IN
     }
     for point in entry_points(group=ENTRY_POINT_GROUP):
         try:

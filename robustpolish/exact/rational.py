@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from flint import acb, acb_mat, arb, arb_mat, ctx, fmpq, fmpq_mat, fmpz_mat, nmod_mat
+from flint import acb, acb_mat, arb, arb_mat, ctx, fmpq, fmpq_mat, fmpz, fmpz_mat, nmod, nmod_mat
 from numpy.typing import NDArray
 
 from robustpolish.exact.realisation import Realisation
@@ -102,39 +102,62 @@ class ExactModel:
         return zero == self.D and self.minimal().states == 0
 
 
-def _fully_reachable(A: fmpq_mat, B: fmpq_mat) -> bool:
-    """Say whether B, A B, A^2 B, ... span everything modulo a prime, hence exactly.
+def reachable(A: fmpq_mat, B: fmpq_mat, C: fmpq_mat) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat]:
+    """Restrict a system to the span of B, A B, A^2 B, ...
 
-    False proves nothing, but is rare for a reachable pair.
+    Which of these vectors span it is guessed modulo a prime, which is quick, and then proven
+    for the rational numbers: the vectors found are independent, and their span holds B and is
+    mapped into itself by A.
     """
+    n, prime = A.nrows(), fmpz(_PRIME)
+    while True:
+        columns, pivots = _spanning(A, B, int(prime))
+        if len(pivots) == n:
+            return A, B, C
+        if not pivots:
+            onto = fmpq_mat(n, 0)
+        else:  # x = onto * (reduced x), the identity in the pivot rows
+            basis = _krylov_vectors(A, B, columns)
+            top = _rows(basis, pivots)
+            onto = top.transpose().solve(basis.transpose()).transpose()
+        reduced = _rows(A * onto, pivots), _rows(B, pivots)
+        if A * onto == onto * reduced[0] and onto * reduced[1] == B:
+            return *reduced, C * onto
+        prime = prime - 2  # a prime that hides a direction is rare
+        while not prime.is_prime():
+            prime = prime - 2
+
+
+def _spanning(A: fmpq_mat, B: fmpq_mat, prime: int) -> tuple[list[int], list[int]]:
+    """Return which of the columns of B, A B, ... are independent, and in which rows."""
     n, m = A.nrows(), B.ncols()
     if n == 0 or m == 0:
-        return n == 0
-    step, block = (nmod_mat(M.numer_denom()[0], _PRIME) for M in (A, B))
-    columns = []
+        return [], []
+    step, block = (nmod_mat(M.numer_denom()[0], prime) for M in (A, B))
+    vectors: list[nmod] = []
     for _ in range(n):
-        columns += block.transpose().entries()
+        vectors += block.transpose().entries()
         block = step * block
-    return nmod_mat(n * m, n, columns, _PRIME).rank() == n
+    table = nmod_mat(n * m, n, vectors, prime)
+    return _pivots(table.transpose()), _pivots(table)
 
 
-def reachable(A: fmpq_mat, B: fmpq_mat, C: fmpq_mat) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat]:
-    """Restrict a system to the span of B, A B, A^2 B, ..."""
-    if _fully_reachable(A, B):
-        return A, B, C
+def _pivots(M: nmod_mat) -> list[int]:
+    """Return the columns in which the rows of the reduced echelon form begin."""
+    reduced, rank = M.rref()
+    columns = range(M.ncols())
+    return [next(j for j in columns if int(reduced[i, j])) for i in range(rank)]
+
+
+def _krylov_vectors(A: fmpq_mat, B: fmpq_mat, columns: list[int]) -> fmpq_mat:
+    """Return the given columns of B, A B, A^2 B, ..., up to a factor each."""
     n, m = A.nrows(), B.ncols()
-    basis, rank = fmpq_mat(0, n), 0
-    block = B.transpose()
-    for _ in range(n):
-        stacked = fmpq_mat(rank + m, n, basis.entries() + block.entries())
-        reduced, found = stacked.rref()
-        if found == rank:
-            break
-        basis, rank = _rows(reduced, range(found)), found
-        block = block * A.transpose()
-    pivots = [next(j for j in range(n) if basis[i, j] != 0) for i in range(rank)]
-    onto = basis.transpose()  # x = onto * (reduced x), the identity in the pivot rows
-    return _rows(A * onto, pivots), _rows(B, pivots), C * onto
+    step, block = (M.numer_denom()[0] for M in (A, B))
+    found = []
+    for power in range(max(columns) // m + 1):
+        found += [[block[i, j % m] for i in range(n)] for j in columns if j // m == power]
+        block = step * block
+    return fmpq_mat(fmpz_mat(found).transpose())
 
 
 def _rows(M: fmpq_mat, rows: range | list[int]) -> fmpq_mat:

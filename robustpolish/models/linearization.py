@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import control
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import root
 
@@ -15,9 +15,6 @@ from robustpolish.analysis import modes
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.errors import SolverError
 from robustpolish.validation import described, invalid
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Vector = NDArray[np.float64]
 VectorField = Callable[[Vector, Vector], ArrayLike]

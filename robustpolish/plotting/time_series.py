@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from robustpolish.plotting.style import LINE_STYLES, new_axes, si_axis
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _BINS = 2000
 

@@ -11,7 +11,7 @@ import pandas as pd
 
 from robustpolish.closed_loop import BrushDesign
 from robustpolish.display import Table
-from robustpolish.models.air_bearing import FORCES
+from robustpolish.models.machines.air_bearing import FORCES
 from robustpolish.plotting import plot_panels
 from robustpolish.report.document import Report, Section
 from robustpolish.report.pictures import panels, picture

@@ -1,8 +1,8 @@
 """Simulation: the exact response of linear systems, and models with physical effects."""
 
 from robustpolish.simulation.linear_response import Response, first_order_hold, linear_response
-from robustpolish.simulation.nonlinear import NonlinearResponse
-from robustpolish.simulation.nonlinear import simulate as simulate_model
+from robustpolish.simulation.run import NonlinearResponse
+from robustpolish.simulation.run import simulate as simulate_model
 
 __all__ = [
     "NonlinearResponse",

@@ -10,9 +10,9 @@ from robustpolish.synthesis.methods.compare_methods import (
 from robustpolish.synthesis.methods.given_controller import given_controller
 from robustpolish.synthesis.methods.mixed_output_feedback import mixed_output_feedback
 from robustpolish.synthesis.methods.mixed_state_feedback import mixed_state_feedback
-from robustpolish.synthesis.methods.observer_feedback import observer_controller, observer_feedback
+from robustpolish.synthesis.methods.observer_feedback import observer_feedback
 from robustpolish.synthesis.methods.output_feedback import output_feedback
-from robustpolish.synthesis.methods.passive_feedback import PassiveElement, passive_feedback
+from robustpolish.synthesis.methods.passive_feedback import passive_feedback
 from robustpolish.synthesis.methods.published_controllers import (
     PUBLISHED_CONTROLLERS,
     PUBLISHED_NORMS,
@@ -21,7 +21,9 @@ from robustpolish.synthesis.methods.published_controllers import (
 from robustpolish.synthesis.methods.state_feedback import state_feedback
 from robustpolish.synthesis.methods.static_output_feedback import static_output_feedback
 from robustpolish.synthesis.problem.channels import channel
+from robustpolish.synthesis.problem.passive_element import PassiveElement
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
+from robustpolish.synthesis.structured_search.observer_structure import observer_controller
 
 __all__ = [
     "PUBLISHED_CONTROLLERS",

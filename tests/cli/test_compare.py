@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from robustpolish.cli.compare import compare
 from robustpolish.models import MechanicalModel
-from robustpolish.simulation.nonlinear import simulate
+from robustpolish.simulation.run import simulate
 
 MODEL = """\
 [dof.x]

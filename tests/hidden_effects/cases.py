@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from scipy.signal import butter, lfilter, sosfilt
 
-import robustpolish.models.mechanical_parts as parts
+import robustpolish.models.mechanical.parts as parts
 from robustpolish.models import MechanicalModel
 
 from .integrator import CODES, integrate

@@ -11,7 +11,7 @@ import robustpolish as rp
 from robustpolish.report import render_html
 from robustpolish.report.brush_design import brush_design_report
 from robustpolish.report.diagnosis import diagnosis_report
-from robustpolish.simulation.nonlinear import simulate
+from robustpolish.simulation.run import simulate
 from tests import made_up
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")

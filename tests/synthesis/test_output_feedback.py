@@ -307,7 +307,7 @@ def test_sixty_states(make):
     assert judge(output_feedback(plant, time_limit=20.0), plant) > 0
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 5, 7, 8, 9, 11])
+@pytest.mark.parametrize("seed", range(12))
 def test_picos_and_cvxpy_agree(seed):
     plant = random_plant(3, seed, singular=False)
     claims = [

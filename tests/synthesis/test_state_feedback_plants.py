@@ -45,7 +45,7 @@ def independent_norm(plant, F, weight, norm, discrete):
     return float(rp.hinf_norm(loop) if norm == "hinf" else rp.h2_norm(loop))
 
 
-@pytest.mark.parametrize("seed", range(9))
+@pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("discrete", [False, True])
 def test_random_plants(seed, discrete):
     feedthrough = seed % 3 == 1

@@ -31,11 +31,16 @@ class PoleCount:
 
 def count_poles(A: fmpq_mat, discrete: bool) -> PoleCount:
     """Sort the eigenvalues of a rational matrix by the side of the stability boundary."""
-    sided = _sided(fmpz_poly(A.charpoly().numer().coeffs()), discrete)
+    sided = sided_poles(A, discrete)
     return PoleCount(
         tuple(pole for pole, side in sided if side > 0),
         tuple(pole for pole, side in sided if side == 0),
     )
+
+
+def sided_poles(A: fmpq_mat, discrete: bool) -> list[tuple[complex, int]]:
+    """Return the eigenvalues with -1, 0 or 1 for inside, on and beyond the stability boundary."""
+    return _sided(fmpz_poly(A.charpoly().numer().coeffs()), discrete)
 
 
 def hidden_poles(A: fmpq_mat, B: fmpq_mat, discrete: bool) -> list[tuple[complex, bool]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import control
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,9 +10,6 @@ from robustpolish.analysis.poles.pbh_distance import deficiencies
 from robustpolish.analysis.poles.pbh_result import Feasibility, Kind, ModeTest, PbhTest, pair_text
 from robustpolish.exact.realisation import Realisation, realisation
 from robustpolish.validation import described, invalid, matrix, positive
-
-if TYPE_CHECKING:
-    pass
 
 
 def controllability(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.analysis.poles.eigen import EPS, eigensystem
-from robustpolish.analysis.poles.exact_poles import hidden_poles
+from robustpolish.analysis.poles.exact_poles import hidden_poles, sided_poles
 from robustpolish.analysis.scaling.decoupled_blocks import decoupled_blocks
 from robustpolish.analysis.scaling.units import even_scales, in_units
 from robustpolish.exact.rational import rational
@@ -61,16 +61,23 @@ def _modes(model: Realisation, tolerance: float | None) -> list[Deficiency]:
     limit = (100 * n * EPS if tolerance is None else tolerance) * size
     hidden = hidden_poles(rational(A), rational(B), model.discrete) if n <= EXACT_STATES else []
     matched = _matched(values, hidden)
+    margins = 1 - np.abs(values) if model.discrete else -values.real
+    sides = {}
+    if n <= EXACT_STATES and (np.abs(margins) <= spectrum.errors).any():
+        poles = sided_poles(rational(A), model.discrete)
+        sides = _matched(values, [(pole, side < 0) for pole, side in poles])
     result = []
     for i, value in enumerate(values):
         if value.imag < 0:
             continue
         distance = _distance(A, B, values, i)
-        margin = 1 - abs(value) if model.discrete else -value.real
-        deficient, stable = distance <= limit, bool(margin > spectrum.errors[i])
+        deficient = distance <= limit
+        stable = bool(margins[i] > spectrum.errors[i])
         if i in matched:
             value, stable = matched[i]
             distance, deficient = 0.0, True
+        elif i in sides:
+            stable = sides[i][1]
         relative = distance / size if size else 0.0
         leader = int(spectrum.shares[:, i].argmax())
         value = complex(value) * model.time
@@ -79,12 +86,12 @@ def _modes(model: Realisation, tolerance: float | None) -> list[Deficiency]:
 
 
 def _matched(
-    values: NDArray[np.complex128], hidden: list[tuple[complex, bool]]
+    values: NDArray[np.complex128], exact: list[tuple[complex, bool]]
 ) -> dict[int, tuple[complex, bool]]:
-    """Assign each exactly hidden eigenvalue to the nearest computed one."""
+    """Assign each exact eigenvalue to the nearest computed one that is left."""
     free = set(range(len(values)))
     matched = {}
-    for pole, stable in hidden:
+    for pole, stable in exact:
         nearest = min(free, key=lambda i: abs(values[i] - pole))
         free.remove(nearest)
         matched[nearest] = (pole, stable)

@@ -11,11 +11,13 @@ from typing import Any, get_args
 import control
 import numpy as np
 
-from robustpolish.models.plant_file import plant_content, plant_from, system_content, system_from
+from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.file import plant_arguments, plant_content
+from robustpolish.models.plant.systems import system_content, system_from
 from robustpolish.saved_file import Fields, plain, read_saved, write_saved
 from robustpolish.synthesis.certificate.certificate import certify
 from robustpolish.synthesis.design.design import Design, Status
-from robustpolish.synthesis.methods.passive_feedback import PassiveElement
+from robustpolish.synthesis.problem.passive_element import PassiveElement
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
 from robustpolish.validation import described, invalid
 
@@ -58,7 +60,7 @@ def design_from(fields: Fields) -> Design:
         If a key is missing or wrong, if the controller does not earn a certificate, or if its
         loop has another norm than the file says.
     """
-    plant = plant_from(fields.table("plant"))
+    plant = GeneralizedPlant(*plant_arguments(fields.table("plant")))
     controller = system_from(fields.table("controller"))
     norm = fields.text("norm", ("hinf", "h2"))
     claimed = None if fields.raw("claimed") is None else fields.number("claimed")

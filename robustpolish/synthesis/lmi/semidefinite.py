@@ -94,6 +94,11 @@ class SemidefiniteProgram:
         self._zero: list[Affine] = []
         self._objective: Affine = Affine.of(0.0)
 
+    @property
+    def unknowns(self) -> int:
+        """Number of variables."""
+        return self._count
+
     def matrix(self, rows: int, columns: int, pattern: ArrayLike | None = None) -> Affine:
         """Declare a matrix variable, zero wherever `pattern` is given and false."""
         free = np.ones((rows, columns), bool) if pattern is None else np.asarray(pattern, bool)
@@ -198,6 +203,7 @@ class SemidefiniteProgram:
         return Affine(shape, np.zeros(size), linear)
 
 
+Solve = Callable[[SemidefiniteProgram], SemidefiniteSolution]
 Run = Callable[[ConicForm, str | None, float, float | None], tuple[Matrix | None, str]]
 
 

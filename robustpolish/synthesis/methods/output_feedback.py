@@ -17,7 +17,6 @@ from robustpolish.models import GeneralizedPlant
 from robustpolish.progress import working
 from robustpolish.synthesis.certificate.certificate import Certificate, Norm, certify
 from robustpolish.synthesis.design.design import Design, Status
-from robustpolish.synthesis.methods.structured_design import refuse_unstable
 from robustpolish.synthesis.output_search.candidates import Findings
 from robustpolish.synthesis.output_search.choice import Chosen, choose
 from robustpolish.synthesis.output_search.engines import METHODS, Settings, run_engines
@@ -28,6 +27,7 @@ from robustpolish.synthesis.problem.decoupling import (
     joined_controller,
     undivided,
 )
+from robustpolish.synthesis.problem.fixed_modes import refuse_unstable
 from robustpolish.synthesis.problem.preflight import Diagnosis, diagnose, refuse
 from robustpolish.synthesis.problem.pricing import noisy, priced
 from robustpolish.synthesis.problem.solver_plant import SolverPlant

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import control
-import numpy as np
-
 from robustpolish.models import GeneralizedPlant
 from robustpolish.validation import invalid
 
@@ -41,23 +38,7 @@ def channel(
     """
     w = _places("disturbances", disturbances, plant.disturbance_names)
     z = _places("performance", performance, plant.performance_names)
-    inputs = [*w, *range(plant.nw, plant.nw + plant.nu)]
-    outputs = [*z, *range(plant.nz, plant.nz + plant.ny)]
-    system = plant.system
-    part = control.StateSpace(
-        system.A,
-        np.array(system.B)[:, inputs],
-        np.array(system.C)[outputs],
-        np.array(system.D)[np.ix_(outputs, inputs)],
-        plant.dt,
-        inputs=[system.input_labels[i] for i in inputs],
-        outputs=[system.output_labels[i] for i in outputs],
-        states=system.state_labels,
-        remove_useless_states=False,
-    )
-    known = {*part.input_labels, *part.output_labels, *part.state_labels}
-    units = {name: unit for name, unit in plant.units.items() if name in known}
-    return GeneralizedPlant(part, plant.ny, plant.nu, units)
+    return plant.part(disturbances=w, performance=z)
 
 
 def _places(argument: str, names: Sequence[str] | str, known: Sequence[str]) -> list[int]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from robustpolish.analysis import decoupled_blocks
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.systems import named_system
 
 Matrix = NDArray[Any]
 
@@ -76,31 +77,25 @@ def undivided(plant: GeneralizedPlant) -> PlantPart:
 def _part(
     plant: GeneralizedPlant, states: Sequence[int], inputs: Sequence[int], outputs: Sequence[int]
 ) -> PlantPart:
-    system = plant.system
-    A, B, C, D = (np.array(M) for M in (system.A, system.B, system.C, system.D))
+    disturbances = [i for i in inputs if i < plant.nw]
+    controls = [i - plant.nw for i in inputs if i >= plant.nw]
+    performance = [i for i in outputs if i < plant.nz]
+    measurements = [i - plant.nz for i in outputs if i >= plant.nz]
     # python-control holds no outputs without inputs; without inputs they do not matter either.
-    seen = list(outputs) if inputs else []
-    rows = control.StateSpace(
-        A[np.ix_(states, states)],
-        B[np.ix_(states, inputs)],
-        C[np.ix_(seen, states)],
-        D[np.ix_(seen, inputs)],
-        plant.dt,
-        inputs=[system.input_labels[i] for i in inputs],
-        outputs=[system.output_labels[i] for i in seen],
-        states=[system.state_labels[i] for i in states],
-        # A part without inputs still has states of its own.
-        remove_useless_states=False,
-    )
-    measurements = tuple(i - plant.nz for i in outputs if i >= plant.nz)
-    controls = tuple(i - plant.nw for i in inputs if i >= plant.nw)
-    return PlantPart(
-        plant=GeneralizedPlant(rows, len(measurements) if inputs else 0, len(controls)),
-        states=tuple(states),
-        disturbances=tuple(i for i in inputs if i < plant.nw),
+    part = plant.part(
+        states=states,
+        disturbances=disturbances,
         controls=controls,
-        performance=tuple(i for i in outputs if i < plant.nz),
-        measurements=measurements,
+        performance=performance if inputs else [],
+        measurements=measurements if inputs else [],
+    )
+    return PlantPart(
+        part,
+        tuple(states),
+        tuple(disturbances),
+        tuple(controls),
+        tuple(performance),
+        tuple(measurements),
     )
 
 
@@ -143,14 +138,6 @@ def named_controller(
     plant: GeneralizedPlant, A: Matrix, B: Matrix, C: Matrix, D: Matrix
 ) -> control.StateSpace:
     """Return a controller whose signals have the names of the plant's y and u."""
-    return control.StateSpace(
-        A,
-        B,
-        C,
-        D,
-        plant.dt,
-        inputs=list(plant.measurement_names),
-        outputs=list(plant.control_names),
-        states=[f"xk{i + 1}" for i in range(len(A))],
-        remove_useless_states=False,
-    )
+    states = [f"xk{i + 1}" for i in range(len(A))]
+    names = (plant.measurement_names, plant.control_names, states)
+    return named_system((A, B, C, D), plant.dt, *names)

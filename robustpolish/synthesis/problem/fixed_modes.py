@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.errors import InfeasibleError
+from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.static_loop import close_static
 
@@ -111,6 +112,23 @@ def refuse_fixed_modes(
         + (", or free more entries of the structure." if kind else "."),
         modes,
     )
+
+
+def refuse_unstable(plant: GeneralizedPlant) -> None:
+    """Raise an InfeasibleError unless a part without control is stable by itself."""
+    if not plant.nx:
+        return
+    found = np.linalg.eig(plant.A)
+    poles, vectors = np.asarray(found[0], complex), np.asarray(found[1])
+    margin = np.abs(poles) - 1 if plant.is_discrete else np.real(poles)
+    worst = int(np.argmax(margin))
+    if margin[worst] >= 0:
+        state = plant.states[int(np.argmax(np.abs(vectors[:, worst])))]
+        raise InfeasibleError(
+            f"No controller stabilises the plant: nothing joins the mode {poles[worst]:.6g} "
+            f"(state {state}) to a control and a measurement. Add an actuator and a sensor there.",
+            [complex(poles[worst])],
+        )
 
 
 def _shown(value: complex) -> str:

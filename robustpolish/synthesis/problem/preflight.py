@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.analysis import AxisZero, controllability, observability, zeros_on_axis
+from robustpolish.analysis.poles.pbh_distance import EXACT_STATES
 from robustpolish.errors import InfeasibleError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.problem.scaling import scale_plant
 
 Matrix = NDArray[Any]
-# Up to so many states a suspicion is settled in exact arithmetic, which takes too long beyond.
-_EXACT_STATES = 24
 _SUSPECT = 1e-7
 
 
@@ -59,7 +58,8 @@ class Diagnosis:
     Attributes
     ----------
     fixed_modes : tuple of FixedMode
-        Unstable modes that are (nearly) uncontrollable or unobservable.
+        Unstable modes that are uncontrollable or unobservable; in large plants, which no exact
+        test clears, also those that are nearly so.
     d12_rank, d21_rank : int
         Numerical ranks in scaled units; nu and ny make the problem regular.
     d12_full, d21_full : bool
@@ -177,9 +177,13 @@ def _fixed(
 def _settled(
     found: list[FixedMode], A: Matrix, B: Matrix, plant: GeneralizedPlant, time: float, lack: str
 ) -> list[FixedMode]:
-    """Decide which suspects are fixed exactly."""
+    """Decide which suspects are fixed to rounding, and drop those that are proven to be moved.
+
+    An integrator behind a fast lag looks suspicious because distances are relative to the
+    fastest rate; that alone keeps no controller from moving it.
+    """
     n = A.shape[0]
-    if n > _EXACT_STATES:
+    if n > EXACT_STATES:
         level = 100 * n * np.finfo(float).eps
         return [
             FixedMode(m.eigenvalue, m.state, lack, m.distance, m.distance < level) for m in found
@@ -188,11 +192,10 @@ def _settled(
         test = controllability(A, B, states=plant.states, dt=plant.dt)
     else:
         test = observability(A.T, B.T, states=plant.states, dt=plant.dt)
-    exact = [
+    return [
         FixedMode(complex(m.eigenvalue / time), m.state, lack, m.distance, True)
         for m in test.harmful
     ]
-    return exact or found
 
 
 def _distance(A: Matrix, B: Matrix, value: complex) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -52,26 +51,14 @@ def priced(plant: GeneralizedPlant, weight: ArrayLike | None) -> GeneralizedPlan
     paid = np.flatnonzero(weights)
     if not paid.size:
         return plant
-    system, nz = plant.system, plant.nz
-    seen, direct = np.array(system.C), np.array(system.D)
-    rows = np.zeros((paid.size, plant.nw + plant.nu))
-    rows[np.arange(paid.size), plant.nw + paid] = weights[paid]
-    C = np.vstack([seen[:nz], np.zeros((paid.size, plant.nx)), seen[nz:]])
-    D = np.vstack([direct[:nz], rows, direct[nz:]])
-    names = [f"price_{plant.control_names[i]}" for i in paid]
-    outputs = [*plant.performance_names, *names, *plant.measurement_names]
-    whole = control.StateSpace(
-        system.A,
-        system.B,
-        C,
-        D,
-        plant.dt,
-        inputs=system.input_labels,
-        outputs=outputs,
-        states=system.state_labels,
-        remove_useless_states=False,
+    price = np.zeros((paid.size, plant.nu))
+    price[np.arange(paid.size), paid] = weights[paid]
+    return plant.replace(
+        C1=np.vstack([plant.C1, np.zeros((paid.size, plant.nx))]),
+        D11=np.vstack([plant.D11, np.zeros((paid.size, plant.nw))]),
+        D12=np.vstack([plant.D12, price]),
+        performance=[*plant.performance_names, *(f"price_{plant.control_names[i]}" for i in paid)],
     )
-    return GeneralizedPlant(whole, plant.ny, plant.nu, plant.units)
 
 
 def noisy(plant: GeneralizedPlant, noise: ArrayLike | None) -> GeneralizedPlant:
@@ -101,22 +88,12 @@ def noisy(plant: GeneralizedPlant, noise: ArrayLike | None) -> GeneralizedPlant:
     heard = np.flatnonzero(sizes)
     if not heard.size:
         return plant
-    system, nw = plant.system, plant.nw
-    on_x, direct = np.array(system.B), np.array(system.D)
-    columns = np.zeros((plant.nz + plant.ny, heard.size))
-    columns[plant.nz + heard, np.arange(heard.size)] = sizes[heard]
-    B = np.hstack([on_x[:, :nw], np.zeros((plant.nx, heard.size)), on_x[:, nw:]])
-    D = np.hstack([direct[:, :nw], columns, direct[:, nw:]])
+    size = np.zeros((plant.ny, heard.size))
+    size[heard, np.arange(heard.size)] = sizes[heard]
     names = [NOISE_PREFIX + plant.measurement_names[i] for i in heard]
-    whole = control.StateSpace(
-        system.A,
-        B,
-        system.C,
-        D,
-        plant.dt,
-        inputs=[*plant.disturbance_names, *names, *plant.control_names],
-        outputs=system.output_labels,
-        states=system.state_labels,
-        remove_useless_states=False,
+    return plant.replace(
+        B1=np.hstack([plant.B1, np.zeros((plant.nx, heard.size))]),
+        D11=np.hstack([plant.D11, np.zeros((plant.nz, heard.size))]),
+        D21=np.hstack([plant.D21, size]),
+        disturbances=[*plant.disturbance_names, *names],
     )
-    return GeneralizedPlant(whole, plant.ny, plant.nu, plant.units)

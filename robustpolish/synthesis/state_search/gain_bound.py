@@ -9,7 +9,6 @@ the true norm, with the bound as a requirement, ends the search.
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -202,9 +201,7 @@ class _BoundedSearch:
             gains = MaskedGain(np.ones(F.shape, dtype=bool))
             theta = gains.coordinates(np.linalg.solve(V, F @ T))
             problem = Problem(gains, measure, (held,))
-            deadline = time.monotonic() + self.budget.seconds_left
-            descent = minimax(problem, theta, deadline, POLICY.iterations)
-            self.budget.spend(descent.iterations * POLICY.gain_work(p.nx))
+            descent = minimax(problem, theta, self.budget, POLICY.iterations)
             new = bound.inside(V @ gains.gain(descent.point) @ back)
             achieved = self.norm(new)
             ended = descent.reason

@@ -99,8 +99,8 @@ class StatePolicy:
     gained : float
         A descent that gains less than this share ends the search.
     round_gained : float
-        A round of inequalities that gains less than this share is the last: the descents that follow
-        go the rest of the way, in a third of the work (displacement actuation of the bearing).
+        A round of inequalities that gains less than this share is the last: descents go the
+        rest of the way in less work (displacement actuation of the bearing).
     bound_margin : float
         The bound is kept by this share, so that rounding does not break it.
     bound_noise : float
@@ -166,8 +166,8 @@ class StatePolicy:
 
     @staticmethod
     def program_work(unknowns: int) -> float:
-        """Return the work of one semidefinite program: some twenty factorisations."""
-        return 20.0 * step_cost(unknowns)
+        """Return the work of one semidefinite program: 25 sparse factorisations."""
+        return 25.0 * step_cost(unknowns // 4)
 
 
 POLICY = StatePolicy()

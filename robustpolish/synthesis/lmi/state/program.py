@@ -141,7 +141,7 @@ class StatePrograms:
             left, right = demand.held[0] @ c.V, np.linalg.inv(c.T) @ demand.held[1]
             gain_inequality(program, Y, M, Affine.of(1.0), left, right)
         program.minimise(square if limit is None else _smallness(program, Y, M, c, demand.gain))
-        self.budget.spend(POLICY.program_work(p.nx * (p.nx + 1) // 2 + p.nu * p.nx))
+        self.budget.spend(POLICY.program_work(program.unknowns))
         seconds = self.budget.seconds_left
         solution = program.solve(
             engine.backend,

@@ -1,0 +1,1 @@
+"""The built-in kinds of effects, one per file; each file gives its ``KIND``."""

@@ -1,0 +1,84 @@
+"""Dry friction with bristles: presliding, Stribeck effect and memory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.effects.along import force_along
+from robustpolish.effects.catalogue.stribeck_friction import STATIC_FORCE, VELOCITY, implausible
+from robustpolish.effects.kind import EffectKind, Parameter
+from robustpolish.effects.shapes import Motion, Shape
+
+
+def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
+    # z is the force in the bristles, p: sliding and static force, velocity, stiffness, damping
+    size = p[0] + (p[1] - p[0]) * np.exp(-((v[0] / p[2]) ** 2))
+    dz[0] = p[3] * (v[0] - abs(v[0]) * z[0] / max(size, 1e-300))
+    f[0] = -z[0] - p[4] / max(p[3], 1e-300) * dz[0]
+
+
+def _shapes(motion: Motion) -> list[Shape]:
+    return [
+        _at(motion, slip, velocity * motion.speed, ratio)
+        for slip in motion.slips((0.01, 0.04, 0.12, 0.35))
+        for velocity in (0.06, 0.25)
+        for ratio in (1.3, 2.0)
+    ]
+
+
+def _at(motion: Motion, slip: float, velocity: float, ratio: float) -> Shape:
+    column = force_along(KIND, motion, np.array([1.0, ratio, velocity, 1.0 / slip, 0.0]))
+
+    def values(c: NDArray[np.float64]) -> Mapping[str, float]:
+        force = float(c[0])
+        return {
+            "force": force,
+            "static_force": ratio * force,
+            "velocity": velocity,
+            "stiffness": force / slip,
+        }
+
+    return Shape(column[None], values, (1,))
+
+
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    rate = abs(values["stiffness"]) * v / max(values["force"], 1e-300)
+    return abs(values["stiffness"]), abs(values["damping"]), rate
+
+
+def _state_sizes(values: Mapping[str, float], q: float, v: float) -> tuple[float, ...]:
+    return (values["force"],)
+
+
+KIND = EffectKind(
+    kind="lugre_friction",
+    title="LuGre friction",
+    domain="pair",
+    parameters=(
+        Parameter("force", "F", "sliding friction force at high speed", lower=0.0),
+        STATIC_FORCE,
+        VELOCITY,
+        Parameter("stiffness", "F/L", "stiffness of the bristles", lower=0.0),
+        Parameter("damping", "F*T/L", "damping of the bristles", lower=0.0, fitted=False),
+    ),
+    law=_law,
+    shapes=_shapes,
+    gains=_gains,
+    state_sizes=_state_sizes,
+    implausible=implausible,
+    states=1,
+    family="dry friction",
+    sharp=True,
+    looks_like="Like Stribeck friction, with rounded loops after each reversal.",
+    checks=(
+        "Lubricated guides and preloaded bearings; micrometre motion before it breaks away.",
+        "Move to and fro by a few micrometres: force follows displacement like a spring.",
+    ),
+    references=(
+        "Canudas de Wit, Olsson, Astrom, Lischinsky (1995), IEEE Trans. Automatic Control "
+        "40(3), 419-425",
+    ),
+)

@@ -1,0 +1,96 @@
+"""Dry friction that is larger at low speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.effects.kind import EffectKind, Parameter
+from robustpolish.effects.shapes import Motion, Shape
+
+
+def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
+    size = p[0] + (p[1] - p[0]) * np.exp(-((v[0] / p[2]) ** 2))
+    width = max(p[3], max(p[0], p[1]) * p[4])
+    direction = np.tanh(v[0] / width) if width > 0.0 else np.sign(v[0])
+    f[0] = -size * direction
+
+
+def _shapes(motion: Motion) -> list[Shape]:
+    speed = motion.speed
+    if speed == 0.0:
+        return []
+    direction = np.tanh(motion.v / (0.02 * speed))
+    return [_at(motion, direction, share * speed) for share in (0.06, 0.15, 0.4)]
+
+
+def _at(motion: Motion, direction: NDArray[np.float64], velocity: float) -> Shape:
+    columns = np.stack([-direction, -direction * np.exp(-((motion.v / velocity) ** 2))])
+
+    def values(c: NDArray[np.float64]) -> Mapping[str, float]:
+        force, more = float(c[0]), float(c[1])
+        return {"force": force, "static_force": force + more, "velocity": velocity}
+
+    return Shape(columns, values, (1, 1))
+
+
+def implausible(values: Mapping[str, float]) -> str | None:
+    """Say why static and sliding friction cannot be those of a machine, or return None."""
+    if values["static_force"] < values["force"]:
+        return "the static friction is below the sliding friction"
+    if values["static_force"] > 6 * values["force"]:
+        return "the static friction is many times the sliding friction"
+    return None
+
+
+def _above_sliding(values: Mapping[str, float]) -> tuple[float, float]:
+    return min(0.95 * values["force"], values["static_force"]), np.inf
+
+
+def _near_velocity(values: Mapping[str, float]) -> tuple[float, float]:
+    # A corner much sharper than the data shows is none.
+    velocity = values["velocity"]
+    return (0.2 * velocity, 6 * velocity) if velocity > 0 else (0.0, np.inf)
+
+
+STATIC_FORCE = Parameter(
+    "static_force", "F", "friction force at rest", lower=0.0, fit_bounds=_above_sliding
+)
+VELOCITY = Parameter(
+    "velocity", "L/T", "speed over which it falls", 0.0, default=1.0, fit_bounds=_near_velocity
+)
+
+
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    more = abs(values["static_force"] - values["force"])
+    width = values["width"]
+    slope = max(values["static_force"], values["force"]) / width if width > 0 else 0.0
+    return 0.0, max(slope, more / max(values["velocity"], 1e-300)), 0.0
+
+
+KIND = EffectKind(
+    kind="stribeck_friction",
+    title="Stribeck friction",
+    domain="pair",
+    parameters=(
+        Parameter("force", "F", "sliding friction force at high speed", lower=0.0),
+        STATIC_FORCE,
+        VELOCITY,
+        Parameter("width", "L/T", "speed over which the force turns over", lower=0.0, fitted=False),
+    ),
+    law=_law,
+    shapes=_shapes,
+    gains=_gains,
+    implausible=implausible,
+    context=("mobility",),
+    family="dry friction",
+    sharp=True,
+    looks_like="A square wave with the sign of the velocity and peaks at reversals.",
+    checks=(
+        "Lubricated guides and seals at low speed; stick-slip at slow feed.",
+        "Measure the drive force at several constant speeds, slow ones too.",
+    ),
+    references=("Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7), 1083-1138",),
+)

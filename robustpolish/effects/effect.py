@@ -1,0 +1,168 @@
+"""An effect: a kind of the catalogue at a place, with numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.effects.kind import GROUND, EffectKind
+from robustpolish.effects.registry import lookup
+from robustpolish.validation import described, invalid
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A kind of effect at a place, with numbers.
+
+    Parameters
+    ----------
+    kind : str
+        Name in the catalogue, see :func:`robustpolish.effects.kinds`.
+    at : sequence of str
+        Names of degrees of freedom ("ground" included), of an input or output.
+    parameters : mapping of str to float
+        SI values; those not given take the kind's defaults.
+
+    Raises
+    ------
+    InvalidInputError
+        For an unknown kind or parameter, a wrong number of places, or a value
+        that is not finite.
+
+    Examples
+    --------
+    >>> friction = Effect("coulomb_friction", ("x", "ground"), {"force": 3.1})
+    >>> friction.values["force"], friction.definition.parameter("force").unit()
+    (3.1, 'N')
+    """
+
+    kind: str
+    at: tuple[str, ...]
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        definition = self.definition
+        object.__setattr__(self, "at", _places(definition, self.at))
+        object.__setattr__(self, "parameters", _numbers(definition, self.parameters))
+
+    @property
+    def definition(self) -> EffectKind:
+        """The kind's description."""
+        return lookup(self.kind)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """All parameters in the kind's order, defaults filled in."""
+        given = self.parameters
+        return {p.name: given.get(p.name, p.default) for p in self.definition.parameters}
+
+    def with_parameters(self, **changes: float) -> Effect:
+        """Return the same effect with some parameters changed.
+
+        Parameters
+        ----------
+        **changes : float
+            New values in SI units.
+
+        Returns
+        -------
+        Effect
+        """
+        return self.with_values({**self.parameters, **changes})
+
+    def with_values(self, values: Mapping[str, float]) -> Effect:
+        """Return the same effect with these parameters, the kind's defaults for all others.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            In SI units.
+
+        Returns
+        -------
+        Effect
+
+        Examples
+        --------
+        >>> Effect("coulomb_friction", "x", {"force": 3.1}).with_values({}).values["force"]
+        0.0
+        """
+        return replace(self, parameters=values)
+
+    def on_signal(self, signal: Array, time: Array) -> Array:
+        """Return what an effect on an input or output makes of a signal.
+
+        Parameters
+        ----------
+        signal, time : ndarray, shape (samples,)
+
+        Returns
+        -------
+        ndarray, shape (samples,)
+
+        Raises
+        ------
+        InvalidInputError
+            If it is an effect that makes a force, or its kind returns another shape.
+
+        Examples
+        --------
+        >>> Effect("input_gain", "F", {"gain": 2.0}).on_signal(np.ones(2), np.arange(2.0))
+        array([2., 2.])
+        """
+        change = self.definition.on_signal
+        if change is None:
+            raise invalid("kind", self.kind, "an effect on an input or output", "Simulate it.")
+        changed = np.asarray(change(signal, time, self.values), dtype=float)
+        if changed.shape != signal.shape:
+            raise invalid(
+                f"{self.kind}.on_signal",
+                described(f"a result of shape {changed.shape}"),
+                f"shape {signal.shape}, like the signal",
+                "Return one value for each sample.",
+            )
+        return changed
+
+    def __str__(self) -> str:
+        return f"{self.kind} at {', '.join(self.at)}"
+
+
+def _places(definition: EffectKind, at: Any) -> tuple[str, ...]:
+    names = (at,) if isinstance(at, str) else tuple(at)
+    if definition.domain == "pair" and len(names) == 1:
+        names = (*names, GROUND)
+    if definition.domain == "dof" and len(names) == 2 and names[1] == GROUND:
+        names = names[:1]
+    bad = len(names) != definition.places or not all(isinstance(n, str) and n for n in names)
+    if bad or len(set(names)) != len(names) or names[0] == GROUND:
+        what = {
+            "pair": "two different degrees of freedom, the first not ground",
+            "dof": "one degree of freedom",
+            "axes": "two degrees of freedom",
+            "input": "the name of one input",
+            "output": "the name of one output",
+        }[definition.domain]
+        raise invalid((definition.kind, "at"), at, what, "Name where the effect acts.")
+    return names
+
+
+def _numbers(definition: EffectKind, parameters: Any) -> dict[str, float]:
+    if not isinstance(parameters, Mapping):
+        raise invalid(
+            (definition.kind, "parameters"), parameters, "a table of numbers", "Write name = value."
+        )
+    numbers: dict[str, float] = {}
+    for name, value in parameters.items():
+        definition.parameter(name)
+        bad = isinstance(value, bool) or not isinstance(value, int | float | np.number)
+        if bad or not np.isfinite(float(value)):
+            key = (definition.kind, "parameters", name)
+            raise invalid(key[::2], value, "a finite number", "Check the value.", key)
+        numbers[name] = float(value)
+    return numbers

@@ -1,0 +1,328 @@
+"""What a physical effect is: a force law with named parameters, and where it acts.
+
+A kind (:class:`EffectKind`) is the description; an `Effect` is a kind at a place
+with numbers. Effects know no models: a model gives the relative motion at the
+place and takes the force, or gives a signal and takes what became of it.
+
+::
+
+    at = ("x", "x_m")      q = x - x_m,  v = dq/dt
+                           +f acts on x, -f acts on x_m   (ground takes the rest)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Literal
+
+import numba
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from robustpolish.effects.shapes import Motion, Shape
+from robustpolish.validation import described, invalid, one_of
+
+Array = NDArray[np.float64]
+Values = Mapping[str, float]
+Domain = Literal["pair", "dof", "axes", "input", "output"]
+Law = Callable[[Any, Any, Any, Any, Any, Any, Any], None]
+SignalChange = Callable[[Array, Array, Values], Array]
+
+GROUND = "ground"
+CONSTANT = "constant"
+"""The family of forces and offsets that never change."""
+_PLACES: dict[str, int] = {"pair": 2, "dof": 1, "axes": 2, "input": 1, "output": 1}
+_SI = {"F": ("N", "N m"), "L": ("m", "rad"), "T": ("s", "s"), "M": ("kg", "kg m^2")}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a kind of effect.
+
+    Parameters
+    ----------
+    name : str
+    dimension : str
+        In F (force or torque), L (length or angle), M (mass or inertia), T (time), such as
+        ``"F/L^3"``; "rad" and "1" stay, "signal" is the unit of the output.
+    meaning : str
+        What it is, in a few words.
+    lower, upper : float
+        Physical bounds; a fit that ends outside has the wrong effect.
+    default : float
+        Value when none is given.
+    fitted : bool
+        False for what the data hardly determines (a smoothing width); it is
+        fitted on request only.
+    fit_bounds : callable, optional
+        ``fit_bounds(values)`` gives the lower and upper limit of a fit that starts at these
+        values of all parameters; `lower` and `upper` by default.
+    fit_scale : float, optional
+        Share of its value that a fit takes as one unit of change; less than 1 for what the
+        data knows sharply, such as a frequency.
+    """
+
+    name: str
+    dimension: str
+    meaning: str
+    lower: float = -np.inf
+    upper: float = np.inf
+    default: float = 0.0
+    fitted: bool = True
+    fit_bounds: Callable[[Values], tuple[float, float]] | None = None
+    fit_scale: float = 1.0
+
+    def bounds_from(self, values: Values) -> tuple[float, float]:
+        """Return the limits of a fit that starts at `values`.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            All parameters of the effect.
+
+        Returns
+        -------
+        tuple of float
+
+        Examples
+        --------
+        >>> Parameter("force", "F", "friction", lower=0.0).bounds_from({"force": 3.0})
+        (0.0, inf)
+        """
+        return (self.lower, self.upper) if self.fit_bounds is None else self.fit_bounds(values)
+
+    def scale_from(self, value: float) -> float:
+        """Return the change that a fit which starts at `value` takes as one unit.
+
+        Parameters
+        ----------
+        value : float
+
+        Returns
+        -------
+        float
+            1 for an angle, whose size says nothing, and for a value of 0.
+
+        Examples
+        --------
+        >>> Parameter("frequency", "1/T", "of the force", fit_scale=0.001).scale_from(50.0)
+        0.05
+        """
+        return 1.0 if self.dimension == "rad" else self.fit_scale * abs(value) or 1.0
+
+    def unit(self, rotational: bool = False) -> str:
+        """Return the SI unit, for translation or for rotation.
+
+        Parameters
+        ----------
+        rotational : bool, optional
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> Parameter("stiffness", "F/L^3", "cubic coefficient").unit()
+        'N/m^3'
+        """
+        if self.dimension in ("1", "rad", "signal"):
+            return self.dimension
+        unit = "".join(_SI[c][rotational] if c in _SI else c for c in self.dimension)
+        return unit.replace("*", " ")
+
+
+def _no_gains(values: Values, q: float, v: float) -> tuple[float, float, float]:
+    return 0.0, 0.0, 0.0
+
+
+def _no_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
+    return ()
+
+
+def _plausible(values: Values) -> str | None:
+    return None
+
+
+def _gives_nothing(values: Values) -> Values:
+    return {}
+
+
+def _no_shapes(motion: Motion) -> list[Shape]:
+    return []
+
+
+@dataclass(frozen=True)
+class EffectKind:
+    """One kind of physical effect; one of these per file.
+
+    Parameters
+    ----------
+    kind : str
+        Its name, as in model files.
+    title : str
+        For people.
+    domain : {"pair", "dof", "axes", "input", "output"}
+        Where it acts: between two degrees of freedom (or one and ground), on
+        one, on two axes, on a force input, on a sensor.
+    parameters : tuple of Parameter
+    law : callable, optional
+        ``law(t, q, v, z, p, f, dz)`` writes the force ``f`` on the first degree
+        of freedom and the derivatives ``dz`` of the internal states, from time,
+        relative displacement and velocity (one entry per port), states and
+        parameters (in the order of `parameters`, then `context`). Plain Python
+        that Numba can compile. None for inputs and outputs.
+    on_signal : callable, optional
+        ``on_signal(u, time, values)`` returns the signal u, shape (samples,), as it acts (of an
+        input) or as it is shown (of an output). Every effect on an input or output needs it.
+        The signal has to enter linearly, plus a constant; of an output also sample by sample,
+        so that it can be taken out of measured data again.
+    linear_signal : callable, optional
+        ``linear_signal(values)`` gives the factor and the delay in s that a linear model keeps
+        of `on_signal`; by default its answer to a step, and no delay.
+    shapes : callable
+        ``shapes(motion)`` gives the candidate forces used for screening.
+    states : int
+        Number of internal states.
+    context : tuple of str
+        What the law needs of the model: ``"spring_stiffness"`` (N/m, of the
+        spring at the place), ``"clearance"`` (m, what the effects there give),
+        ``"spin_frequency"`` (rad/s), ``"mobility"``
+        (time step over the effective mass, s/kg: no velocity below force times
+        mobility can be resolved).
+    gives : callable
+        ``gives(values)`` is what the effect adds to the context of others at its place, such
+        as the ``"clearance"`` of a backlash.
+    gains : callable
+        ``gains(values, q, v)`` gives the largest stiffness and damping that the
+        law adds at the amplitudes q and v, and the fastest rate in 1/s of its
+        internal states; decides on substeps.
+    state_sizes : callable
+        ``state_sizes(values, q, v)`` gives the size of each internal state at the amplitudes q
+        and v.
+    implausible : callable
+        ``implausible(values)`` says why values cannot be physical, or None.
+    family : str
+        Kinds of one family are rivals: a place has one of them at most.
+    sharp : bool
+        Whether the force has corners or jumps, so that steps have to be short.
+    looks_like, checks, references
+        What it does to the residual, what to check on the machine, sources.
+    """
+
+    kind: str
+    title: str
+    domain: Domain
+    parameters: tuple[Parameter, ...]
+    law: Law | None = None
+    on_signal: SignalChange | None = None
+    linear_signal: Callable[[Values], tuple[float, float]] | None = None
+    shapes: Callable[[Motion], list[Shape]] = _no_shapes
+    states: int = 0
+    context: tuple[str, ...] = ()
+    gives: Callable[[Values], Values] = _gives_nothing
+    gains: Callable[[Values, float, float], tuple[float, float, float]] = _no_gains
+    state_sizes: Callable[[Values, float, float], tuple[float, ...]] = _no_sizes
+    implausible: Callable[[Values], str | None] = _plausible
+    family: str = ""
+    sharp: bool = False
+    looks_like: str = ""
+    checks: tuple[str, ...] = ()
+    references: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        one_of((self.kind, "domain"), self.domain, tuple(_PLACES))
+        way, other = ("on_signal", "law") if self.acts_on_signals else ("law", "on_signal")
+        if getattr(self, way) is None or getattr(self, other) is not None:
+            raise invalid(
+                (self.kind, way),
+                described(f"an effect on {self.domain!r} with {self._functions}"),
+                f"{way} alone",
+                "An effect on an input or output acts by on_signal, every other by its law; "
+                "without it the effect would do nothing.",
+            )
+
+    @property
+    def _functions(self) -> str:
+        given = [name for name in ("law", "on_signal") if getattr(self, name) is not None]
+        return " and ".join(given) or "neither law nor on_signal"
+
+    @property
+    def acts_on_signals(self) -> bool:
+        """Whether it changes an input or output instead of making a force."""
+        return self.domain in ("input", "output")
+
+    @property
+    def places(self) -> int:
+        """Number of names in `at`."""
+        return _PLACES[self.domain]
+
+    @property
+    def ports(self) -> int:
+        """Number of forces that the law writes."""
+        return 2 if self.domain == "axes" else 1
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether the force depends on the past."""
+        return self.states > 0
+
+    def signal_slope(self, values: Values) -> tuple[float, float]:
+        """Return the factor and the delay in s that a linear model keeps of an effect on a signal.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+
+        Returns
+        -------
+        gain, delay : float
+        """
+        if self.linear_signal is not None:
+            return self.linear_signal(values)
+        assert self.on_signal is not None  # only effects on signals come here
+        time = np.arange(16.0)
+        step, rest = (self.on_signal(np.full(16, u), time, values)[-1] for u in (1.0, 0.0))
+        return float(step - rest), 0.0
+
+    def parameter(self, name: str) -> Parameter:
+        """Return the parameter called `name`.
+
+        Parameters
+        ----------
+        name : str
+
+        Returns
+        -------
+        Parameter
+
+        Raises
+        ------
+        InvalidInputError
+            If the kind has none of that name.
+        """
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        listed = ", ".join(p.name for p in self.parameters)
+        raise invalid(
+            (self.kind, "parameters"), name, f"one of {listed}", "Check the parameter's name."
+        )
+
+
+@lru_cache(maxsize=256)
+def compiled_law(kind: EffectKind) -> Any:
+    """Return the law compiled to one signature, so that kernels can call any of them."""
+    if kind.law is None:
+        raise invalid("kind", kind.kind, "an effect with a force law", "Choose another kind.")
+    return numba.njit(law_signature(), cache=True, error_model="numpy")(kind.law)
+
+
+@lru_cache(maxsize=1)
+def law_signature() -> Any:
+    """Return the Numba signature of a force law."""
+    array = types.float64[::1]
+    return types.void(types.float64, array, array, array, array, array, array)

@@ -1,0 +1,1 @@
+"""Machines whose numbers come with the package."""

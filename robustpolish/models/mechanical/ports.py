@@ -1,0 +1,121 @@
+"""Where effects pull on a mechanical model, and what they need to know of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.effects import Effect
+from robustpolish.models.mechanical.data import MechanicalData
+from robustpolish.models.mechanical.matrices import incidence
+from robustpolish.models.mechanical.parts import FORCE
+
+Array = NDArray[np.float64]
+
+
+def port_row(model: MechanicalData, at: tuple[str, ...]) -> Array:
+    """Return the row that gives the relative displacement at a pair from all coordinates."""
+    return incidence(model.dof_names, at)
+
+
+def port_rows(model: MechanicalData, effect: Effect) -> Array:
+    """Return one row per port of an effect."""
+    if effect.definition.domain == "axes":
+        return np.array([port_row(model, (name,)) for name in effect.at])
+    return port_row(model, effect.at)[None]
+
+
+def port_pairs(effect: Effect) -> list[tuple[str, ...]]:
+    """Return the two ends of each port of an effect."""
+    if effect.definition.domain == "pair":
+        return [effect.at]
+    return [(name, "ground") for name in effect.at]
+
+
+def port_matrices(
+    model: MechanicalData, rows: Array, pairs: list[tuple[str, ...]]
+) -> tuple[Array, Array, tuple[Array, Array, Array, Array]]:
+    """Return G, H and the motion map of forces along `rows` of the coordinates.
+
+    `pairs` names the ends of each row; a force output between the same ends measures the
+    force there.
+    """
+    m = model.matrices
+    Lq, Lv, Rq, Rv = m.motion_map()
+    nf = len(m.free)
+    minv = 1 / np.diag(m.M)[m.free]
+    acceleration = minv[:, None] * rows.T[m.free]
+    G = np.vstack([np.zeros((nf, len(rows))), acceleration])
+    H = m.Sa[:, m.free] @ acceleration
+    for i, output in enumerate(model.outputs):
+        if output.quantity != FORCE:
+            continue
+        if output.drive:
+            H[i] -= rows[:, model.dof_names.index(output.of[0])]
+            continue
+        here = port_row(model, output.of)
+        for j, pair in enumerate(pairs):
+            if set(pair) == set(output.of):
+                H[i, j] -= np.sign(here @ rows[j])
+    return G, H, (rows @ Lq, rows @ Rq, rows @ Lv, rows @ Rv)
+
+
+class EffectPorts(NamedTuple):
+    """The effects of a model that make forces, and where.
+
+    Attributes
+    ----------
+    effects : list of Effect
+    rows : list of ndarray
+        Of each effect one row per port: relative displacements from all coordinates.
+    G, H, motion
+        See :func:`port_matrices`, for the ports of all effects together.
+    """
+
+    effects: list[Effect]
+    rows: list[Array]
+    G: Array
+    H: Array
+    motion: tuple[Array, Array, Array, Array]
+
+
+def effect_ports(model: MechanicalData) -> EffectPorts:
+    """Return the effects that make forces with their ports."""
+    effects = [effect for _, effect in dynamic_effects(model)]
+    rows = [port_rows(model, effect) for effect in effects]
+    pairs = [pair for effect in effects for pair in port_pairs(effect)]
+    stacked = np.vstack([np.zeros((0, len(model.dofs))), *rows])
+    return EffectPorts(effects, rows, *port_matrices(model, stacked, pairs))
+
+
+def dynamic_effects(model: MechanicalData) -> list[tuple[int, Effect]]:
+    """Return the effects that make forces, with their positions in the model."""
+    return [(i, e) for i, e in enumerate(model.effects) if e.definition.law is not None]
+
+
+def context_values(model: MechanicalData, effect: Effect, step: float) -> list[float]:
+    """Return what an effect's law needs to know of the model, in the order it asked for."""
+    found = context_of(model, effect.at, step)
+    return [found[name] for name in effect.definition.context]
+
+
+def context_of(model: MechanicalData, at: tuple[str, ...], step: float) -> Mapping[str, float]:
+    """Return what effects at a place may ask of their model, see `EffectKind.context`."""
+    ends = {*at, "ground"} if len(at) == 1 else set(at)
+    stiffness = sum(s.stiffness for s in model.springs if set(s.between) == ends)
+    free = set(model.free)
+    inverse_mass = sum(1 / model.dof(name).mass for name in at if name in free)
+    found = {
+        "clearance": 0.0,
+        "spring_stiffness": float(stiffness),
+        "spin_frequency": 2 * np.pi * (model.spin_frequency or 0.0),
+        "mobility": step * inverse_mass,
+    }
+    for effect in model.effects:
+        if set(effect.at) == ends:
+            for name, value in effect.definition.gives(effect.values).items():
+                found[name] = found.get(name, 0.0) + value
+    return found

@@ -1,0 +1,272 @@
+"""Mechanical models as TOML files."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from robustpolish.effects import GROUND, Effect
+from robustpolish.errors import InvalidInputError
+from robustpolish.models.mechanical.data import MechanicalData
+from robustpolish.models.mechanical.parts import (
+    DISPLACEMENT,
+    FORCE,
+    QUANTITIES,
+    Damper,
+    Dof,
+    Input,
+    Output,
+    Spring,
+)
+from robustpolish.models.mechanical.toml_lines import line_of
+from robustpolish.saving import write_file
+from robustpolish.validation import Key, described, invalid, one_of
+from robustpolish.versions import __version__
+
+Table = Mapping[str, Any]
+
+_TOP = ("name", "spin_frequency", "dof", "spring", "damper", "input", "output", "effect")
+
+
+def read_model(source: str | Path) -> MechanicalData:
+    """Read a model from a file, or from TOML text if `source` has a line break."""
+    if isinstance(source, str) and "\n" in source:
+        text, where = source, "model"
+    else:
+        text, where = _read(source), str(source)
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InvalidInputError(f"{where}: not valid TOML: {error}.") from None
+    except RecursionError:
+        raise InvalidInputError(f"{where}: not a model: tables nested too deeply.") from None
+    try:
+        return _model(table)
+    except InvalidInputError as error:
+        line = line_of(text, error.key)
+        at = f"{where}, line {line}" if line else where
+        raise InvalidInputError(f"{at}: {error}", error.key) from None
+
+
+def _read(source: str | Path) -> str:
+    expected, remedy = "a TOML file with a mechanical model", "Check the path and the file."
+    try:
+        return Path(source).read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise invalid("model", str(source), "text in UTF-8", remedy) from None
+    except (OSError, TypeError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise invalid("model", described(f"{source} ({reason})"), expected, remedy) from None
+
+
+def _model(table: Table) -> MechanicalData:
+    _keys((), table, _TOP, required=("dof", "output"))
+    dofs = [_dof(name, item) for name, item in _table(("dof",), table["dof"]).items()]
+    return MechanicalData(
+        dofs=tuple(dofs),
+        springs=_list(table, "spring", _spring),
+        dampers=_list(table, "damper", _damper),
+        inputs=_list(table, "input", lambda where, item: _input(where, item, dofs)),
+        outputs=_list(table, "output", _output),
+        effects=_list(table, "effect", _effect),
+        spin_frequency=table.get("spin_frequency"),
+        name=table.get("name", ""),
+    )
+
+
+def _table(where: Key, value: Any) -> Table:
+    if not isinstance(value, dict):
+        entry = isinstance(where[-1], int)
+        header = f"[[{where[0]}]]" if entry else f"[{'.'.join(map(str, where))}]"
+        raise invalid(where, value, "a table", f"Write {header} and its keys below.")
+    return value
+
+
+def _list(table: Table, key: str, make: Callable[[Key, Table], Any]) -> tuple[Any, ...]:
+    items = table.get(key, [])
+    if not isinstance(items, list):
+        raise invalid(
+            key, described("a single table"), f"[[{key}]]", "Write two brackets: it is a list."
+        )
+    return tuple(make((key, i), _table((key, i), item)) for i, item in enumerate(items))
+
+
+def _keys(where: Key, table: Table, known: Iterable[str], required: Iterable[str] = ()) -> None:
+    known = tuple(known)
+    for key in table:
+        if key not in known:
+            one_of_these, shown = f"one of {', '.join(known)}", described("an unknown key")
+            raise invalid((*where, key), shown, one_of_these, "Correct it.")
+    for key in required:
+        if key not in table:
+            what = f"no {key}" if where else f"no table {key}"
+            raise invalid(where or (key,), described(what), f"{key} to be given", f"Add {key}.")
+
+
+def _dof(name: str, item: Any) -> Dof:
+    where = ("dof", name)
+    item = _table(where, item)
+    _keys(where, item, ("mass", "inertia"))
+    if len(item) != 1:
+        shown = described(" and ".join(item) or "neither")
+        raise invalid(where, shown, "either mass or inertia", "Give one of them.")
+    rotational = "inertia" in item
+    return Dof(name, item["inertia" if rotational else "mass"], rotational)
+
+
+def _spring(where: Key, item: Table) -> Spring:
+    _keys(where, item, ("between", "stiffness"), ("between", "stiffness"))
+    return Spring(item["between"], item["stiffness"])
+
+
+def _damper(where: Key, item: Table) -> Damper:
+    _keys(where, item, ("between", "damping"), ("between", "damping"))
+    return Damper(item["between"], item["damping"])
+
+
+def _input(where: Key, item: Table, dofs: list[Dof]) -> Input:
+    places = ("force_on", "torque_on", "motion_of")
+    _keys(where, item, ("name", *places, "gain", "quantity", "unit"), ("name",))
+    given = [key for key in places if key in item]
+    if len(given) != 1:
+        shown = described(" and ".join(given) or "none of them")
+        raise invalid(where, shown, "one of force_on, torque_on and motion_of", "Give one of them.")
+    key = given[0]
+    if key == "motion_of":
+        imposes = item.get("quantity", DISPLACEMENT)
+        one_of(
+            (*where, "quantity"), imposes, [q for q, kind in QUANTITIES.items() if kind != FORCE]
+        )
+    else:
+        imposes = None
+        if "quantity" in item:
+            raise invalid(
+                (*where, "quantity"), item["quantity"], f"no quantity with {key}", "Remove it."
+            )
+        _force_fits((*where, key), key, item[key], dofs)
+    return Input(item["name"], item[key], imposes, item.get("gain", 1.0), item.get("unit"))
+
+
+def _force_fits(where: Key, key: str, place: Any, dofs: list[Dof]) -> None:
+    """Refuse a force on an inertia and a torque on a mass."""
+    name = place[0] if isinstance(place, list) and place else place
+    for dof in dofs:
+        if dof.name == name and dof.rotational != (key == "torque_on"):
+            wanted = "torque_on" if dof.rotational else "force_on"
+            has = "an inertia in kg m^2" if dof.rotational else "a mass in kg"
+            raise invalid(
+                where,
+                described(f"{key} = {name!r}, which has {has}"),
+                f"{wanted} there: units must match",
+                f"Write {wanted}.",
+            )
+
+
+def _output(where: Key, item: Table) -> Output:
+    _keys(where, item, ("name", "measures", "quantity", "relative_to", "of", "unit"), ("name",))
+    quantity = item.get("quantity", DISPLACEMENT)
+    one_of((*where, "quantity"), quantity, tuple(QUANTITIES))
+    unit = item.get("unit")
+    if QUANTITIES[quantity] == FORCE:
+        _keys(where, item, ("name", "quantity", "of", "unit"), ("of",))
+        of = item["of"]
+        return Output(item["name"], of, quantity, isinstance(of, str) or len(of) == 1, unit)
+    _keys(where, item, ("name", "measures", "quantity", "relative_to", "unit"), ("measures",))
+    of = (item["measures"], item.get("relative_to", GROUND))
+    return Output(item["name"], of, quantity, unit=unit)
+
+
+def _effect(where: Key, item: Table) -> Effect:
+    _keys(where, item, ("kind", "at", "parameters"), ("kind", "at"))
+    at = item["at"]
+    if not isinstance(at, str | list) or not at:
+        raise invalid((*where, "at"), at, "a list of names", "Write at = ['x', 'ground'].")
+    if not isinstance(item["kind"], str):
+        raise invalid((*where, "kind"), item["kind"], "a name", "Write it as text.")
+    place = (at,) if isinstance(at, str) else tuple(at)
+    try:
+        return Effect(item["kind"], place, item.get("parameters", {}))
+    except InvalidInputError as error:
+        raise InvalidInputError(f"effect[{where[1]}]: {error}", (*where, *error.key[1:])) from None
+
+
+def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
+    """Return `model` as TOML text; write it to `path` whole or not at all."""
+    lines: list[str] = [f"# A mechanical model of robustpolish {__version__}", ""]
+    if model.name:
+        lines.append(f"name = {_value(model.name)}")
+    if model.spin_frequency is not None:
+        lines.append(f"spin_frequency = {_value(model.spin_frequency)}  # Hz")
+    for dof in model.dofs:
+        lines += [
+            "",
+            f"[dof.{_key(dof.name)}]",
+            f"{dof.key[-1]} = {_value(dof.mass)}  # {dof.unit}",
+        ]
+    for spring in model.springs:
+        lines += _entry("spring", {"between": spring.between, "stiffness": spring.stiffness})
+    for damper in model.dampers:
+        lines += _entry("damper", {"between": damper.between, "damping": damper.damping})
+    for source in model.inputs:
+        lines += _entry("input", _input_table(model, source))
+    for output in model.outputs:
+        lines += _entry("output", _output_table(output))
+    for effect in model.effects:
+        table = {"kind": effect.kind, "at": effect.at, "parameters": dict(effect.parameters)}
+        lines += _entry("effect", table)
+    text = "\n".join(lines).lstrip("\n") + "\n"
+    if path is not None:
+        write_file(path, text, force=True)
+    return text
+
+
+def _input_table(model: MechanicalData, item: Input) -> dict[str, Any]:
+    if item.imposes:
+        table: dict[str, Any] = {"name": item.name, "motion_of": item.on[0]}
+        if item.imposes != DISPLACEMENT:
+            table["quantity"] = item.imposes
+    else:
+        key = "torque_on" if model.dof(item.on[0]).rotational else "force_on"
+        table = {"name": item.name, key: item.on[0] if item.on[1] == GROUND else item.on}
+    if item.gain != 1:
+        table["gain"] = item.gain
+    if item.unit is not None:
+        table["unit"] = item.unit
+    return table
+
+
+def _output_table(item: Output) -> dict[str, Any]:
+    if item.quantity == FORCE:
+        of: Any = item.of[0] if item.drive else item.of
+        table: dict[str, Any] = {"name": item.name, "quantity": item.quantity, "of": of}
+    else:
+        table = {"name": item.name, "measures": item.of[0], "quantity": item.quantity}
+        if item.of[1] != GROUND:
+            table["relative_to"] = item.of[1]
+    if item.unit is not None:
+        table["unit"] = item.unit
+    return table
+
+
+def _entry(name: str, table: Mapping[str, Any]) -> list[str]:
+    return ["", f"[[{name}]]", *(f"{_key(key)} = {_value(value)}" for key, value in table.items())]
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _value(name)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str):
+        # JSON and TOML escape alike, but for DEL, which TOML wants escaped too.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, Mapping):
+        inside = ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items())
+        return f"{{ {inside} }}" if inside else "{}"
+    if isinstance(value, tuple | list):
+        return "[" + ", ".join(_value(item) for item in value) + "]"
+    return repr(float(value))

@@ -1,0 +1,167 @@
+"""Run a mechanical model with its physical effects over samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from robustpolish.models.mechanical.data import MechanicalData
+from robustpolish.models.mechanical.parts import DISPLACEMENT
+from robustpolish.simulation.signals import measured, raw_outputs, signals
+from robustpolish.simulation.step import StepMatrices, run_steps
+from robustpolish.simulation.system import NonlinearSystem, build_system, needed_substeps
+from robustpolish.validation import matrix
+
+Array = NDArray[np.float64]
+
+
+class NonlinearResponse(NamedTuple):
+    """Outputs (samples, ny), states (samples, n) and internal states of effects (samples, nz)."""
+
+    outputs: Array
+    states: Array
+    internal: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Stepper:
+    """Steps a model over samples, freely or led by data, as often as wanted.
+
+    Parameters
+    ----------
+    model : MechanicalData
+        Its effects on outputs are applied to what comes out.
+    system : NonlinearSystem
+        Of the model, built for ``step / substeps``; it may have more states.
+    step : float
+        Time between samples in s.
+    substeps : int
+        Steps of the integration per sample.
+    """
+
+    model: MechanicalData
+    system: NonlinearSystem
+    step: float
+    substeps: int
+
+    @cached_property
+    def matrices(self) -> StepMatrices:
+        """Transition matrices of a substep."""
+        return self.system.steps(self.step / self.substeps)
+
+    def over(
+        self,
+        inputs: Array,
+        state: Array,
+        internal: Array,
+        time: Array,
+        led_by: Array | None = None,
+        gain: Array | None = None,
+        keep: bool = True,
+    ) -> NonlinearResponse:
+        """Return outputs as the sensors show them, states and internal states.
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (samples, signals)
+            See :func:`robustpolish.simulation.signals.signals`.
+        state, internal : ndarray, shapes (n,) and (nz,)
+            At the first sample.
+        time : ndarray, shape (samples,)
+            In s.
+        led_by, gain : ndarray, shapes (samples, ny) and (n, ny), optional
+            Measured outputs, and what of the prediction error is added to the states after every
+            sample; a free run by default.
+        keep : bool, optional
+            Whether states are kept; otherwise they have no samples.
+
+        Returns
+        -------
+        NonlinearResponse
+        """
+        system = self.system
+        ny = len(system.C)
+        Y = np.zeros((1, ny)) if led_by is None else raw_outputs(self.model, led_by, time)
+        K = np.zeros((system.states, ny)) if gain is None else gain
+        outputs, states, inner = run_steps(
+            self.matrices, system.motion, (system.C, system.D, system.H), system.laws,
+            system.layout, system.values, np.ascontiguousarray(inputs), Y, K,
+            np.ascontiguousarray(state), np.ascontiguousarray(internal), time[0], self.step,
+            self.substeps, keep,
+        )  # fmt: skip
+        return NonlinearResponse(measured(self.model, outputs, time), states, inner)
+
+
+def simulate(
+    model: MechanicalData,
+    data: xr.Dataset,
+    initial_state: ArrayLike | None = None,
+    internal_state: ArrayLike | None = None,
+    substeps: int | None = None,
+) -> NonlinearResponse:
+    """Run a model freely on measured inputs.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    data : xarray.Dataset
+        Uniform ``time`` in s and the model's inputs by name, in SI units. Outputs are used
+        only for their amplitude, which decides on substeps.
+    initial_state : array_like, shape (n,), optional
+        Free displacements, then their velocities; zero by default.
+    internal_state : array_like, shape (nz,), optional
+        Internal states of the effects; zero by default.
+    substeps : int, optional
+        Steps per sample; chosen from the effects' stiffness by default.
+
+    Returns
+    -------
+    NonlinearResponse
+
+    Raises
+    ------
+    InvalidInputError
+        If an input is missing or a state has the wrong size.
+
+    Examples
+    --------
+    >>> import numpy as np, xarray as xr
+    >>> import robustpolish as rp
+    >>> model = rp.MechanicalModel(
+    ...     [rp.Dof("x", 1.0)],
+    ...     [rp.Spring(("x", "ground"), 4.0)],
+    ...     outputs=[rp.Output("x", ("x", "ground"))],
+    ... )
+    >>> data = xr.Dataset(coords={"time": np.arange(101) * 0.01})
+    >>> response = simulate(model, data, initial_state=[1.0, 0.0])
+    >>> bool(np.allclose(response.outputs[:, 0], np.cos(2 * data.time)))
+    True
+    """
+    time = np.asarray(data["time"].values, dtype=float)
+    dt = (time[-1] - time[0]) / max(time.size - 1, 1)
+    n = substeps or needed_substeps(model, dt, _output_amplitudes(model, data))
+    stepper = Stepper(model, build_system(model, dt / n), dt, n)
+    s0 = _state("initial_state", initial_state, stepper.system.states)
+    z0 = _state("internal_state", internal_state, stepper.system.internal)
+    return stepper.over(signals(model, data), s0, z0, time)
+
+
+def _state(argument: str, value: ArrayLike | None, size: int) -> Array:
+    if value is None:
+        return np.zeros(size)
+    return matrix(argument, np.reshape(np.asarray(value, dtype=float), (1, -1)), (1, size))[0]
+
+
+def _output_amplitudes(model: MechanicalData, data: xr.Dataset) -> float:
+    """Return the largest displacement amplitude in the data, 0 if none is measured."""
+    shown = [
+        float(np.percentile(np.abs(data[o.name].values), 99))
+        for o in model.outputs
+        if o.name in data and o.quantity == DISPLACEMENT
+    ]
+    return max(shown, default=0.0)

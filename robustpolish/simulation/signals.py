@@ -1,0 +1,128 @@
+"""What effects on inputs and outputs make of signals, and how measured outputs lose it again."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from robustpolish.effects import Effect
+from robustpolish.models.mechanical.data import MechanicalData
+from robustpolish.models.mechanical.parts import VELOCITY
+from robustpolish.validation import described, invalid
+
+Array = NDArray[np.float64]
+
+# How much of the signal may be left over when output effects are put on again; it is rounding.
+_LEFT_OVER = 1e-6
+
+
+def signals(model: MechanicalData, data: xr.Dataset) -> Array:
+    """Return the columns of `MechanicalMatrices.signals`, effects on inputs applied.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    data : xarray.Dataset
+        Holds every input over ``time``.
+
+    Returns
+    -------
+    ndarray, shape (samples, signals)
+
+    Raises
+    ------
+    InvalidInputError
+        If an input is missing.
+    """
+    for name in model.input_names:
+        if name not in data:
+            raise invalid(
+                "data", described(f"no column {name!r}"), "every input", "Check the column names."
+            )
+    time = np.asarray(data["time"].values, dtype=float)
+    m = model.matrices
+    columns = [np.asarray(data[name].values, dtype=float) for name in m.force_inputs]
+    for signal in m.imposed_signals:
+        if signal.name in data:
+            columns.append(np.asarray(data[signal.name].values, dtype=float))
+        else:
+            order = 1 if signal.quantity == VELOCITY else 2
+            columns.append(CubicSpline(time, data[signal.source].values)(time, order))
+    W = np.column_stack(columns) if columns else np.zeros((time.size, 0))
+    for effect in _on(model, "input"):
+        for j, (name, source) in enumerate(zip(m.signals, m.sources, strict=True)):
+            if source == effect.at[0]:
+                W[:, j] = _changed(effect, W[:, j], time, derivative=name != source)
+    return np.ascontiguousarray(W)
+
+
+def _changed(effect: Effect, signal: Array, time: Array, derivative: bool) -> Array:
+    """Return what an effect makes of a signal; a constant that it adds has no derivative."""
+    changed = effect.on_signal(signal, time)
+    return changed - effect.on_signal(np.zeros(time.size), time) if derivative else changed
+
+
+def measured(model: MechanicalData, outputs: Array, time: Array) -> Array:
+    """Return outputs as the sensors show them: with the effects on outputs.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    outputs : ndarray, shape (samples, ny)
+    time : ndarray, shape (samples,)
+        In s.
+
+    Returns
+    -------
+    ndarray, shape (samples, ny)
+    """
+    result = outputs.copy()
+    for effect in _on(model, "output"):
+        j = model.output_names.index(effect.at[0])
+        result[:, j] = effect.on_signal(result[:, j], time)
+    return result
+
+
+def raw_outputs(model: MechanicalData, Y: Array, time: Array) -> Array:
+    """Take the effects on outputs out of measured outputs.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    Y : ndarray, shape (samples, ny)
+    time : ndarray, shape (samples,)
+        In s.
+
+    Returns
+    -------
+    ndarray, shape (samples, ny)
+
+    Raises
+    ------
+    InvalidInputError
+        If an effect is not linear and sample by sample, apart from a constant.
+    """
+    effects = _on(model, "output")
+    if not effects:
+        return Y
+    zero = measured(model, np.zeros_like(Y), time)
+    gain = measured(model, np.ones_like(Y), time) - zero
+    raw = (Y - zero) / np.where(gain == 0, 1.0, gain)
+    left_over = np.abs(measured(model, raw, time) - Y) * (gain != 0)
+    size = np.max(np.abs(Y) + np.abs(zero), axis=0, initial=0.0)
+    for effect in effects:
+        j = model.output_names.index(effect.at[0])
+        if np.max(left_over[:, j], initial=0.0) > _LEFT_OVER * size[j]:
+            raise invalid(
+                f"{effect.kind}.on_signal",
+                described(f"an effect on {effect.at[0]!r} that measured data cannot be freed of"),
+                "each sample times a factor plus a constant",
+                "Such an effect can be simulated only.",
+            )
+    return np.ascontiguousarray(raw)
+
+
+def _on(model: MechanicalData, domain: str) -> list[Effect]:
+    return [effect for effect in model.effects if effect.definition.domain == domain]

@@ -1,0 +1,120 @@
+"""A mechanical model with its effects as a linear system with nonlinear ports."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numba
+import numpy as np
+from numba.typed import List as TypedList
+from numpy.typing import NDArray
+
+from robustpolish.effects import Effect, compiled_law
+from robustpolish.effects.kind import law_signature
+from robustpolish.models.mechanical.data import MechanicalData
+from robustpolish.models.mechanical.ports import (
+    context_values,
+    dynamic_effects,
+    effect_ports,
+    port_rows,
+)
+from robustpolish.simulation.step import StepMatrices, step_matrices
+
+Array = NDArray[np.float64]
+_MOST_SUBSTEPS = 32
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearSystem:
+    """``s' = A s + B w + G f``, ``y = C s + D w + H f`` with port forces f of the effects.
+
+    States s are the free displacements, then their velocities; signals w are those of
+    `MechanicalMatrices.signals`; ``motion`` = (Qs, Qw, Vs, Vw) gives the relative
+    displacements ``Qs s + Qw w`` and velocities ``Vs s + Vw w`` at the ports.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    G: Array
+    H: Array
+    motion: tuple[Array, Array, Array, Array]
+    effects: tuple[Effect, ...]
+    layout: NDArray[np.int64]
+    values: Array
+    internal: int
+
+    @cached_property
+    def laws(self) -> Any:
+        """The compiled laws, as a Numba list."""
+        laws = TypedList.empty_list(numba.types.FunctionType(law_signature()))
+        for effect in self.effects:
+            laws.append(compiled_law(effect.definition))
+        return laws
+
+    @property
+    def states(self) -> int:
+        """Number of states without the internal ones."""
+        return self.A.shape[0]
+
+    def steps(self, step: float) -> StepMatrices:
+        """Return the transition matrices of a substep."""
+        return step_matrices(self.A, self.B, self.G, step)
+
+
+def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
+    """Build the system of a model, for substeps of `step` seconds."""
+    effects, _, G, H, motion = effect_ports(model)
+    layout, values = [], []
+    port = state = parameter = 0
+    for effect in effects:
+        kind = effect.definition
+        p = [*effect.values.values(), *context_values(model, effect, step)]
+        layout.append((port, kind.ports, state, kind.states, parameter, len(p)))
+        values += p
+        port, state, parameter = port + kind.ports, state + kind.states, parameter + len(p)
+    A, B, C, D = (np.ascontiguousarray(M) for M in model.matrices.first_order())
+    return NonlinearSystem(
+        A=A,
+        B=B,
+        C=C,
+        D=D,
+        G=np.ascontiguousarray(G),
+        H=np.ascontiguousarray(H),
+        motion=tuple(np.ascontiguousarray(part) for part in motion),  # type: ignore[arg-type]
+        effects=tuple(effects),
+        layout=np.array(layout, dtype=np.int64).reshape(-1, 6),
+        values=np.array(values, dtype=float),
+        internal=state,
+    )
+
+
+def needed_substeps(model: MechanicalData, dt: float, amplitude: float) -> int:
+    """Return steps per sample that resolve the effects' own stiffness and damping.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    dt : float
+        Sampling step in s.
+    amplitude : float
+        Displacement amplitude in m or rad.
+    """
+    if not model.effects:
+        return 1
+    fastest, least = 0.0, 1
+    m = model.matrices
+    omega = np.sqrt(max(np.max(np.abs(np.diag(m.K) / np.maximum(np.diag(m.M), 1e-300))), 0.0))
+    for _, effect in dynamic_effects(model):
+        stiffness, damping, rate = effect.definition.gains(
+            effect.values, amplitude, min(omega, 1 / dt) * amplitude
+        )
+        inverse = np.sum(port_rows(model, effect)[:, m.free] ** 2 / np.diag(m.M)[m.free])
+        fastest = max(
+            fastest, np.sqrt(abs(stiffness) * inverse), abs(damping) * inverse, 0.3 * rate
+        )
+        least = max(least, 4 if effect.definition.sharp else 2)
+    return int(np.clip(np.ceil(2.0 * dt * fastest), least, _MOST_SUBSTEPS))

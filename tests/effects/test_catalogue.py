@@ -1,0 +1,123 @@
+"""Every built-in kind: its explanation, its shapes, its energy."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from robustpolish.effects import Effect, Motion, force_along, kinds, lookup
+
+NAMED = [
+    "coulomb_friction",
+    "stribeck_friction",
+    "elastic_coulomb_friction",
+    "lugre_friction",
+    "quadratic_damping",
+    "displacement_dependent_damping",
+    "bouc_wen_hysteresis",
+    "cubic_stiffness",
+    "quadratic_stiffness",
+    "backlash",
+    "contact_stop",
+    "pendulum_gravity",
+    "constant_force",
+    "harmonic_force",
+    "unbalance",
+    "parametric_stiffness",
+    "gyroscopic_coupling",
+    "cross_stiffness",
+    "attached_resonator",
+    "input_delay",
+    "input_gain",
+    "sensor_offset",
+    "sensor_gain",
+]
+
+
+def motion(kind):
+    time = np.arange(1500) * 1e-3
+    q = np.vstack([np.sin(40 * time) * 1e-3, np.cos(31 * time) * 1e-3])[: kind.ports]
+    v = np.gradient(q, 1e-3, axis=1)
+    context = {"spin_frequency": 100.0, "spring_stiffness": 1e4, "mobility": 0.0, "clearance": 0.0}
+    return Motion(time, q, v, context, force=q)
+
+
+def test_the_catalogue_has_every_kind():
+    assert set(NAMED) <= set(kinds())
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_every_kind_explains_itself(name):
+    kind = lookup(name)
+    assert kind.looks_like
+    assert kind.checks
+    assert kind.references
+    assert all(p.meaning and p.lower < p.upper for p in kind.parameters)
+
+
+@pytest.mark.parametrize("name", [n for n in NAMED if lookup(n).law is not None])
+def test_a_shape_is_the_law_with_its_values(name):
+    kind = lookup(name)
+    along = motion(kind)
+    for shape in kind.shapes(along)[:4]:
+        unit = np.zeros(len(shape.signs))
+        unit[0] = 1.0
+        values = Effect(name, ("x", "y")[: kind.places], shape.values(unit)).values
+        p = [*values.values(), *(along.context[c] for c in kind.context)]
+        if name == "backlash":
+            p[1] = 1e4
+        force = force_along(kind, along, np.array(p))
+        assert np.isfinite(force).all()
+        wanted = shape.columns[0]
+        moving = np.abs(along.v[0]) > 0.2 * along.speed  # a shape rounds the corners of friction
+        close = np.abs(force - wanted)[:, moving] <= 1e-2 * np.max(np.abs(wanted))
+        assert np.mean(close) > 0.97
+
+
+def test_friction_takes_energy_out():
+    for name in ("coulomb_friction", "elastic_coulomb_friction", "bouc_wen_hysteresis"):
+        kind = lookup(name)
+        along = motion(kind)
+        shape = kind.shapes(along)[0]
+        power = np.sum(shape.columns[0] * along.v)
+        assert power < 0
+
+
+def test_every_kind_can_be_pickled():
+    for kind in kinds().values():
+        assert pickle.loads(pickle.dumps(kind)) == kind
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "gain", "delay"),
+    [
+        ("input_gain", {"gain": 3.0}, 3.0, 0.0),
+        ("input_delay", {"delay": 0.02}, 1.0, 0.02),
+        ("input_hold", {"order": 0.0}, 1.0, 0.0),
+        ("input_hold", {"order": 3.0}, 1.0, 0.0),
+        ("sensor_gain", {"gain": 0.5}, 0.5, 0.0),
+        ("sensor_offset", {"offset": 1e6}, 1.0, 0.0),
+    ],
+)
+def test_the_linear_part_of_a_signal_effect_is_its_answer_to_a_slow_signal(
+    name, values, gain, delay
+):
+    kind = lookup(name)
+    assert kind.signal_slope(values) == (gain, delay)
+    time = np.arange(4000) * 1e-3
+    signal = np.sin(time)
+    effect = Effect(name, ("x",), values)
+    changed = effect.on_signal(signal, time) - effect.on_signal(0 * signal, time)
+    expected = gain * np.sin(np.maximum(time - delay, 0.0))
+    # a hold delays by half a sample
+    np.testing.assert_allclose(changed[5:-5], expected[5:-5], atol=6e-4)
+
+
+def test_friction_parameters_know_their_limits_in_a_fit():
+    stribeck, stop = lookup("stribeck_friction"), lookup("contact_stop")
+    values = {"force": 2.0, "static_force": 3.0, "velocity": 0.1, "width": 0.0}
+    assert stribeck.parameter("static_force").bounds_from(values) == (1.9, np.inf)
+    assert stribeck.parameter("velocity").bounds_from(values) == (0.1 * 0.2, 0.1 * 6)
+    assert stop.parameter("gap").bounds_from({"gap": 1e-3, "stiffness": 1.0}) == (0.0, np.inf)
+    assert stop.parameter("gap").bounds_from({"gap": -1e-3, "stiffness": 1.0}) == (-np.inf, 0.0)
+    assert lookup("harmonic_force").parameter("phase").scale_from(3.0) == 1.0

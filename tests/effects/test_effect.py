@@ -1,0 +1,56 @@
+"""A kind at a place with numbers."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+from robustpolish.effects import Effect
+from robustpolish.errors import InvalidInputError
+
+
+def test_bad_effects_say_what_is_wrong():
+    with pytest.raises(InvalidInputError, match="coulomb_friktion"):
+        Effect("coulomb_friktion", ("x", "ground"))
+    with pytest.raises(InvalidInputError, match="weight"):
+        Effect("coulomb_friction", ("x", "ground"), {"weight": 1.0})
+    with pytest.raises(InvalidInputError, match="two degrees"):
+        Effect("gyroscopic_coupling", ("x",), {})
+    with pytest.raises(InvalidInputError, match="finite"):
+        Effect("coulomb_friction", ("x", "ground"), {"force": float("nan")})
+
+
+@pytest.mark.parametrize(
+    ("make", "key"),
+    [
+        (lambda: Effect("coulomb_friktion", ("x",)), ("effect", "kind")),
+        (lambda: Effect("gyroscopic_coupling", ("x",)), ("gyroscopic_coupling", "at")),
+        (
+            lambda: Effect("coulomb_friction", ("x",), {"force": "much"}),
+            ("coulomb_friction", "parameters", "force"),
+        ),
+    ],
+)
+def test_errors_carry_keys(make, key):
+    with pytest.raises(InvalidInputError) as caught:
+        make()
+    assert caught.value.key == key
+
+
+def test_values_are_changed_or_replaced():
+    friction = Effect("coulomb_friction", "x", {"force": 3.0, "width": 1e-3})
+    assert friction.with_parameters(force=4.0).parameters == {"force": 4.0, "width": 1e-3}
+    assert friction.with_values({"force": 4.0}).parameters == {"force": 4.0}
+    assert friction.with_values({}).at == ("x", "ground")
+
+
+def test_effects_travel_and_are_copied():
+    friction = Effect("coulomb_friction", "x", {"force": 3.0})
+    assert pickle.loads(pickle.dumps(friction)) == friction
+    assert copy.deepcopy(friction) == friction
+
+
+def test_a_force_is_no_effect_on_a_signal():
+    with pytest.raises(InvalidInputError, match="input or output"):
+        Effect("coulomb_friction", "x").on_signal(np.ones(3), np.arange(3.0))

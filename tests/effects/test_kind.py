@@ -1,0 +1,53 @@
+"""What a kind of effect has to have, and what a linear model keeps of it."""
+
+import numpy as np
+import pytest
+
+from robustpolish.effects import Effect, EffectKind, Parameter, lookup, register, registry
+from robustpolish.errors import InvalidInputError
+
+FACTOR = (Parameter("factor", "1", "true over measured", default=1.0),)
+
+
+def scaled(u, time, values):
+    return values["factor"] * u
+
+
+def law(t, q, v, z, p, f, dz):
+    f[0] = -p[0] * q[0]
+
+
+def test_units_follow_the_motion():
+    parameter = lookup("cubic_stiffness").parameter("stiffness")
+    assert parameter.unit() == "N/m^3"
+    assert parameter.unit(rotational=True) == "N m/rad^3"
+
+
+@pytest.mark.parametrize("domain", ["input", "output"])
+def test_an_effect_on_a_signal_without_its_function_is_refused(domain):
+    with pytest.raises(InvalidInputError, match="neither law nor on_signal") as caught:
+        EffectKind("lost", "Lost", domain, FACTOR)
+    assert caught.value.key == ("lost", "on_signal")
+    with pytest.raises(InvalidInputError, match="with law"):
+        EffectKind("lost", "Lost", domain, FACTOR, law)
+
+
+def test_an_effect_that_makes_a_force_needs_a_law():
+    with pytest.raises(InvalidInputError, match=r"lost\.law"):
+        EffectKind("lost", "Lost", "pair", FACTOR)
+    with pytest.raises(InvalidInputError, match="on_signal"):
+        EffectKind("lost", "Lost", "pair", FACTOR, law, on_signal=scaled)
+    with pytest.raises(InvalidInputError, match="domain"):
+        EffectKind("lost", "Lost", "nowhere", FACTOR, law)
+
+
+def test_the_linear_part_is_the_answer_to_a_step_if_nothing_else_is_said():
+    kind = EffectKind("scaled", "Scaled", "input", FACTOR, on_signal=scaled)
+    assert kind.signal_slope({"factor": 2.5}) == (2.5, 0.0)
+
+
+def test_a_signal_of_another_length_is_refused(monkeypatch):
+    monkeypatch.setattr(registry, "_registered", {})
+    register(EffectKind("cut", "Cut", "input", FACTOR, on_signal=lambda u, t, values: u[1:]))
+    with pytest.raises(InvalidInputError, match="like the signal"):
+        Effect("cut", "F").on_signal(np.ones(5), np.arange(5.0))

@@ -1,0 +1,150 @@
+"""Effects on inputs and outputs, those that users add among them."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import robustpolish as rp
+from robustpolish.effects import EffectKind, Parameter, register, registry
+from robustpolish.errors import InvalidInputError
+from robustpolish.simulation import simulate_model
+from robustpolish.simulation.signals import measured, raw_outputs, signals
+
+GROUND = ("x", "ground")
+TIME = np.arange(400) * 1e-3
+
+
+def oscillator(name="F", outputs=None):
+    return rp.MechanicalModel(
+        [rp.Dof("x", 2.0)],
+        [rp.Spring(GROUND, 800.0)],
+        [rp.Damper(GROUND, 4.0)],
+        [rp.Input(name, GROUND)],
+        outputs or [rp.Output("x", GROUND)],
+    )
+
+
+def push(*names):
+    return xr.Dataset({n: ("time", np.sin(30 * TIME)) for n in names}, coords={"time": TIME})
+
+
+@pytest.fixture
+def catalogue(monkeypatch):
+    monkeypatch.setattr(registry, "_registered", {})
+
+
+@pytest.mark.parametrize("name", ["F", "F_dot", "F_ddot", "_dot"])
+def test_the_name_of_an_input_takes_nothing_from_its_effects(name):
+    model = oscillator(name)
+    plain = simulate_model(model, push(name)).outputs
+    tripled = simulate_model(model.with_effect("input_gain", name, {"gain": 3.0}), push(name))
+    np.testing.assert_allclose(tripled.outputs, 3 * plain, rtol=1e-12)
+    linear = model.with_effect("input_gain", name, {"gain": 3.0}).linearize()
+    np.testing.assert_allclose(linear.B1, 3 * model.linearize().B1)
+
+
+def test_an_effect_on_one_input_leaves_its_namesakes_alone():
+    model = rp.MechanicalModel(
+        [rp.Dof("x", 2.0)],
+        [rp.Spring(GROUND, 800.0)],
+        inputs=[rp.Input("F", GROUND), rp.Input("F_dot", GROUND)],
+        outputs=[rp.Output("x", GROUND)],
+    ).with_effect("input_gain", "F", {"gain": 3.0})
+    W = signals(model, push("F", "F_dot"))
+    np.testing.assert_array_equal(W[:, 0], 3 * W[:, 1])
+    plant = model.linearize()
+    np.testing.assert_allclose(plant.B1[:, 0], 3 * plant.B1[:, 1])
+
+
+def test_derivatives_of_an_imposed_motion_follow_it(catalogue):
+    model = rp.MechanicalModel(
+        [rp.Dof("b", 0.0), rp.Dof("x", 1.0)],
+        [rp.Spring(("b", "x"), 50.0)],
+        inputs=[rp.Input("b_dot", ("b", "ground"), imposes="displacement")],
+        outputs=[rp.Output("x", GROUND)],
+    )
+    data = push("b_dot")
+    plain = signals(model, data)
+    tripled = signals(model.with_effect("input_gain", "b_dot", {"gain": 3.0}), data)
+    np.testing.assert_array_equal(tripled, 3 * plain)
+    register(
+        EffectKind(
+            "zero_error",
+            "Zero error",
+            "input",
+            (Parameter("shift", "L", "of the scale"),),
+            on_signal=lambda u, time, values: u + values["shift"],
+        )
+    )
+    shifted = signals(model.with_effect("zero_error", "b_dot", {"shift": 0.5}), data)
+    np.testing.assert_allclose(shifted[:, 0], plain[:, 0] + 0.5)
+    np.testing.assert_allclose(shifted[:, 1], plain[:, 1])  # a constant has no derivative
+
+
+def test_a_kind_of_any_parameter_acts_on_inputs(catalogue):
+    register(
+        EffectKind(
+            "lever",
+            "Lever",
+            "input",
+            (Parameter("ratio", "1", "of the arms", default=1.0),),
+            on_signal=lambda u, time, values: values["ratio"] * u,
+        )
+    )
+    plain = simulate_model(oscillator(), push("F")).outputs
+    model = oscillator().with_effect("lever", "F", {"ratio": 2.0})
+    np.testing.assert_allclose(simulate_model(model, push("F")).outputs, 2 * plain, rtol=1e-12)
+    np.testing.assert_allclose(model.linearize().B1, 2 * oscillator().linearize().B1)
+
+
+def test_a_kind_of_any_parameter_acts_on_outputs(catalogue):
+    register(
+        EffectKind(
+            "drift",
+            "Drift of a sensor",
+            "output",
+            (Parameter("rate", "signal", "per second"),),
+            on_signal=lambda u, time, values: u + values["rate"] * time,
+        )
+    )
+    plain = simulate_model(oscillator(), push("F")).outputs
+    model = oscillator().with_effect("drift", "x", {"rate": 0.1})
+    shown = simulate_model(model, push("F")).outputs
+    np.testing.assert_allclose(shown[:, 0], plain[:, 0] + 0.1 * TIME)
+    np.testing.assert_allclose(raw_outputs(model, shown, TIME), plain, atol=1e-15)
+
+
+def test_what_sensors_add_is_taken_out_again():
+    outputs = [rp.Output("x", GROUND), rp.Output("v", GROUND, "velocity")]
+    model = (
+        oscillator(outputs=outputs)
+        .with_effect("sensor_gain", "x", {"gain": -2.0})
+        .with_effect("sensor_offset", "x", {"offset": 5.0})
+    )
+    Y = np.random.default_rng(1).standard_normal((TIME.size, 2))
+    shown = measured(model, Y, TIME)
+    np.testing.assert_allclose(shown[:, 0], 5.0 - 2.0 * Y[:, 0])
+    np.testing.assert_array_equal(shown[:, 1], Y[:, 1])
+    np.testing.assert_allclose(raw_outputs(model, shown, TIME), Y, atol=1e-14)
+
+
+def test_a_sensor_that_bends_its_signal_is_simulated_but_not_taken_out(catalogue):
+    register(
+        EffectKind(
+            "saturation",
+            "Saturation",
+            "output",
+            (Parameter("limit", "signal", "largest value", default=1.0),),
+            on_signal=lambda u, time, values: values["limit"] * np.tanh(u / values["limit"]),
+        )
+    )
+    model = oscillator().with_effect("saturation", "x", {"limit": 0.5})
+    Y = np.linspace(-0.4, 0.4, TIME.size)[:, None]
+    assert np.max(np.abs(measured(model, 10 * Y, TIME))) < 0.5
+    with pytest.raises(InvalidInputError, match=r"saturation\.on_signal"):
+        raw_outputs(model, Y, TIME)
+
+
+def test_a_missing_column_is_named():
+    with pytest.raises(InvalidInputError, match="no column 'F'"):
+        signals(oscillator(), push("G"))

@@ -1,0 +1,71 @@
+"""Public calls take short ways through the files."""
+
+import sys
+
+import pytest
+
+import robustpolish as rp
+
+from .call_path import design_for_four_states, design_for_two_states, diagnosis, path_of
+
+# Half of what it was when one idea was spread over many files: 43 files and 20 functions deep.
+MOST_FILES_OF_A_DESIGN = 21
+MOST_DEPTH_OF_A_DESIGN = 10
+# It was 79 files. More than for a design: each of 23 kinds of effect that are tried has its own.
+MOST_FILES_OF_A_DIAGNOSIS = 45
+
+
+@pytest.mark.parametrize("call", [design_for_two_states, design_for_four_states])
+def test_a_design_goes_through_few_files(call):
+    path = path_of(call)
+    assert len(path.files) <= MOST_FILES_OF_A_DESIGN, sorted(path.files)
+
+
+@pytest.mark.parametrize("call", [design_for_two_states, design_for_four_states])
+def test_a_design_does_not_go_deep(call):
+    path = path_of(call)
+    assert len(path.deepest) <= MOST_DEPTH_OF_A_DESIGN, path.deepest
+
+
+def test_a_diagnosis_goes_through_few_files():
+    path = path_of(diagnosis)
+    assert len(path.files) <= MOST_FILES_OF_A_DIAGNOSIS, sorted(path.files)
+
+
+def test_the_way_of_a_small_call_is_what_it_says():
+    plant = rp.GeneralizedPlant.from_matrices([[-1]], [[1]], [[1]], [[1]], [[1]])
+    path = path_of(lambda: plant.nx)
+    (file,), (function,) = path.files, path.deepest
+    assert function.startswith(f"{file}: ")
+    assert function.endswith(".nx")
+    assert not path.returns
+    assert sys.getprofile() is None
+
+
+def test_ways_that_come_back_are_told(tmp_path, monkeypatch):
+    (tmp_path / "a.py").write_text(
+        "import b\ndef start(): return b.middle()\ndef end(): return 1\n"
+    )
+    (tmp_path / "b.py").write_text(
+        "def help(): return 1\nhelp()\n"
+        "def middle():\n    import a\n    return help() + sorted([1], key=lambda _: a.end())[0]\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(rp, "__file__", str(tmp_path / "__init__.py"))
+
+    def call():
+        import a
+
+        return a.start()
+
+    path = path_of(call)
+    assert path.files == {"a.py", "b.py"}
+    assert path.deepest == ("a.py: start", "b.py: middle", "b.py: middle.<locals>.<lambda>",
+                            "a.py: end")  # fmt: skip
+    assert path.returns == {("a.py", "b.py", "a.py")}
+
+
+def test_a_failing_call_leaves_no_watcher_behind():
+    with pytest.raises(rp.InvalidInputError):
+        path_of(lambda: rp.output_feedback("no plant"))
+    assert sys.getprofile() is None
