@@ -91,7 +91,7 @@ class Runner:
 
     def run(self, model: MechanicalModel) -> RecordRun:
         """Return a model ready to run."""
-        return RecordRun(self, model, Run(model, self._system(model), self.dt, self.substeps))
+        return RecordRun(self, model, Stepper(model, self._system(model), self.dt, self.substeps))
 
     def _system(self, model: MechanicalModel) -> NonlinearSystem:
         plain = build_system(model, self.dt / self.substeps)

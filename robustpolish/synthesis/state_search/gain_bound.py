@@ -181,7 +181,7 @@ class _BoundedSearch:
                 break
             gained = 1 - achieved / value
             F, value = new, achieved
-            if gained < POLICY.round_gained:
+            if gained < POLICY.gained:
                 break
         return F
 
