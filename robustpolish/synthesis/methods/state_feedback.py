@@ -149,6 +149,7 @@ def state_feedback(
         message=message(
             found.status,
             found.certificate.achieved,
+            found.lower_bound,
             size,
             tolerance,
             gain_bound,
@@ -262,8 +263,9 @@ def _certified(
             F[np.ix_(piece.controls, piece.states)] = gain.F
         together = max if engine.norm == "hinf" else math.hypot
         claimed = together(*(gain.claimed for gain in gains), 0.0)
-        lower_bound = together(*(gain.lower_bound for gain in gains), 0.0)
         certificate = certify(whole, F, engine.norm, claimed)
+        least = together(*(gain.lower_bound for gain in gains), 0.0)
+        lower_bound = min(least, certificate.achieved)
         reasons = certificate.reasons + _broken(F, certificate, engine.regions, gain_bound)
         slip = -POLICY.rounding * engine.tolerance
         if not reasons and certificate.gap is not None and certificate.gap < slip:

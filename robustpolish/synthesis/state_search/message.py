@@ -11,6 +11,7 @@ from robustpolish.synthesis.design.status import Status
 def message(
     status: Status,
     achieved: float,
+    lower_bound: float,
     gain: float,
     tolerance: float,
     gain_bound: float | None,
@@ -23,8 +24,9 @@ def message(
     Parameters
     ----------
     status : str
-    achieved, gain : float
-        Norm of the loop and largest singular value of F, in the plant's units.
+    achieved, lower_bound, gain : float
+        Norm of the loop, what none falls below, and largest singular value of F, in the plant's
+        units.
     tolerance : float
     gain_bound : float or None
     has_region : bool
@@ -34,8 +36,10 @@ def message(
         The trade-off is read from the entries with a price.
     """
     found = f"Norm {achieved:.6g} with a gain of {gain:.4g} (largest singular value)."
+    if lower_bound > 0:
+        found += f" No state feedback has a norm below {lower_bound:.6g}."
     if status == "optimal":
-        return f"{found} No state feedback has a norm smaller by more than {tolerance:.0e} of it."
+        return f"{found} That is within {tolerance:.0e} of it: the design is optimal."
     if status == "time_limit":
         return (
             f"{found} Time ran out before the search ended: another run may find another gain. "
@@ -60,8 +64,9 @@ def message(
             "which is sufficient but not necessary: a better gain is not ruled out."
         )
     return (
-        f"{found} It could not be shown to be within {tolerance:.0e} of the optimum, "
-        "because gains next to the optimum are too large to certify. Try the other method."
+        f"{found} It could not be shown to be within {tolerance:.0e} of the optimum: gains next to "
+        "it are too large to compute with, or a control has no price. Try the other method, or set "
+        "control_weight."
     )
 
 

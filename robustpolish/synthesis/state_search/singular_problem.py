@@ -54,7 +54,8 @@ def solve_singular(
     -------
     StateGain or None
         The smallest gain within the tolerance of the best norm seen; None if nothing
-        stabilises. "suboptimal" if norm and gain both settled, otherwise "infimum_not_attained".
+        stabilises. "infimum_not_attained" if norm or gain still moved; "suboptimal" if both
+        settled, or if the budget was over before that could be seen.
     """
     found, fell = _Descent(engine.coarser(POLICY.coarse), plant, target, size, budget).run()
     if found is None or fell or engine.norm == "h2":
@@ -99,7 +100,8 @@ class _Descent:
         least = min(rung.achieved for rung in rungs)
         share = max(self.engine.tolerance, POLICY.converged)
         near = [rung for rung in rungs if rung.achieved <= least * (1 + share)]
-        return self.told(min(near, key=lambda rung: self.size(rung.F)), settled), False
+        smallest = min(near, key=lambda rung: self.size(rung.F))
+        return self.told(smallest, settled or self.budget.over), False
 
     def rung(self, price: float) -> StateGain | None:
         """Design with a price; the norm is the one without."""
