@@ -12,9 +12,9 @@ from .drawn import CLASSES, JUDGED_SEED, PLAN, class_of, drawn_cases
 from .run import page, run_all, run_case
 
 CASES = {case.name: case for case in all_cases()}
-# At least this share of the drawn cases is right. Of the first 30 that were run (numbers 0 to 28 and
-# 34 of the plan), 24 were: 80 %. The margin is two cases of 30, because a decision that is nearly a
-# draw may fall the other way on another machine.
+# At least this share of the drawn cases is right. Of the first 30 that were run (numbers 0 to 28
+# and 34 of the plan), 24 were: 80 %. The margin is two cases of 30, because a decision that is
+# nearly a draw may fall the other way on another machine.
 DRAWN_FLOOR = 22 / 30
 QUICK = ("quadratic damping", "input delay", "wrong numbers, two masses, in motion", "gyroscopic")
 
