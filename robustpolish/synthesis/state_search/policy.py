@@ -161,10 +161,5 @@ class StatePolicy:
         """Return the work of one Riccati equation and the norm of its loop."""
         return step_cost(2 * states)
 
-    @staticmethod
-    def program_work(unknowns: int) -> float:
-        """Return the work of one semidefinite program: 25 sparse factorisations."""
-        return 25.0 * step_cost(unknowns // 4)
-
 
 POLICY = StatePolicy()
