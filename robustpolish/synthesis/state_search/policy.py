@@ -18,7 +18,7 @@ class StatePolicy:
     work : float
         Steps that one design may take, a few milliseconds each. A bound on the gain of the brush's
         plant takes 13 000 of them, everything else on it less than 1 000, and one program for 40
-        states 36 000.
+        states 15 000.
     given_away : float
         Share of the tolerance that is given away for a smaller gain: the gain often grows without
         limit towards the optimum (force actuation, H-infinity: 1.7e8 at 2e-5 from the optimum).
