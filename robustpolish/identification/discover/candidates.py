@@ -96,7 +96,7 @@ def columns_at(
     force = None
     if kind.domain == "dof" and (at[0], "ground") in sites:
         force = motion.force[sites.index((at[0], "ground"))][None]
-    if kind.kind == "backlash" and _slips(model, at):
+    if "clearance" in kind.gives(effect.values) and _slips(model, at):
         return _clearances(model, kind, at, motion, record)
     context = context_of(model, at, record.dt / 4)
     pairs = port_pairs(effect)
