@@ -1,7 +1,7 @@
 """The polishing brush on its surface: makes the disturbance that the machine has to stand."""
 
-from robustpolish.brush.listing_defects import ListingDefects
-from robustpolish.brush.listing_response import listing_response
+from robustpolish.brush.listing.defects import ListingDefects
+from robustpolish.brush.listing.response import listing_response
 from robustpolish.brush.parameters import RUN_STIFFNESS, BrushParameters
 from robustpolish.brush.simulate import simulate_brush
 from robustpolish.brush.surface import Surface

@@ -8,11 +8,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from robustpolish.brush.listing import Workaround, run_listing
-from robustpolish.brush.listing_defects import ListingDefects
+from robustpolish.brush.listing.defects import ListingDefects
+from robustpolish.brush.listing.run import Workaround, run_listing
 from robustpolish.brush.parameters import BrushParameters
-from robustpolish.brush.physical import run_refined
-from robustpolish.brush.physical_dataset import physical_dataset
+from robustpolish.brush.physical.dataset import physical_dataset
+from robustpolish.brush.physical.run import run_refined
 from robustpolish.progress import working
 from robustpolish.validation import described, invalid, one_of, positive
 

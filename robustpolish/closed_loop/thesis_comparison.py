@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from robustpolish.brush import listing_response, simulate_brush
-from robustpolish.brush.listing import Workaround
+from robustpolish.brush.listing.run import Workaround
 from robustpolish.closed_loop.comparison import ControllerComparison, tabulate
 from robustpolish.models import AirBearingParameters, air_bearing
 from robustpolish.synthesis import PUBLISHED_CONTROLLERS, published_gain

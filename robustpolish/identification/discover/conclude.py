@@ -17,9 +17,9 @@ from robustpolish.identification.findings.findings import Confusion, FoundEffect
 from robustpolish.identification.findings.ledger import Entry, Ledger
 from robustpolish.identification.fit.homotopy import JudgedFit, free_rms, homotopy
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
-from robustpolish.identification.fit.parameters import effect_unit, unit_of
 from robustpolish.identification.observer.kalman import FREE, force_sites
 from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.parameters import effect_unit, unit_of
 from robustpolish.models.mechanical.parts import FORCE
 
 Array = NDArray[np.float64]
@@ -183,7 +183,7 @@ def _found(model: MechanicalModel, index: int, errors: dict[str, float]) -> Foun
     for p in effect.definition.parameters:
         if not p.fitted and effect.values[p.name] == p.default:
             continue
-        unit = effect_unit(model, effect.kind, effect.at, p.name)
+        unit = effect_unit(model, effect, p.name)
         error = errors.get(f"effect[{index}].{p.name}", 0.0)
         parameters[p.name] = Value(effect.values[p.name], error, unit)
     return FoundEffect(effect.kind, effect.at, parameters)

@@ -21,7 +21,7 @@ from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.ports import dynamic_effects
-from robustpolish.simulation.run import NonlinearResponse, Run
+from robustpolish.simulation.run import NonlinearResponse, Stepper
 from robustpolish.simulation.signals import signals
 from robustpolish.simulation.system import NonlinearSystem, build_system, needed_substeps
 
@@ -91,7 +91,7 @@ class Runner:
 
     def run(self, model: MechanicalModel) -> RecordRun:
         """Return a model ready to run."""
-        return RecordRun(self, model, Run(model, self._system(model), self.dt, self.substeps))
+        return RecordRun(self, model, Stepper(model, self._system(model), self.dt, self.substeps))
 
     def _system(self, model: MechanicalModel) -> NonlinearSystem:
         plain = build_system(model, self.dt / self.substeps)
@@ -112,7 +112,7 @@ class RecordRun:
 
     runner: Runner
     model: MechanicalModel
-    run: Run
+    run: Stepper
 
     @property
     def linear(self) -> bool:

@@ -9,7 +9,6 @@ the true norm, with the bound as a requirement, ends the search.
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from robustpolish.budget import Budget
 from robustpolish.synthesis.lmi.state.frames import Frame
 from robustpolish.synthesis.lmi.state.programs import (
     EASED_TOLERANCE,
@@ -218,7 +218,7 @@ def _descended(
 ) -> Matrix:
     """Descend on the true norm, if asked in states in which the last loop is balanced."""
     F, value = start, problem.achieved(start, engine.norm)
-    deadline = time.monotonic() + min(_SECONDS, max(engine.remaining(), 0.0))
+    budget = Budget(seconds=min(_SECONDS, max(engine.remaining(), 0.0)))
     for _ in range(_DESCENTS):
         T, V = _coordinates(problem, F) if balanced else (np.eye(problem.nx), np.eye(problem.nu))
         q = problem.in_states(T)
@@ -239,7 +239,7 @@ def _descended(
         held = Requirement(GainMeasure(gain.left @ V, back @ gain.right), gain.bound)
         gains = MaskedGain(np.ones(F.shape, dtype=bool))
         theta = gains.coordinates(np.linalg.solve(V, F @ T))
-        descent = minimax(Problem(gains, measure, (held,)), theta, deadline, _ITERATIONS)
+        descent = minimax(Problem(gains, measure, (held,)), theta, budget, _ITERATIONS)
         new = gain.inside(V @ gains.gain(descent.point) @ back)
         achieved = problem.achieved(new, engine.norm)
         history.append(
@@ -249,7 +249,7 @@ def _descended(
             break
         gained = 1 - achieved / value
         F, value = new, achieved
-        if gained < _GAINED or time.monotonic() > deadline:
+        if gained < _GAINED or budget.late:
             break
     return F
 

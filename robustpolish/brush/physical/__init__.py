@@ -1,0 +1,1 @@
+"""The well-posed contact model of the brush."""
