@@ -96,7 +96,7 @@ def columns_at(
     force = None
     if kind.domain == "dof" and (at[0], "ground") in sites:
         force = motion.force[sites.index((at[0], "ground"))][None]
-    if kind.kind == "backlash" and _slips(model, at):
+    if "clearance" in kind.gives(effect.values) and _slips(model, at):
         return _clearances(model, kind, at, motion, record)
     context = context_of(model, at, record.dt / 4)
     pairs = port_pairs(effect)
@@ -127,17 +127,17 @@ def _clearances(
     along = (motion.q, motion.v, record.time, record.dt)
     base = known_forces(model, *along)
     amplitude = float(np.percentile(np.abs(port_rows(model, Effect(kind.kind, at)) @ motion.q), 95))
-    found = []
+    name, found = kind.parameters[0].name, []
     # with a clearance, the elastic part has to be stiffer than it seemed without
     for share, ratio in itertools.product((0.03, 0.07, 0.15, 0.3, 0.5), (1.0, 2.0)):
         gap = share * amplitude
         stiffer = _stiffer(model, at, ratio)
-        moved = known_forces(stiffer.with_effect(kind.kind, at, {"gap": gap}), *along)
+        moved = known_forces(stiffer.with_effect(kind.kind, at, {name: gap}), *along)
         if base is None or moved is None:
             return []
         change = moved.values.copy()
         change[: len(base.values)] -= base.values
-        shape = Shape(change[None], lambda c, g=gap: {"gap": g}, (1,))
+        shape = Shape(change[None], lambda c, g=gap: {name: g}, (1,))
         found.append(Columns(kind, at, shape, moved.rows, moved.pairs, change[None]))
     return found
 

@@ -15,11 +15,11 @@ from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.findings.findings import Confusion, FoundEffect, Value
 from robustpolish.identification.findings.ledger import Entry, Ledger
-from robustpolish.identification.fit.homotopy import JudgedFit, free_rms, homotopy, steady
+from robustpolish.identification.fit.homotopy import JudgedFit, free_rms, homotopy
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
-from robustpolish.identification.fit.parameters import effect_unit, unit_of
 from robustpolish.identification.observer.kalman import FREE, force_sites
 from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.parameters import effect_unit, unit_of
 from robustpolish.models.mechanical.parts import FORCE
 
 Array = NDArray[np.float64]
@@ -46,8 +46,9 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
     prepared, reference = search.prepared, search.reference
     noise = prepared.scales.noise
     search.say("final fit")
-    calm = _steady(search.stage, search)
-    final, error = _final_fit(search, search.stage, calm)
+    best = search.stage
+    calm = best.reproducible and free_rms(best.model, prepared, prepared.everything)[1]
+    final, error = _final_fit(search, best, calm)
     added = len(final.model.effects) > len(reference.effects)
     search.say("errors of every step")
     errors = [_whole_error(m, search, calm) for _, m in search.steps[:-1]] + [error]
@@ -106,19 +107,13 @@ def _diagnosis(
     )
 
 
-def _steady(stage: JudgedFit, search: Search) -> bool:
-    """Return whether free runs over the whole record judge a model."""
-    prepared = search.prepared
-    return stage.reproducible and steady(stage.model, prepared, prepared.everything[0])
-
-
 def _whole_error(model: MechanicalModel, search: Search, calm: bool) -> Array:
     """Return the free-run error of each output over the whole record.
 
     A model whose long runs are not reproducible is run in windows.
     """
     prepared = search.prepared
-    return free_rms(model, prepared, prepared.everything if calm else prepared.windows)
+    return free_rms(model, prepared, prepared.everything if calm else prepared.windows)[0]
 
 
 def _final_fit(search: Search, stage: JudgedFit, calm: bool) -> tuple[Fit, Array]:
@@ -188,7 +183,7 @@ def _found(model: MechanicalModel, index: int, errors: dict[str, float]) -> Foun
     for p in effect.definition.parameters:
         if not p.fitted and effect.values[p.name] == p.default:
             continue
-        unit = effect_unit(model, effect.kind, effect.at, p.name)
+        unit = effect_unit(model, effect, p.name)
         error = errors.get(f"effect[{index}].{p.name}", 0.0)
         parameters[p.name] = Value(effect.values[p.name], error, unit)
     return FoundEffect(effect.kind, effect.at, parameters)

@@ -10,16 +10,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from robustpolish.effects import Effect
 from robustpolish.identification.discover.screening import screen
 from robustpolish.identification.findings.refitted import Refit
 from robustpolish.identification.fit.homotopy import homotopy
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
-from robustpolish.identification.fit.parameters import unit_of
 from robustpolish.identification.fit.prepared import PreparedRecord, prepare
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, record_of
 from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.parameters import unit_of
 from robustpolish.progress import working
 
 Array = NDArray[np.float64]
@@ -92,10 +91,9 @@ def _with_start_values(model: MechanicalModel, prepared: PreparedRecord) -> Mech
         if effect.parameters:
             continue
         others = replace(model, effects=tuple(e for e in effects if e is not effect))
-        asked = Effect(effect.kind, effect.at)
-        found = screen(others, prepared, [asked])
-        values = found.candidates[0].effect.values if found.candidates else asked.values
-        effects[i] = replace(effect, parameters=values)
+        found = screen(others, prepared, [effect])
+        values = found.candidates[0].effect.values if found.candidates else effect.values
+        effects[i] = effect.with_values(values)
     return replace(model, effects=tuple(effects))
 
 

@@ -59,15 +59,10 @@ def connected(model: MechanicalModel) -> list[set[str]]:
     return groups
 
 
-def inertia_key(model: MechanicalModel, name: str) -> str:
-    """Return the key of a coordinate's mass."""
-    return f"dof.{name}.{'inertia' if model.dof(name).rotational else 'mass'}"
-
-
 def chain_keys(model: MechanicalModel, chain: set[str]) -> tuple[list[str], list[str], list[str]]:
     """Return the keys of a chain's masses, springs and dampers."""
     return (
-        [inertia_key(model, d.name) for d in model.dofs if d.name in chain],
+        [".".join(d.key) for d in model.dofs if d.name in chain],
         [f"spring[{i}].stiffness" for i, s in enumerate(model.springs) if chain & {*s.between}],
         [f"damper[{i}].damping" for i, d in enumerate(model.dampers) if chain & {*d.between}],
     )
@@ -111,7 +106,7 @@ def with_units_of_force(model: MechanicalModel, reference: MechanicalModel) -> M
     """
     values, known, changes = model.parameters, reference.parameters, {}
     for name, chain in units_of_force(model).items():
-        key = inertia_key(model, name)
+        key = ".".join(model.dof(name).key)
         if known.get(key) and values[key] != known[key]:
             inside = (k for keys in chain_keys(model, chain) for k in keys)
             changes |= {k: values[k] * known[key] / values[key] for k in inside}
@@ -158,7 +153,7 @@ def free_parameters(
         return FreeParameter(key, value, scale, low, high, prior, centre)
 
     result = [
-        near(inertia_key(model, dof.name), dof.mass, policy.mass_prior)
+        near(".".join(dof.key), dof.mass, policy.mass_prior)
         for dof in model.dofs
         if dof.name in moving
     ]
@@ -186,33 +181,3 @@ def _effect(i: int, effect: Effect, parameter: Parameter) -> FreeParameter:
     lower, upper = parameter.bounds_from(effect.values)
     scale = parameter.scale_from(value)
     return FreeParameter(f"effect[{i}].{parameter.name}", value, scale, lower, upper)
-
-
-def unit_of(model: MechanicalModel, key: str) -> str:
-    """Return the SI unit of a parameter of a model."""
-    if key.startswith("dof."):
-        return model.dof(key.removeprefix("dof.").rsplit(".", 1)[0]).unit
-    if key.startswith("input."):
-        return "1"
-    index = int(key[key.index("[") + 1 : key.index("]")])
-    name = key.rsplit(".", 1)[1]
-    if key.startswith("effect"):
-        return effect_unit(model, model.effects[index].kind, model.effects[index].at, name)
-    parts = model.springs if key.startswith("spring") else model.dampers
-    rotational = is_rotational(model, parts[index].between)
-    plain = "N m/rad" if rotational else "N/m"
-    return plain if key.startswith("spring") else ("N m s/rad" if rotational else "N s/m")
-
-
-def is_rotational(model: MechanicalModel, at: tuple[str, ...]) -> bool:
-    """Return whether a place is an angle."""
-    return any(model.dof(name).rotational for name in at if name in model.dof_names)
-
-
-def effect_unit(model: MechanicalModel, kind: str, at: tuple[str, ...], name: str) -> str:
-    """Return the SI unit of an effect's parameter at a place of a model."""
-    parameter = Effect(kind, at).definition.parameter(name)
-    if parameter.dimension == "signal":
-        output = next(o for o in model.outputs if o.name == at[0])
-        return model.unit_of(output)
-    return parameter.unit(is_rotational(model, at))
