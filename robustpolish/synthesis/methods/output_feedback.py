@@ -348,7 +348,7 @@ def _choose(search: PartSearch, diagnosis: Diagnosis, enough: float) -> Chosen:
 
 def _more(budget: Budget) -> str:
     """Say that the safety net was reached, if it was, and what to do about it."""
-    if not budget.late:
+    if not budget.stopped:
         return ""
     return (
         f" The safety net of {budget.seconds:g} s stopped the search, so that another machine "
@@ -397,7 +397,7 @@ def _overall(
     done: Sequence[Chosen], certificate: Certificate, bound: float, tolerance: float, budget: Budget
 ) -> Status:
     """Return the status of the whole: that of the parts that decide its norm."""
-    if budget.late:
+    if budget.stopped:
         return "time_limit"
     if certificate.achieved <= bound * (1 + tolerance):
         return "optimal"
