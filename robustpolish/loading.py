@@ -7,8 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from robustpolish.identification.diagnosis import Diagnosis
-from robustpolish.identification.diagnosis_file import diagnosis_from
+from robustpolish.identification.findings.diagnosis import Diagnosis, diagnosis_from
 from robustpolish.models import GeneralizedPlant, MechanicalModel
 from robustpolish.models.plant.file import plant_arguments
 from robustpolish.saved_file import Fields, read_saved

@@ -3,14 +3,14 @@
 import numpy as np
 
 from robustpolish.effects import Effect
-from robustpolish.identification.diagnosis import (
+from robustpolish.identification import Diagnosis
+from robustpolish.identification.findings.findings import (
     Confusion,
-    Diagnosis,
     FoundEffect,
     RankedCandidate,
     Value,
 )
-from robustpolish.identification.ledger import Ledger
+from robustpolish.identification.findings.ledger import Ledger
 from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
 
 PLACE = ("x", "ground")

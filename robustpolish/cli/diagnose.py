@@ -13,7 +13,7 @@ from robustpolish.cli.measurement import load_data, measurement_options, replace
 from robustpolish.cli.options import force_option, json_option, reports_errors, to_json, write_json
 from robustpolish.errors import RobustPolishError
 from robustpolish.identification import Comparison, compare
-from robustpolish.identification.diagnose import diagnose as diagnose_model
+from robustpolish.identification.discover.diagnose import diagnose as diagnose_model
 from robustpolish.models import MechanicalModel
 from robustpolish.report.diagnosis import diagnosis_report
 from robustpolish.report.html import render_html

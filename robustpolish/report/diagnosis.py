@@ -11,8 +11,8 @@ from robustpolish.display import Table
 from robustpolish.effects import lookup
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification import Comparison, ResidualAnalysis, residual_analysis
-from robustpolish.identification.diagnosis import Diagnosis
-from robustpolish.identification.explain import headline
+from robustpolish.identification.findings.diagnosis import Diagnosis
+from robustpolish.identification.findings.words import headline
 from robustpolish.report.document import Report, Section
 from robustpolish.report.pictures import picture
 

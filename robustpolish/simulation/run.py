@@ -29,8 +29,8 @@ class NonlinearResponse(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
-    """A model made ready to run again and again over samples of one step, free or led by data.
+class Stepper:
+    """Steps a model over samples, freely or led by data, as often as wanted.
 
     Parameters
     ----------
@@ -145,10 +145,10 @@ def simulate(
     time = np.asarray(data["time"].values, dtype=float)
     dt = (time[-1] - time[0]) / max(time.size - 1, 1)
     n = substeps or needed_substeps(model, dt, _output_amplitudes(model, data))
-    run = Run(model, build_system(model, dt / n), dt, n)
-    s0 = _state("initial_state", initial_state, run.system.states)
-    z0 = _state("internal_state", internal_state, run.system.internal)
-    return run.over(signals(model, data), s0, z0, time)
+    stepper = Stepper(model, build_system(model, dt / n), dt, n)
+    s0 = _state("initial_state", initial_state, stepper.system.states)
+    z0 = _state("internal_state", internal_state, stepper.system.internal)
+    return stepper.over(signals(model, data), s0, z0, time)
 
 
 def _state(argument: str, value: ArrayLike | None, size: int) -> Array:

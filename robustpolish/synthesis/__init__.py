@@ -2,7 +2,6 @@
 
 from robustpolish.synthesis.certificate.certificate import Certificate, certify
 from robustpolish.synthesis.design.design import Design
-from robustpolish.synthesis.design.passive_element import PassiveElement
 from robustpolish.synthesis.methods.compare_methods import (
     MethodComparison,
     MethodResult,
@@ -11,7 +10,7 @@ from robustpolish.synthesis.methods.compare_methods import (
 from robustpolish.synthesis.methods.given_controller import given_controller
 from robustpolish.synthesis.methods.mixed_output_feedback import mixed_output_feedback
 from robustpolish.synthesis.methods.mixed_state_feedback import mixed_state_feedback
-from robustpolish.synthesis.methods.observer_feedback import observer_controller, observer_feedback
+from robustpolish.synthesis.methods.observer_feedback import observer_feedback
 from robustpolish.synthesis.methods.output_feedback import output_feedback
 from robustpolish.synthesis.methods.passive_feedback import passive_feedback
 from robustpolish.synthesis.methods.published_controllers import (
@@ -22,7 +21,9 @@ from robustpolish.synthesis.methods.published_controllers import (
 from robustpolish.synthesis.methods.state_feedback import state_feedback
 from robustpolish.synthesis.methods.static_output_feedback import static_output_feedback
 from robustpolish.synthesis.problem.channels import channel
+from robustpolish.synthesis.problem.passive_element import PassiveElement
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
+from robustpolish.synthesis.structured_search.observer_structure import observer_controller
 
 __all__ = [
     "PUBLISHED_CONTROLLERS",

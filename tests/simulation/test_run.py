@@ -7,7 +7,7 @@ import xarray as xr
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
 from robustpolish.simulation import linear_response, simulate_model
-from robustpolish.simulation.run import Run
+from robustpolish.simulation.run import Stepper
 from robustpolish.simulation.system import build_system
 
 GROUND = ("x", "ground")
@@ -27,7 +27,7 @@ def oscillator():
 
 
 def run_of(model):
-    return Run(model, build_system(model, 1e-3), 1e-3, 1)
+    return Stepper(model, build_system(model, 1e-3), 1e-3, 1)
 
 
 def test_without_effects_a_run_is_the_linear_response():

@@ -1,7 +1,8 @@
 """List the modules without a file of tests of their own: ``python -m tests.structure.untested``.
 
 The tests of ``robustpolish/room/sub_room/module.py`` belong into
-``tests/room/sub_room/test_module.py``, and those of one effect into ``tests/effects``. This is a
+``tests/room/sub_room/test_module.py``, and those of one effect into
+``tests/effects``. This is a
 report, not a failure: small helpers are tested through what they help.
 """
 

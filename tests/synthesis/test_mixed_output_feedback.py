@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish.analysis import h2_norm, hinf_norm
+from robustpolish.budget import Budget
 from robustpolish.errors import InvalidInputError, SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.lmi.mixed.output import Specification, mixed_start
@@ -13,6 +14,7 @@ from robustpolish.synthesis.problem.channels import channel
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
 from robustpolish.synthesis.problem.static_loop import augmented
+from robustpolish.synthesis.structured_search.starts import ProgramSolver
 
 
 def oscillator():
@@ -77,7 +79,9 @@ def test_gain_bound_holds_at_all_frequencies():
 
 def test_inequalities_alone_come_within_their_back_off():
     plant = oscillator()
-    K = mixed_start([Specification(plant, "hinf", None)], (), np.inf)
+    K = mixed_start(
+        [Specification(plant, "hinf", None)], (), ProgramSolver(Budget(), tolerance=1e-8), 1.05
+    )
     loop = augmented(PlantMatrices.of(plant), plant.nx)
     achieved = HinfMeasure(loop).pieces(K, 0.0, ())[0].value
     best = mixed_output_feedback(plant, time_limit=5).certificate.achieved
@@ -88,7 +92,12 @@ def test_inequalities_alone_come_within_their_back_off():
 def test_picos_states_the_same_inequalities():
     plant = oscillator()
     starts = [
-        mixed_start([Specification(plant, "hinf", None)], (HalfPlane(-0.3),), np.inf, backend)
+        mixed_start(
+            [Specification(plant, "hinf", None)],
+            (HalfPlane(-0.3),),
+            ProgramSolver(Budget(), backend, tolerance=1e-8),
+            1.05,
+        )
         for backend in ("cvxpy", "picos")
     ]
     loop = augmented(PlantMatrices.of(plant), plant.nx)

@@ -9,8 +9,9 @@ import pytest
 from robustpolish.analysis import h2_norm, hinf_norm
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.models import GeneralizedPlant, air_bearing
-from robustpolish.synthesis.methods.observer_feedback import observer_controller, observer_feedback
+from robustpolish.synthesis.methods.observer_feedback import observer_feedback
 from robustpolish.synthesis.structured_search.observer_form import observer_form
+from robustpolish.synthesis.structured_search.observer_structure import observer_controller
 
 
 def regular_plant(n=3, seed=0, d22=0.0):

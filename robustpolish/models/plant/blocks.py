@@ -133,12 +133,6 @@ class PlantBlocks:
         """Names of y."""
         return tuple(self.system.output_labels[self.nz :])
 
-    @property
-    def names(self) -> frozenset[str]:
-        """Names of all signals and states."""
-        system = self.system
-        return frozenset([*system.input_labels, *system.output_labels, *system.state_labels])
-
     def _matrix(self, name: str) -> Matrix:
         """Copy A, B, C or D of the system."""
         return np.array(getattr(self.system, name))

@@ -104,8 +104,9 @@ class GeneralizedPlant(PlantBlocks, Displayed):
         object.__setattr__(self, "measurements", int(measurements))
         object.__setattr__(self, "controls", int(controls))
         object.__setattr__(self, "units", MappingProxyType(dict(units or {})))
+        known = _labels(system)
         for name in self.units:
-            if name not in self.names:
+            if name not in known:
                 raise invalid("units", name, "names of signals or states", "Check its spelling.")
 
     @classmethod
@@ -183,38 +184,19 @@ class GeneralizedPlant(PlantBlocks, Displayed):
         return cls(system, measurements=ny, controls=nu, units=units)
 
     def replace(
-        self,
-        *,
-        A: ArrayLike | None = None,
-        B1: ArrayLike | None = None,
-        B2: ArrayLike | None = None,
-        C1: ArrayLike | None = None,
-        C2: ArrayLike | None = None,
-        D11: ArrayLike | None = None,
-        D12: ArrayLike | None = None,
-        D21: ArrayLike | None = None,
-        D22: ArrayLike | None = None,
-        dt: float | bool | None = None,
-        states: Sequence[str] | None = None,
-        disturbances: Sequence[str] | None = None,
-        controls: Sequence[str] | None = None,
-        performance: Sequence[str] | None = None,
-        measurements: Sequence[str] | None = None,
-        units: Mapping[str, str] | None = None,
+        self, *, units: Mapping[str, str] | None = None, **changes: Any
     ) -> GeneralizedPlant:
         """Return the plant with some matrices, names or units changed; all others are kept.
 
         Parameters
         ----------
-        A, B1, B2, C1, C2, D11, D12, D21, D22 : array_like, optional
-            As in :meth:`from_matrices`. A D that is not given and is zero takes the new size.
-        dt : float or True, optional
-            Sampling time in s; 0 is continuous time.
-        states, disturbances, controls, performance, measurements : sequence of str, optional
-            Names of x, w, u, z and y; needed where their number changes.
         units : mapping of str to str, optional
             Units of some signals or states. Those of the others stay as long as there is a
             signal or state of the name.
+        **changes : array_like, float or sequence of str
+            Other arguments of :meth:`from_matrices` by name: A, B1, ..., D22, dt, states,
+            disturbances, controls, performance and measurements. A D of zeros that is not given
+            takes the new size; names are needed where their number changes.
 
         Returns
         -------
@@ -225,39 +207,42 @@ class GeneralizedPlant(PlantBlocks, Displayed):
         InvalidInputError
             If a matrix does not fit the others, a list of names its matrix, or if a unit is that
             of an unknown name.
+        TypeError
+            If :meth:`from_matrices` has no such argument.
 
         Examples
         --------
-        >>> import numpy as np
         >>> import robustpolish as rp
         >>> plant = rp.air_bearing()
         >>> pushed = plant.replace(B1=plant.B1[:, :1], disturbances=["F_x"])
         >>> pushed.nw, pushed.nz, pushed.units["F_x"], pushed.units["x_m"]
         (1, 6, 'N', 'm')
         """
-        given = {
-            "A": A, "B1": B1, "B2": B2, "C1": C1, "C2": C2,
-            "D11": D11, "D12": D12, "D21": D21, "D22": D22,
-        }  # fmt: skip
-        matrices = {
-            name: self._kept(name) if value is None else value for name, value in given.items()
+        feedthroughs = {name: getattr(self, name) for name in ("D11", "D12", "D21", "D22")}
+        own = {
+            **{name: getattr(self, name) for name in ("A", "B1", "B2", "C1", "C2")},
+            **{name: D for name, D in feedthroughs.items() if D.any()},
+            "dt": self.dt,
+            "states": self.states,
+            "disturbances": self.disturbance_names,
+            "controls": self.control_names,
+            "performance": self.performance_names,
+            "measurements": self.measurement_names,
         }
-        plant = GeneralizedPlant.from_matrices(
-            **matrices,  # type: ignore[arg-type]
-            dt=self.dt if dt is None else dt,
-            states=self.states if states is None else states,
-            disturbances=self.disturbance_names if disturbances is None else disturbances,
-            controls=self.control_names if controls is None else controls,
-            performance=self.performance_names if performance is None else performance,
-            measurements=self.measurement_names if measurements is None else measurements,
-        )
-        kept = {name: unit for name, unit in self.units.items() if name in plant.names}
-        return GeneralizedPlant(plant.system, plant.ny, plant.nu, {**kept, **(units or {})})
+        plant = GeneralizedPlant.from_matrices(**{**own, **changes})
+        return self._with_units_of(plant.system, plant.ny, plant.nu, units)
 
-    def _kept(self, name: str) -> Matrix | None:
-        """Return a matrix, but None for a feedthrough of zeros, which fits any size."""
-        value: Matrix = getattr(self, name)
-        return value if not name.startswith("D") or value.any() else None
+    def _with_units_of(
+        self,
+        system: control.StateSpace,
+        measurements: int,
+        controls: int,
+        units: Mapping[str, str] | None = None,
+    ) -> GeneralizedPlant:
+        """Return another system with this plant's units where a name is the same."""
+        known = _labels(system)
+        kept = {name: unit for name, unit in self.units.items() if name in known}
+        return GeneralizedPlant(system, measurements, controls, {**kept, **(units or {})})
 
     def part(
         self,
@@ -290,22 +275,17 @@ class GeneralizedPlant(PlantBlocks, Displayed):
         u = list(range(self.nu) if controls is None else controls)
         z = list(range(self.nz) if performance is None else performance)
         y = list(range(self.ny) if measurements is None else measurements)
-        return self.replace(
-            A=self.A[np.ix_(x, x)],
-            B1=self.B1[np.ix_(x, w)],
-            B2=self.B2[np.ix_(x, u)],
-            C1=self.C1[np.ix_(z, x)],
-            C2=self.C2[np.ix_(y, x)],
-            D11=self.D11[np.ix_(z, w)],
-            D12=self.D12[np.ix_(z, u)],
-            D21=self.D21[np.ix_(y, w)],
-            D22=self.D22[np.ix_(y, u)],
-            states=[self.states[i] for i in x],
-            disturbances=[self.disturbance_names[i] for i in w],
-            controls=[self.control_names[i] for i in u],
-            performance=[self.performance_names[i] for i in z],
-            measurements=[self.measurement_names[i] for i in y],
+        ins, outs = [*w, *(self.nw + i for i in u)], [*z, *(self.nz + i for i in y)]
+        whole = self.system
+        A, B, C, D = (self._matrix(name) for name in "ABCD")
+        part = named_system(
+            (A[np.ix_(x, x)], B[np.ix_(x, ins)], C[np.ix_(outs, x)], D[np.ix_(outs, ins)]),
+            self.dt,
+            [whole.input_labels[i] for i in ins],
+            [whole.output_labels[i] for i in outs],
+            [whole.state_labels[i] for i in x],
         )
+        return self._with_units_of(part, len(y), len(u))
 
     @property
     def open_loop(self) -> control.StateSpace:
@@ -456,6 +436,10 @@ class GeneralizedPlant(PlantBlocks, Displayed):
             ", ".join(alike) + (f" [{unit}]" if unit else "") for unit, alike in by_unit.items()
         ]
         return "; ".join(groups)
+
+
+def _labels(system: control.StateSpace) -> set[str]:
+    return {*system.input_labels, *system.output_labels, *system.state_labels}
 
 
 def _count(argument: str, value: Any, available: int | None, what: str) -> None:

@@ -18,8 +18,8 @@ from robustpolish.models.plant.file import plant_arguments, plant_content
 from robustpolish.models.plant.systems import system_content, system_from
 from robustpolish.saved_file import Fields, plain
 from robustpolish.synthesis.certificate.certificate import certify
-from robustpolish.synthesis.design.passive_element import PassiveElement
 from robustpolish.synthesis.design.status import Status
+from robustpolish.synthesis.problem.passive_element import PassiveElement
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
 from robustpolish.validation import described, invalid
 

@@ -101,7 +101,7 @@ class SemidefiniteProgram:
 
     @property
     def unknowns(self) -> int:
-        """Number of scalar variables declared so far."""
+        """Number of variables."""
         return self._count
 
     def matrix(self, rows: int, columns: int, pattern: ArrayLike | None = None) -> Affine:
@@ -206,6 +206,9 @@ class SemidefiniteProgram:
             (np.ones(entries.size), (entries, columns)), shape=(size, self._count)
         )
         return Affine(shape, np.zeros(size), linear)
+
+
+Solve = Callable[[SemidefiniteProgram], SemidefiniteSolution]
 
 
 @dataclass(frozen=True)

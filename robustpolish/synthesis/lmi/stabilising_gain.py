@@ -8,7 +8,6 @@ sequence of semidefinite programs, and K follows from P by one more.
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from robustpolish.synthesis.lmi.affine import symmetric_block
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram
+from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram, Solve
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 
 Matrix = NDArray[Any]
@@ -25,10 +24,9 @@ Matrix = NDArray[Any]
 def stabilising_gain(
     loop: PlantMatrices,
     mask: NDArray[np.bool_],
-    deadline: float,
+    solve: Solve,
     decay: float = 1e-3,
     iterations: int = 15,
-    backend: str = "cvxpy",
 ) -> Matrix | None:
     """Look for a gain that stabilises a scaled plant.
 
@@ -38,15 +36,13 @@ def stabilising_gain(
         Scaled.
     mask : ndarray of bool, shape (nu, ny)
         Entries of K that are free; the last program alone respects it.
-    deadline : float
-        Of :func:`time.monotonic`.
+    solve : callable
+        Solves a program, within its budget.
     decay : float
         Decay rate asked for, relative to the unit of time; in discrete time the poles are
         asked into a disk of radius 1 - decay.
     iterations : int
         Largest number of linearisations.
-    backend : {"cvxpy", "picos"}
-        Library that talks to the solver.
 
     Returns
     -------
@@ -60,9 +56,6 @@ def stabilising_gain(
     P0 = Q0 = np.eye(n)
     gain = None
     for _ in range(iterations):
-        remaining = deadline - time.monotonic()
-        if remaining <= 0:
-            break
         program = SemidefiniteProgram()
         P, Q = program.symmetric(n), program.symmetric(n)
         program.positive(symmetric_block([[P, np.eye(n)], [Q]]))
@@ -73,11 +66,11 @@ def stabilising_gain(
             S = right.T @ (P @ A) @ right
             program.positive(-(S + S.T) - np.eye(right.shape[1]) * 1e-3)
         program.minimise((P @ Q0).trace + (Q @ P0).trace)
-        solution = program.solve(backend, tolerance=1e-7, time_limit=remaining)
+        solution = solve(program)
         if solution.x is None:
             break
         P0, Q0 = solution.value(P), solution.value(Q)
-        gain = _gain(A, B, C, P0, mask, backend, remaining)
+        gain = _gain(A, B, C, P0, mask, solve)
         if gain is not None and np.linalg.eigvals(A + B @ gain @ C).real.max() < 0:
             break
     return None if gain is None else _behind(gain, D, mask)
@@ -89,8 +82,7 @@ def _gain(
     C: Matrix,
     P: Matrix,
     mask: NDArray[np.bool_],
-    backend: str,
-    remaining: float,
+    solve: Solve,
 ) -> Matrix | None:
     """Return the K that makes A'P + PA + PBKC + (PBKC)' as negative as it can be."""
     size = float(np.linalg.norm(P, 2))
@@ -109,7 +101,7 @@ def _gain(
     eyes = np.eye(rows), np.eye(columns)
     program.positive(symmetric_block([[bound.times(eyes[0]), K], [bound.times(eyes[1])]]))
     program.minimise(t + bound * 1e-4)
-    solution = program.solve(backend, tolerance=1e-7, time_limit=remaining)
+    solution = solve(program)
     return None if solution.x is None else solution.value(K)
 
 

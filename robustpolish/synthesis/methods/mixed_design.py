@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -16,22 +15,15 @@ from robustpolish.synthesis.certificate.certificate import Norm, certify
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.lmi.semidefinite import BACKENDS
 from robustpolish.synthesis.methods.structured_design import (
-    PartTask,
-    certified_design,
-    design_parts,
-    search_deadline,
+    Orders,
+    checked_bound,
+    design_structured,
 )
 from robustpolish.synthesis.problem.channels import Channel, channel
-from robustpolish.synthesis.problem.decoupling import (
-    PlantPart,
-    decoupled_parts,
-    joined_controller,
-    undivided,
-)
-from robustpolish.synthesis.problem.fixed_modes import refuse_unstable
+from robustpolish.synthesis.problem.decoupling import decoupled_parts, undivided
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.problem.pricing import noisy, priced
-from robustpolish.synthesis.structured_search.mixed import MixedTask, mixed_setting
+from robustpolish.synthesis.structured_search.mixed_structure import MixedStructure
 from robustpolish.validation import described, invalid, one_of, positive
 
 
@@ -81,11 +73,10 @@ def design_mixed(
     backend, solver, time_limit, seed
         As in :func:`mixed_output_feedback`.
     """
-    began = time.monotonic()
     minimise: Norm = asked.minimise
     one_of("minimise", minimise, ("hinf", "h2"))
     one_of("backend", backend, BACKENDS)
-    time_limit = positive("time_limit", time_limit, "s")
+    orders = Orders.checked(minimise, time_limit, seed)
     bounds = {"hinf": asked.hinf_bound, "h2": asked.h2_bound}
     if bounds[minimise] is not None:
         raise invalid(
@@ -98,9 +89,7 @@ def design_mixed(
     bound = bounds[other]
     if bound is not None:
         bound = positive(f"{other}_bound", bound)
-    gain_bound = asked.gain_bound
-    if gain_bound is not None:
-        gain_bound = positive("gain_bound", gain_bound)
+    gain_bound = checked_bound(asked.gain_bound)
     regions = _regions(asked.pole_region)
     whole = noisy(priced(plant, asked.control_weight), asked.measurement_noise)
     given = {"hinf": asked.hinf_channel, "h2": asked.h2_channel}
@@ -109,30 +98,11 @@ def design_mixed(
 
     # A bound on the H2 norm joins the parts: it is their root mean square that counts.
     parts = (undivided(whole),) if side is not None else decoupled_parts(whole)
-    tasks = []
-    for part in parts:
-        if part.plant.nx == 0 or part.plant.nu == 0 or part.plant.ny == 0:
-            refuse_unstable(part.plant)
-            tasks.append(None)
-            continue
-        own_goal = _within(part, goal)
-        task = MixedTask(
-            part.plant,
-            own_goal,
-            minimise,
-            side,
-            bound,
-            regions,
-            gain_bound,
-            backend,
-            solver,
-            order=0 if static else part.plant.nx,
-        )
-        tasks.append(PartTask(part.plant, lambda task=task: mixed_setting(task)))
-    designs = design_parts(tasks, search_deadline(whole, began, time_limit), seed)
-    controller = joined_controller(whole, parts, [d and d.controller for d in designs])
-    found = [d for d in designs if d is not None]
-    design = certified_design(goal, goal, controller, minimise, found, "lmi, descent", began)
+    structure = MixedStructure(
+        minimise, goal, static, side, bound, regions, gain_bound, backend, solver
+    )
+    design = design_structured(goal, goal, parts, structure, minimise, orders)
+    controller = design.controller
     certificates = {minimise: design.certificate}
     broken = []
     if side is not None and bound is not None:
@@ -145,7 +115,7 @@ def design_mixed(
     if broken:
         raise SolverError(
             f"The best controller found breaks a specification: {'; '.join(broken)}. "
-            "Relax it or raise time_limit."
+            "Relax it or try another seed."
         )
     details = {
         **design.details,
@@ -153,7 +123,7 @@ def design_mixed(
         "whole_loop": whole.closed_loop(controller),
         "pole_regions": regions,
     }
-    return replace(design, details=MappingProxyType(details), elapsed=time.monotonic() - began)
+    return replace(design, details=MappingProxyType(details), elapsed=orders.budget.elapsed)
 
 
 def _regions(given: PoleRegion | Sequence[PoleRegion] | None) -> tuple[PoleRegion, ...]:
@@ -179,12 +149,3 @@ def _channel(
     extra_w = [n for n in whole.disturbance_names if n not in plant.disturbance_names]
     extra_z = [n for n in whole.performance_names if n not in plant.performance_names]
     return channel(whole, [*w, *extra_w], [*z, *extra_z])
-
-
-def _within(part: PlantPart, goal: GeneralizedPlant) -> GeneralizedPlant:
-    """Return the goal's channel of one part."""
-    w = [n for n in part.plant.disturbance_names if n in goal.disturbance_names]
-    z = [n for n in part.plant.performance_names if n in goal.performance_names]
-    if not w or not z:
-        return part.plant
-    return channel(part.plant, w, z)

@@ -12,6 +12,7 @@ from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.methods.mixed_design import MixedSpecifications, design_mixed
 from robustpolish.synthesis.problem.channels import Channel
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
+from robustpolish.synthesis.structured_search.policy import TIME_LIMIT
 
 
 def mixed_state_feedback(
@@ -27,7 +28,7 @@ def mixed_state_feedback(
     control_weight: ArrayLike | None = None,
     backend: Literal["cvxpy", "picos"] = "cvxpy",
     solver: str | None = None,
-    time_limit: float = 60.0,
+    time_limit: float = TIME_LIMIT,
     seed: int = 0,
 ) -> Design:
     r"""Design u = F x for one norm while others are bounded.
@@ -57,7 +58,8 @@ def mixed_state_feedback(
     backend, solver : str, optional
         Who solves the linear matrix inequalities; "cvxpy" (with Clarabel) or "picos".
     time_limit : float
-        In s, for the whole call.
+        Safety net in s for the search, whose work is limited otherwise; the status says if it
+        was reached.
     seed : int
         Of the random starts.
 

@@ -2,42 +2,25 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.design.design import Design
-from robustpolish.synthesis.design.passive_element import PassiveElement, Place
-from robustpolish.synthesis.methods.structured_design import (
-    PartTask,
-    certified_design,
-    design_parts,
-    search_deadline,
-)
-from robustpolish.synthesis.nonsmooth import FrobeniusMeasure, PositiveElements
-from robustpolish.synthesis.problem.decoupling import decoupled_parts, named_controller
-from robustpolish.synthesis.problem.fixed_modes import refuse_unstable
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.methods.structured_design import Orders, design_structured
+from robustpolish.synthesis.problem.decoupling import decoupled_parts
+from robustpolish.synthesis.problem.passive_element import Place
 from robustpolish.synthesis.problem.pricing import priced
-from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
-from robustpolish.synthesis.structured_search.search import Norm, Setting
-from robustpolish.synthesis.structured_search.static import unscaled_controller
-from robustpolish.validation import described, invalid, one_of, positive
-
-Matrix = NDArray[Any]
-Vector = NDArray[Any]
-
-GROUND = "ground"
-
-# Coefficients of the scaled plant that count as nothing.
-_NOTHING = 1e-9
-# Logarithm of the largest coefficient tried, in scaled units.
-_HIGHEST = np.log(3e4)
+from robustpolish.synthesis.structured_search.passive_structure import (
+    GROUND,
+    Mechanics,
+    PassiveStructure,
+)
+from robustpolish.synthesis.structured_search.policy import TIME_LIMIT
+from robustpolish.synthesis.structured_search.structure import Norm
+from robustpolish.validation import described, invalid, positive
 
 
 def passive_feedback(
@@ -49,7 +32,7 @@ def passive_feedback(
     stiffness_bound: float | Mapping[Place, float] | None = None,
     damping_bound: float | Mapping[Place, float] | None = None,
     control_weight: ArrayLike | None = None,
-    time_limit: float = 60.0,
+    time_limit: float = TIME_LIMIT,
     seed: int = 0,
 ) -> Design:
     r"""Choose springs and dampers at given places for the smallest norm from w to z.
@@ -75,7 +58,8 @@ def passive_feedback(
     control_weight : float or array_like, shape (nu,), optional
         Price on the forces: ``control_weight`` times u joins z.
     time_limit : float
-        In s, for the whole call.
+        Safety net in s for the search, whose work is limited otherwise; the status says if it
+        was reached.
     seed : int
         Of the random starts.
 
@@ -110,9 +94,7 @@ def passive_feedback(
     ...     print(element)
     damper between x and ground: ... N s/m
     """
-    began = time.monotonic()
-    one_of("norm", norm, ("hinf", "h2"))
-    time_limit = positive("time_limit", time_limit, "s")
+    orders = Orders.checked(norm, time_limit, seed)
     if plant.is_discrete:
         raise invalid(
             "plant",
@@ -121,109 +103,23 @@ def passive_feedback(
             "Springs and dampers act without a sampler: pass the continuous model.",
         )
     whole = priced(plant, control_weight).with_full_state()
-    mechanics = _Mechanics.of(plant)
+    mechanics = Mechanics.of(plant)
     wanted = [("spring", _place("springs", p, mechanics)) for p in springs]
     wanted += [("damper", _place("dampers", p, mechanics)) for p in dampers]
     if not wanted or len(set(wanted)) != len(wanted):
         raise invalid("springs", wanted, "different places, at least one", "Name them once each.")
     limits = [
-        _limit(f"{'stiffness' if kind == 'spring' else 'damping'}_bound", bound, place)
+        _limit("stiffness_bound", stiffness_bound, place)
+        if kind == "spring"
+        else _limit("damping_bound", damping_bound, place)
         for kind, place in wanted
-        for bound in [stiffness_bound if kind == "spring" else damping_bound]
     ]
-    elements = np.array([mechanics.gain(kind, place) for kind, place in wanted])
-
-    joined = (elements != 0).any(axis=0)
-    parts = decoupled_parts(whole, joined)
-    found, coefficients, tasks, members = [], np.zeros(len(wanted)), [], []
-    for part in parts:
-        rows = np.ix_(part.controls, part.measurements)
-        own = [i for i, E in enumerate(elements) if part.controls and E[rows].any()]
-        members.append(own)
-        if not own:
-            refuse_unstable(part.plant)
-            tasks.append(None)
-            continue
-        task = _task(part.plant, norm, elements[own][:, *rows], [limits[i] for i in own])
-        tasks.append(task)
-    designs = design_parts(tasks, search_deadline(whole, began, time_limit), seed)
-    for part, own, design in zip(parts, members, designs, strict=True):
-        if design is not None:
-            # Only a coefficient that nobody bounded can grow for ever.
-            free = np.array([np.isinf(limits[i]) for i in own])
-            growing = bool((design.point[free] > _HIGHEST - 0.1).any())
-            found.append(replace(design, at_ceiling=growing))
-            scaled = scale_plant(part.plant)
-            rows = np.ix_(part.controls, part.measurements)
-            local = elements[own][:, *rows]
-            coefficients[own] = np.exp(design.point) * _sizes(scaled, local)
-            coefficients[own] *= design.point > np.log(2 * _NOTHING)
-    F = np.tensordot(coefficients, elements, axes=1)
-    none = np.zeros
-    controller = named_controller(whole, none((0, 0)), none((0, plant.nx)), none((plant.nu, 0)), F)
-    return certified_design(
-        whole,
-        whole,
-        controller,
-        norm,
-        found,
-        "passive",
-        began,
-        {
-            "elements": tuple(
-                PassiveElement(kind, place, float(value), mechanics.unit(kind, place))
-                for (kind, place), value in zip(wanted, coefficients, strict=True)
-            )
-        },
-    )
+    structure = PassiveStructure(norm, mechanics, wanted, np.array(limits))
+    parts = decoupled_parts(whole, structure.joined)
+    return design_structured(whole, whole, parts, structure, norm, orders)
 
 
-@dataclass(frozen=True, eq=False)
-class _Mechanics:
-    """Which states are displacements, which are their velocities, and which forces act there."""
-
-    plant: GeneralizedPlant
-    velocity: Mapping[str, int]
-    force: Mapping[str, int]
-
-    @classmethod
-    def of(cls, plant: GeneralizedPlant) -> _Mechanics:
-        A, B = plant.A, plant.B2
-        velocity: dict[str, int] = {}
-        force: dict[str, int] = {}
-        for i, name in enumerate(plant.states):
-            into = np.flatnonzero(A[i])
-            if len(into) != 1 or A[i, into[0]] != 1 or into[0] == i or B[i].any():
-                continue
-            velocity[name] = int(into[0])
-            for j in range(plant.nu):
-                if B[into[0], j] > 0 and np.count_nonzero(B[:, j]) == 1:
-                    force[name] = j
-        return cls(plant, velocity, force)
-
-    def gain(self, kind: str, place: Place) -> Matrix:
-        """Return the state feedback of one element with coefficient 1."""
-        nx = self.plant.nx
-        apart = np.zeros(nx)
-        for name, sign in zip(place, (1.0, -1.0), strict=True):
-            if name != GROUND:
-                at = self.plant.states.index(name) if kind == "spring" else self.velocity[name]
-                apart[at] = sign
-        F = np.zeros((self.plant.nu, nx))
-        for name, sign in zip(place, (-1.0, 1.0), strict=True):
-            if name != GROUND:
-                F[self.force[name]] += sign * apart
-        return F
-
-    def unit(self, kind: str, place: Place) -> str:
-        """Return the unit of a coefficient."""
-        name = next(n for n in place if n != GROUND)
-        of_u = self.plant.units.get(self.plant.control_names[self.force[name]], "N")
-        of_q = self.plant.units.get(name, "m")
-        return f"{of_u}/{of_q}" if kind == "spring" else f"{of_u} s/{of_q}"
-
-
-def _place(argument: str, place: Place, mechanics: _Mechanics) -> Place:
+def _place(argument: str, place: Place, mechanics: Mechanics) -> Place:
     known = [n for n in mechanics.plant.states if n in mechanics.force]
     pair: list[str] = [place] if isinstance(place, str) else list(place)
     good = len(pair) == 2 and pair[0] != pair[1] and all(n in (*known, GROUND) for n in pair)
@@ -241,44 +137,3 @@ def _limit(argument: str, bound: float | Mapping[Place, float] | None, place: Pl
     if isinstance(bound, Mapping):
         bound = bound.get(place, bound.get((place[1], place[0])))
     return np.inf if bound is None else positive(argument, bound)
-
-
-def _sizes(scaled: ScaledPlant, elements: Matrix) -> Vector:
-    """Return for each element the coefficient that is 1 in scaled units."""
-    u, y = scaled.control[:, None], scaled.measurement
-    return np.array([1 / np.abs(E * y / u).max() for E in elements])
-
-
-def _task(
-    plant: GeneralizedPlant, norm: Norm, elements: Matrix, limits: Sequence[float]
-) -> PartTask:
-    def state() -> Setting:
-        scaled = scale_plant(plant)
-        size = _sizes(scaled, elements)
-        u, y = scaled.control[:, None], scaled.measurement
-        local = np.array([s * E * y / u for s, E in zip(size, elements, strict=True)])
-        top = np.minimum(np.log(np.array(limits) / size), _HIGHEST)
-        bottom = np.minimum(np.full(len(size), np.log(_NOTHING)), top - 1.0)
-
-        def starts(deadline: float, rng: np.random.Generator) -> Iterator[Vector]:
-            for level in (0.0, -3.0, 3.0, -8.0, 8.0):
-                yield np.full(len(size), level)
-            yield top
-            yield bottom
-            while True:
-                yield rng.uniform(-10.0, 10.0, len(size))
-
-        return Setting(
-            scaled=scaled,
-            norm=norm,
-            loop=PlantMatrices.of(scaled.plant),
-            parametrisation=PositiveElements(local),
-            starts=starts,
-            controller=lambda K: unscaled_controller(scaled, K, 0),
-            what="choice of springs and dampers",
-            bounds=(bottom, top),
-            size=FrobeniusMeasure(),
-            slack=1e-3,
-        )
-
-    return PartTask(plant, state, elements.tobytes() + repr(tuple(limits)).encode())

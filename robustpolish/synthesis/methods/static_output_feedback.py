@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,22 +9,16 @@ from numpy.typing import ArrayLike, NDArray
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.methods.structured_design import (
-    PartTask,
-    certified_design,
-    design_parts,
-    search_deadline,
+    Orders,
+    checked_bound,
+    design_structured,
 )
-from robustpolish.synthesis.problem.decoupling import (
-    PlantPart,
-    decoupled_parts,
-    joined_controller,
-    undivided,
-)
-from robustpolish.synthesis.problem.fixed_modes import refuse_unstable
+from robustpolish.synthesis.problem.decoupling import decoupled_parts, undivided
 from robustpolish.synthesis.problem.pricing import noisy, priced
-from robustpolish.synthesis.structured_search.search import Norm
-from robustpolish.synthesis.structured_search.static import StaticTask, static_setting
-from robustpolish.validation import described, invalid, one_of, positive
+from robustpolish.synthesis.structured_search.policy import TIME_LIMIT
+from robustpolish.synthesis.structured_search.static_structure import StaticStructure
+from robustpolish.synthesis.structured_search.structure import Norm
+from robustpolish.validation import described, invalid
 
 
 def static_output_feedback(
@@ -35,7 +27,7 @@ def static_output_feedback(
     structure: ArrayLike | None = None,
     order: int = 0,
     *,
-    time_limit: float = 60.0,
+    time_limit: float = TIME_LIMIT,
     initial: control.StateSpace | ArrayLike | None = None,
     seed: int = 0,
     gain_bound: float | None = None,
@@ -47,8 +39,9 @@ def static_output_feedback(
 
     The problem is not convex: linear matrix inequalities only find a start. From several
     starts the norm itself is then lowered, first by BFGS, then by a bundle method that
-    sees all peaks of the singular values at once, until the descents agree or time is up. What
-    is returned is a local minimum, certified; no method at hand can tell whether it is global.
+    sees all peaks of the singular values at once, until the descents agree or the work is
+    done. What is returned is a local minimum, certified; no method at hand can tell whether it
+    is global.
 
     Parameters
     ----------
@@ -63,7 +56,8 @@ def static_output_feedback(
     order : int
         States of the controller for each decoupled part; 0 is static.
     time_limit : float
-        In s, for the whole call.
+        Safety net in s for the search, whose work is limited otherwise; the status says if it
+        was reached.
     initial : array_like or control.StateSpace, optional
         A controller to start from, stabilising or not: F, or a system of the given order.
     seed : int
@@ -111,52 +105,16 @@ def static_output_feedback(
     >>> design.gain.round(3), round(design.certificate.achieved, 3)
     (array([[-3.]]), 0.5)
     """
-    began = time.monotonic()
-    one_of("norm", norm, ("hinf", "h2"))
-    time_limit = positive("time_limit", time_limit, "s")
+    orders = Orders.checked(norm, time_limit, seed, target)
     order = _order(order)
-    if gain_bound is not None:
-        gain_bound = positive("gain_bound", gain_bound)
-    target = positive("target", target, zero=True)
     mask = _mask(structure, order, plant)
     start = _initial(initial, order, plant)
     whole = noisy(priced(plant, control_weight), measurement_noise)
 
     joined = order > 0 and (mask is not None or start is not None)
     parts = (undivided(whole),) if joined else decoupled_parts(whole, mask)
-    tasks = [_task(part, norm, mask, order, gain_bound, start) for part in parts]
-    designs = design_parts(tasks, search_deadline(whole, began, time_limit), seed, target)
-    controller = joined_controller(whole, parts, [d and d.controller for d in designs])
-    found = [d for d in designs if d is not None]
-    return certified_design(plant, whole, controller, norm, found, "descent", began)
-
-
-def _task(
-    part: PlantPart,
-    norm: Norm,
-    mask: NDArray[np.bool_] | None,
-    order: int,
-    gain_bound: float | None,
-    initial: control.StateSpace | None,
-) -> PartTask | None:
-    """State the task of one part; None where there is nothing to control."""
-    plant = part.plant
-    start = initial
-    if mask is None:
-        free = np.ones((order + plant.nu, order + plant.ny), bool)
-    elif order:
-        free = mask
-    else:
-        free = mask[np.ix_(part.controls, part.measurements)]
-    if plant.nx == 0 or not free.size or not free.any():
-        refuse_unstable(plant)
-        return None
-    if start is not None and order == 0:
-        gain = np.asarray(start.D)[np.ix_(part.controls, part.measurements)]
-        start = control.StateSpace([], [], [], gain, plant.dt)
-    task = StaticTask(plant, norm, free, order, gain_bound, start)
-    extra = free.tobytes() + (b"" if start is None else np.asarray(start.D).tobytes())
-    return PartTask(plant, lambda: static_setting(task), extra)
+    asked = StaticStructure(norm, order, mask, checked_bound(gain_bound), start)
+    return design_structured(plant, whole, parts, asked, norm, orders)
 
 
 def _order(order: int) -> int:

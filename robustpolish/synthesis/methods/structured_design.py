@@ -1,25 +1,30 @@
-"""From the controllers of the parts to one certified design."""
+"""The driver of all designs of prescribed structure: search part by part, join, certify."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
-
-import control
-import numpy as np
 
 from robustpolish.analysis import h2_norm, hinf_norm
+from robustpolish.budget import Budget
 from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.progress import working
 from robustpolish.synthesis.certificate.certificate import certify
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.design.status import Status
-from robustpolish.synthesis.problem.decoupling import named_controller
-from robustpolish.synthesis.structured_search.search import Norm, PartDesign, Setting, solve_setting
+from robustpolish.synthesis.problem.decoupling import PlantPart
+from robustpolish.synthesis.problem.fixed_modes import refuse_unstable
+from robustpolish.synthesis.structured_search.part_search import design_part
+from robustpolish.synthesis.structured_search.policy import POLICY
+from robustpolish.synthesis.structured_search.structure import (
+    Norm,
+    PartDesign,
+    PartProblem,
+    Structure,
+)
+from robustpolish.validation import one_of, positive
 
 _BOUND_THE_GAIN = (
     "Bound the gain (gain_bound), or price u and add noise to y (control_weight, "
@@ -28,76 +33,72 @@ _BOUND_THE_GAIN = (
 
 
 @dataclass(frozen=True, eq=False)
-class PartTask:
-    """The search for the controller of one part.
+class Orders:
+    """What every structured method is told about the search, checked.
 
     Attributes
     ----------
-    plant : GeneralizedPlant
-        The part.
-    state : callable
-        () -> Setting, with the scaling and all checks.
-    extra : bytes
-        What else makes the task differ from another on the same matrices.
+    budget : Budget
+    seed : int
+    target : float
+        A norm that is good enough.
     """
 
-    plant: GeneralizedPlant
-    state: Callable[[], Setting]
-    extra: bytes = b""
+    budget: Budget
+    seed: int
+    target: float = 0.0
+
+    @classmethod
+    def checked(cls, norm: Norm, time_limit: float, seed: int, target: float = 0.0) -> Orders:
+        """Check the arguments that all methods share, and start the clock of the safety net."""
+        one_of("norm", norm, ("hinf", "h2"))
+        budget = Budget(POLICY.work, positive("time_limit", time_limit, "s"))
+        return cls(budget, seed, positive("target", target, zero=True))
 
 
-def design_parts(
-    tasks: Sequence[PartTask | None], deadline: float, seed: int = 0, target: float = 0.0
-) -> list[PartDesign | None]:
-    """Design part by part; identical parts once, and each with its share of the time left."""
-    done: dict[tuple[bytes, ...], PartDesign] = {}
-    designs: list[PartDesign | None] = []
-    left = sum(task is not None for task in tasks)
-    for task in tasks:
-        if task is None:
-            designs.append(None)
-            continue
-        key = _fingerprint(task)
-        if key not in done:
-            share = (deadline - time.monotonic()) / left
-            with working("Searching a controller"):
-                done[key] = solve_setting(task.state(), time.monotonic() + share, seed, target)
-        found = done[key]
-        K = found.controller
-        own = named_controller(task.plant, *(np.array(M) for M in (K.A, K.B, K.C, K.D)))
-        designs.append(replace(found, controller=own))
-        left -= 1
-    return designs
+def checked_bound(gain_bound: float | None) -> float | None:
+    """Return a bound on the gain, which has to be positive if there is one."""
+    return None if gain_bound is None else positive("gain_bound", gain_bound)
 
 
-def search_deadline(plant: GeneralizedPlant, began: float, time_limit: float) -> float:
-    """Return when to stop searching, so that the certificate fits into the time limit."""
-    return began + (0.95 if plant.nx <= 16 else 0.7) * time_limit
-
-
-def _fingerprint(task: PartTask) -> tuple[bytes, ...]:
-    P = task.plant
-    matrices = (P.A, P.B1, P.B2, P.C1, P.C2, P.D11, P.D12, P.D21, P.D22)
-    return (task.extra, *(M.tobytes() + str(M.shape).encode() for M in matrices))
-
-
-def certified_design(
+def design_structured(
     plant: GeneralizedPlant,
     whole: GeneralizedPlant,
-    controller: control.StateSpace,
+    parts: Sequence[PlantPart],
+    structure: Structure,
     norm: Norm,
-    designs: Sequence[PartDesign],
-    method: str,
-    began: float,
-    details: dict[str, Any] | None = None,
+    orders: Orders,
 ) -> Design:
-    """Certify a controller that descents have found, and say what is known about it.
+    """Design a controller of a structure, part by part, and certify it for the whole plant.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+        As it was given.
+    whole : GeneralizedPlant
+        With prices and noise: what the design is certified for.
+    parts : sequence of PlantPart
+        The parts of `whole` that the structure does not join.
+    structure : Structure
+    norm : {"hinf", "h2"}
+    orders : Orders
 
     Raises
     ------
+    InfeasibleError
+        If a part without anything to choose is unstable.
     SolverError
-        If its certificate fails.
+        If nothing was found, or its certificate fails.
     """
+    problems = [structure.problem(part) for part in parts]
+    for part, problem in zip(parts, problems, strict=True):
+        if problem is None:
+            refuse_unstable(part.plant)
+    with working("Searching a controller"):
+        designs = _design_parts(problems, orders)
+    late = orders.budget.late
+    controller, details = structure.join(whole, parts, designs)
+    found = [design for design in designs if design is not None]
     certificate = certify(whole, controller, norm)
     if not certificate.valid:
         raise SolverError(
@@ -106,7 +107,7 @@ def certified_design(
             + ". "
             + _BOUND_THE_GAIN
         )
-    status, message = _verdict(designs, certificate.achieved)
+    status, message = _verdict(found, certificate.achieved, late)
     loop = plant.closed_loop(controller)
     measured = hinf_norm(loop) if norm == "hinf" else h2_norm(loop)
     return Design(
@@ -117,38 +118,52 @@ def certified_design(
         status=status,
         message=message,
         certificate=certificate,
-        method=method,
+        method=structure.method,
         backend="scipy",
-        elapsed=time.monotonic() - began,
-        history=tuple({"part": i, **entry} for i, d in enumerate(designs) for entry in d.history),
+        elapsed=orders.budget.elapsed,
+        history=tuple({"part": i, **entry} for i, d in enumerate(found) for entry in d.history),
         details=MappingProxyType(
             {
                 "plain_norm": float(measured),
-                "descents": sum(d.descents for d in designs),
-                "part_norms": tuple(d.norm for d in designs),
-                **(details or {}),
+                "descents": sum(d.descents for d in found),
+                "part_norms": tuple(d.norm for d in found),
+                **details,
             }
         ),
     )
 
 
-def _verdict(designs: Sequence[PartDesign], achieved: float) -> tuple[Status, str]:
+def _design_parts(
+    problems: Sequence[PartProblem | None], orders: Orders
+) -> list[PartDesign | None]:
+    """Solve identical problems once, each with the share of the work that its size asks for."""
+    different = {problem.key: problem for problem in problems if problem is not None}
+    left = sum(problem.objective.work for problem in different.values())
+    done: dict[tuple[bytes, ...], PartDesign] = {}
+    for key, problem in different.items():
+        budget = orders.budget.share(problem.objective.work / left)
+        done[key] = design_part(problem, budget, orders.seed, orders.target)
+        left -= problem.objective.work
+    return [None if problem is None else done[problem.key] for problem in problems]
+
+
+def _verdict(designs: Sequence[PartDesign], achieved: float, late: bool) -> tuple[Status, str]:
     if achieved == 0:
         return "optimal", "The disturbances do not reach the performance outputs at all."
-    if any(d.at_ceiling for d in designs):
-        return "infimum_not_attained", (
-            "The norm keeps falling as the gain grows; the search was stopped at a large gain. "
-            + _BOUND_THE_GAIN
-        )
-    if any(d.reason == "time" for d in designs):
+    falls = "The norm keeps falling as the gain grows; the search was stopped at a large gain. "
+    growing = any(d.at_ceiling for d in designs)
+    if late:
         return "time_limit", (
             "The best certified controller when time ran out. Raise time_limit, or pass this "
-            "controller as initial."
-        )
+            "controller as initial. " + (falls + _BOUND_THE_GAIN if growing else "")
+        ).rstrip()
+    if growing:
+        return "infimum_not_attained", falls + _BOUND_THE_GAIN
     worst = min(designs, key=lambda d: d.agreeing / max(1, d.descents), default=None)
     if worst is None:
         return "suboptimal", "Nothing to control: the loop is the open loop."
+    spent = " The work of one search was spent." if any(d.reason == "work" for d in designs) else ""
     return "suboptimal", (
-        f"A local minimum; {worst.agreeing} of {worst.descents} descents ended there. "
-        "Another seed or a longer time_limit may find a lower one."
+        f"A local minimum; {worst.agreeing} of {worst.descents} descents ended there.{spent} "
+        "Another seed may find a lower one, or this controller passed as initial."
     )

@@ -7,9 +7,10 @@ them: BFGS for functions that are smooth almost everywhere, and a bundle method 
 sees all active peaks at once.
 """
 
-from robustpolish.synthesis.nonsmooth.bfgs import bfgs
-from robustpolish.synthesis.nonsmooth.h2 import H2Measure
-from robustpolish.synthesis.nonsmooth.hinf import HinfMeasure
+from robustpolish.synthesis.nonsmooth.bfgs import bfgs, ended_by
+from robustpolish.synthesis.nonsmooth.gain_measures import FrobeniusMeasure, GainMeasure
+from robustpolish.synthesis.nonsmooth.h2_measure import H2Measure
+from robustpolish.synthesis.nonsmooth.hinf_measure import HinfMeasure
 from robustpolish.synthesis.nonsmooth.minimax import Bounds, minimax
 from robustpolish.synthesis.nonsmooth.parametrisations import (
     AffineGain,
@@ -18,17 +19,15 @@ from robustpolish.synthesis.nonsmooth.parametrisations import (
     Parametrisation,
     PositiveElements,
 )
-from robustpolish.synthesis.nonsmooth.problem import Measure, Piece, Problem, Requirement
-from robustpolish.synthesis.nonsmooth.search import SearchLimits, SearchResult, search
-from robustpolish.synthesis.nonsmooth.spectrum import (
-    FrobeniusMeasure,
-    GainMeasure,
+from robustpolish.synthesis.nonsmooth.pole_measures import (
     RegionMeasure,
     StabilityMeasure,
     WorstMeasure,
 )
+from robustpolish.synthesis.nonsmooth.problem import ActivePiece, Measure, Problem, Requirement
 
 __all__ = [
+    "ActivePiece",
     "AffineGain",
     "Bounds",
     "FrobeniusMeasure",
@@ -39,16 +38,13 @@ __all__ = [
     "Measure",
     "ObserverGain",
     "Parametrisation",
-    "Piece",
     "PositiveElements",
     "Problem",
     "RegionMeasure",
     "Requirement",
-    "SearchLimits",
-    "SearchResult",
     "StabilityMeasure",
     "WorstMeasure",
     "bfgs",
+    "ended_by",
     "minimax",
-    "search",
 ]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from robustpolish.budget import Budget
 
 Vector = NDArray[Any]
 Function = Callable[[Vector], tuple[float, Vector]]
@@ -23,7 +24,7 @@ class Descent:
     point, value : ndarray, float
     iterations : int
     reason : str
-        "stationary", "stalled", "target", "iterations" or "time".
+        "stationary", "stalled", "target", "iterations", "work" or "time".
     """
 
     point: Vector
@@ -35,7 +36,8 @@ class Descent:
 def bfgs(
     function: Function,
     start: Vector,
-    deadline: float,
+    budget: Budget,
+    work: float = 1.0,
     iterations: int = 300,
     target: float = -np.inf,
     tolerance: float = 1e-7,
@@ -48,8 +50,9 @@ def bfgs(
         theta -> (value, gradient); the value may be infinite.
     start : ndarray
         A point with a finite value.
-    deadline : float
-        Of :func:`time.monotonic`.
+    budget : Budget
+    work : float
+        What one evaluation of the function takes of it.
     iterations : int
         Largest number of steps.
     target : float
@@ -61,16 +64,21 @@ def bfgs(
     -------
     Descent
     """
+
+    def counted(point: Vector) -> tuple[float, Vector]:
+        budget.spend(work)
+        return function(point)
+
     x = np.array(start, dtype=float)
-    f, g = function(x)
+    f, g = counted(x)
     H = np.eye(len(x)) / max(1.0, float(np.linalg.norm(g)))
     past = [f]
     fresh = True
     for count in range(1, iterations + 1):
         if f < target:
             return Descent(x, f, count, "target")
-        if time.monotonic() > deadline:
-            return Descent(x, f, count, "time")
+        if budget.over:
+            return Descent(x, f, count, ended_by(budget))
         direction = -H @ g
         slope = float(g @ direction)
         if not np.isfinite(slope) or slope >= 0:
@@ -78,7 +86,7 @@ def bfgs(
                 return Descent(x, f, count, "stationary")
             H, fresh = np.eye(len(x)) / max(1.0, float(np.linalg.norm(g))), True
             continue
-        step = _weak_wolfe(function, x, f, g, direction, slope, deadline)
+        step = _weak_wolfe(counted, x, f, g, direction, slope, budget)
         if step is None:
             if fresh:
                 return Descent(x, f, count, "stalled")
@@ -93,6 +101,11 @@ def bfgs(
     return Descent(x, f, iterations, "iterations")
 
 
+def ended_by(budget: Budget) -> str:
+    """Return what ended a search whose budget is over: "work" or "time"."""
+    return "work" if budget.exhausted else "time"
+
+
 def _weak_wolfe(
     function: Function,
     x: Vector,
@@ -100,7 +113,7 @@ def _weak_wolfe(
     g: Vector,
     direction: Vector,
     slope: float,
-    deadline: float,
+    budget: Budget,
 ) -> tuple[Vector, float, Vector] | None:
     """Bisect for a step that descends and lets the slope rise; the best descent if none."""
     low, high, t = 0.0, np.inf, 1.0
@@ -116,7 +129,7 @@ def _weak_wolfe(
                 return best
             low = t
         t = 0.5 * (low + high) if np.isfinite(high) else 2 * low
-        if time.monotonic() > deadline:
+        if budget.over:
             break
     return best if best is not None and best[1] < f else None
 

@@ -8,7 +8,7 @@ frequency that spoiled it in the model.
 
 from __future__ import annotations
 
-import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from robustpolish.synthesis.nonsmooth.bfgs import Descent
+from robustpolish.budget import Budget, step_cost
+from robustpolish.synthesis.nonsmooth.bfgs import Descent, ended_by
 from robustpolish.synthesis.nonsmooth.problem import Model, Problem
 
 Vector = NDArray[Any]
@@ -31,7 +32,7 @@ Bounds = tuple[Vector, Vector]
 def minimax(
     problem: Problem,
     start: Vector,
-    deadline: float,
+    budget: Budget,
     iterations: int = 200,
     target: float = -np.inf,
     tolerance: float = 1e-8,
@@ -46,8 +47,8 @@ def minimax(
     problem : Problem
     start : ndarray
         A point with a finite objective; it may violate requirements.
-    deadline : float
-        Of :func:`time.monotonic`.
+    budget : Budget
+        Of evaluations and quadratic programmes.
     iterations : int
         Largest number of quadratic programmes.
     target : float
@@ -66,8 +67,14 @@ def minimax(
     Descent
         Its value is the logarithm of the objective; infinite if a requirement is violated.
     """
+
+    def evaluated(point: Vector, known: Sequence[float] = ()) -> Model | None:
+        # Looking for all peaks takes twice as long as for the highest.
+        budget.spend(2 * problem.work)
+        return problem.model(point, width, known)
+
     x = np.array(start, dtype=float)
-    model = problem.model(x, width)
+    model = evaluated(x)
     if model is None:
         return Descent(x, np.inf, 0, "stalled")
     if len(x) > _MOST_NUMBERS:
@@ -79,14 +86,15 @@ def minimax(
     reason, steps = "iterations", 0
     while steps < iterations:
         steps += 1
-        if time.monotonic() > deadline:
-            reason = "time"
+        if budget.over:
+            reason = ended_by(budget)
             break
         if model.objective < target and model.violation == 0:
             reason = "target"
             break
-        remaining = deadline - time.monotonic()
-        step = _quadratic_step(model, x, H, radius, weight, bounds, remaining)
+        # An interior-point method factorises matrices of this size some ten times.
+        budget.spend(step_cost(len(x) // 2))
+        step = _quadratic_step(model, x, H, radius, weight, bounds, budget.seconds_left)
         if step is None or step.promise < tolerance:
             if model.violation > 1e-6 and weight < 1e6 and step is not None:
                 weight *= 10
@@ -101,7 +109,7 @@ def minimax(
             continue
         trial_point = x + step.d
         marked = [w for w in model.frequencies if w is not None]
-        trial = problem.model(trial_point, width, marked[:10])
+        trial = evaluated(trial_point, marked[:10])
         if trial is None:
             radius = 0.25 * float(np.abs(step.d).max())
         else:
@@ -111,12 +119,12 @@ def minimax(
             radius = _next_radius(radius, step, gain)
             if gain > 0.05 * step.promise:
                 x, extra = trial_point, []
-                model = problem.model(x, width) or trial
+                model = evaluated(x) or trial
                 if model.violation == 0 and model.objective < kept[1]:
                     kept = (x, model.objective)
                 continue
             extra = [*extra, *_frequencies(trial)][-12:]
-            model = problem.model(x, width, extra) or model
+            model = evaluated(x, extra) or model
         if radius < 1e-10 * max(1.0, float(np.abs(x).max())):
             reason = "stalled"
             break
@@ -164,7 +172,7 @@ def _quadratic_step(
     radius: float,
     weight: float,
     bounds: Bounds | None,
-    remaining: float,
+    seconds: float,
 ) -> _Step | None:
     """Solve min t + weight s + d'Hd/2 over the linearised pieces in the trust region."""
     n, m, p = len(x), len(model.values), len(model.excess)
@@ -181,7 +189,7 @@ def _quadratic_step(
     P = np.zeros((n + 2, n + 2))
     P[:n, :n] = np.triu(H)
     q = np.concatenate([np.zeros(n), [1.0, weight]])
-    solution = _solve(P, q, rows, right, remaining)
+    solution = _solve(P, q, rows, right, seconds)
     if solution is None:
         return None
     d, duals = np.clip(solution[0][:n], low, high), np.maximum(solution[1], 0.0)
@@ -195,12 +203,12 @@ def _quadratic_step(
 
 
 def _solve(
-    P: Matrix, q: Vector, rows: Matrix, right: Vector, remaining: float
+    P: Matrix, q: Vector, rows: Matrix, right: Vector, seconds: float
 ) -> tuple[Vector, Vector] | None:
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_iter = 60
-    settings.time_limit = max(remaining, 1e-3)
+    settings.time_limit = max(seconds, 1e-3)
     cones = [clarabel.NonnegativeConeT(len(right))]
     matrices = sparse.csc_matrix(P), sparse.csc_matrix(rows)
     solution = clarabel.DefaultSolver(matrices[0], q, matrices[1], right, cones, settings).solve()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,7 +17,7 @@ Matrix = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class ActivePiece:
     """One smooth piece of a measure: its value and its gradient over K.
 
     Attributes
@@ -35,7 +36,12 @@ class Piece:
 class Measure(Protocol):
     """A function of K as the maximum of smooth pieces; no pieces means infinite."""
 
-    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
+    @property
+    def work(self) -> float:
+        """Work of one evaluation: 1 for the H-infinity norm of a small loop."""
+        ...
+
+    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[ActivePiece]:
         """Return the pieces within `width` (relative) of the largest, the largest first."""
         ...
 
@@ -57,7 +63,7 @@ class Requirement:
     measure: Measure
     bound: float | None
 
-    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[Piece]:
+    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[ActivePiece]:
         """Return the pieces of the scaled function, which has to be at most 0."""
         found = self.measure.pieces(K, width, frequencies)
         if self.bound is None:
@@ -65,16 +71,16 @@ class Requirement:
         return [_bounded(piece, self.bound) for piece in found]
 
 
-def _bounded(piece: Piece, bound: float) -> Piece:
+def _bounded(piece: ActivePiece, bound: float) -> ActivePiece:
     ratio = piece.value / bound
     value, slope = (ratio - 1, 1.0) if ratio <= 1 else (float(np.log(ratio)), 1 / ratio)
-    return Piece(value, piece.gradient * (slope / bound), piece.frequency)
+    return ActivePiece(value, piece.gradient * (slope / bound), piece.frequency)
 
 
-def _logarithm(piece: Piece) -> Piece:
+def _logarithm(piece: ActivePiece) -> ActivePiece:
     if piece.value <= np.finfo(float).tiny * max(1.0, np.abs(piece.gradient).max(initial=0.0)):
-        return Piece(float(np.log(np.finfo(float).tiny)), 0 * piece.gradient, piece.frequency)
-    return Piece(float(np.log(piece.value)), piece.gradient / piece.value, piece.frequency)
+        return ActivePiece(float(np.log(np.finfo(float).tiny)), 0 * piece.gradient, piece.frequency)
+    return ActivePiece(float(np.log(piece.value)), piece.gradient / piece.value, piece.frequency)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +134,11 @@ class Problem:
     requirements: tuple[Requirement, ...] = ()
     ceiling: float = np.inf
 
+    @cached_property
+    def work(self) -> float:
+        """Work of one evaluation."""
+        return self.objective.work + sum(r.measure.work for r in self.requirements)
+
     def model(
         self, theta: Vector, width: float = 0.0, frequencies: Sequence[float] = ()
     ) -> Model | None:
@@ -138,7 +149,7 @@ class Problem:
         found = [_logarithm(p) for p in self.objective.pieces(K, width, frequencies)]
         if not found:
             return None
-        excess: list[Piece] = []
+        excess: list[ActivePiece] = []
         for requirement in self.requirements:
             pieces = requirement.pieces(K, width, frequencies)
             if not pieces:

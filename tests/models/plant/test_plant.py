@@ -188,6 +188,11 @@ def test_bad_replacements_are_named(change, message):
         named_plant().replace(**change)
 
 
+def test_an_unknown_argument_is_not_swallowed():
+    with pytest.raises(TypeError, match="disturbance_names"):
+        named_plant().replace(disturbance_names=["F"])
+
+
 def test_a_part_has_the_rows_and_columns_of_the_whole():
     plant = named_plant()
     part = plant.part(disturbances=[1], performance=[1, 0], measurements=[], controls=[2, 0])

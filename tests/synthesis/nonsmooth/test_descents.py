@@ -5,10 +5,11 @@ import time
 import numpy as np
 import pytest
 
+from robustpolish.budget import Budget
 from robustpolish.synthesis.nonsmooth import (
+    ActivePiece,
     GainMeasure,
     MaskedGain,
-    Piece,
     Problem,
     Requirement,
     bfgs,
@@ -17,7 +18,7 @@ from robustpolish.synthesis.nonsmooth import (
 
 
 def far():
-    return time.monotonic() + 30
+    return Budget(seconds=30.0)
 
 
 def test_bfgs_walks_along_a_kink():
@@ -34,6 +35,7 @@ def test_bfgs_walks_along_a_kink():
 class Distances:
     """Largest distance of K = (k1, k2) from three points, plus one."""
 
+    work = 1.0
     points = np.array([[0.0, 0.0], [2.0, 0.0], [1.0, 3.0]])
 
     def pieces(self, K, width, frequencies):
@@ -41,7 +43,9 @@ class Distances:
         for i, p in enumerate(self.points):
             apart = K.ravel() - p
             size = np.linalg.norm(apart)
-            found.append(Piece(1 + size, (apart / max(size, 1e-12)).reshape(K.shape), float(i)))
+            found.append(
+                ActivePiece(1 + size, (apart / max(size, 1e-12)).reshape(K.shape), float(i))
+            )
         return sorted(found, key=lambda piece: -piece.value)
 
 
@@ -64,11 +68,33 @@ def test_minimax_keeps_requirements_and_bounds():
     assert ended.point[1] == pytest.approx(1.0, abs=1e-6)
 
 
-def test_descents_obey_the_deadline():
+def many_slopes(x):
+    return float(np.sum(np.abs(x) ** 1.5)), 1.5 * np.sign(x) * np.sqrt(np.abs(x))
+
+
+def test_descents_obey_the_safety_net():
     def slow(x):
         time.sleep(0.01)
-        return float(np.sum(x**2)), 2 * x
+        return many_slopes(x)
 
     began = time.monotonic()
-    bfgs(slow, np.ones(50), began + 0.1, iterations=10_000, tolerance=0.0)
+    ended = bfgs(
+        slow, np.linspace(1.0, 2.0, 20), Budget(seconds=0.1), iterations=10_000, tolerance=0.0
+    )
+    assert ended.reason == "time"
     assert time.monotonic() - began < 1.0
+
+
+def test_descents_end_when_their_work_is_spent():
+    def bowl(budget):
+        return bfgs(many_slopes, np.linspace(1.0, 2.0, 20), budget, work=2.0, tolerance=0.0)
+
+    ended = bowl(Budget(20.0))
+    assert ended.reason == "work"
+    budget = Budget(60.0)
+    longer = bowl(budget)
+    assert longer.value < ended.value
+    # A line search looks at the budget after each evaluation.
+    assert 60.0 <= budget.spent <= 62.0
+    problem = Problem(MaskedGain(np.ones((1, 2), bool)), Distances())
+    assert minimax(problem, np.array([5.0, -4.0]), Budget(10.0)).reason == "work"

@@ -8,7 +8,6 @@ descents on the true norms, which have no such price.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -19,14 +18,11 @@ from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
 from robustpolish.synthesis.lmi.output.inequalities import Variables, stacked
 from robustpolish.synthesis.lmi.output.reconstruction import reconstruct
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram, SemidefiniteSolution
+from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram, SemidefiniteSolution, Solve
 from robustpolish.synthesis.problem.matrices import PlantMatrices, shift
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 
 Matrix = NDArray[Any]
-
-# How far gamma backs off from the optimum of the inequalities before the variables are made small.
-_BACK_OFF = 1.05
 
 
 class Specification(NamedTuple):
@@ -57,9 +53,8 @@ class _Variables(NamedTuple):
 def mixed_start(
     specifications: Sequence[Specification],
     regions: Sequence[PoleRegion],
-    deadline: float,
-    backend: str = "cvxpy",
-    solver: str | None = None,
+    solve: Solve,
+    back_off: float,
 ) -> Matrix | None:
     """Return [[Ak, Bk], [Ck, Dk]] that meets the inequalities, as far as a solver can tell.
 
@@ -69,10 +64,10 @@ def mixed_start(
         All on the same A, B2, C2 and D22; exactly one is minimised.
     regions : sequence of PoleRegion
         In the unit of time of the scaled plant.
-    deadline : float
-        Of :func:`time.monotonic`.
-    backend, solver : str
-        As in :meth:`SemidefiniteProgram.solve`.
+    solve : callable
+        Solves a program, within its budget.
+    back_off : float
+        How far the norm backs off from its optimum before the controller is made small.
 
     Returns
     -------
@@ -81,31 +76,27 @@ def mixed_start(
     """
     P = specifications[0].plant
 
-    def solved(program: SemidefiniteProgram) -> SemidefiniteSolution:
-        remaining = deadline - time.monotonic()
-        return program.solve(backend, solver=solver, tolerance=1e-8, time_limit=remaining)
-
     program, variables, level = mixed_program(specifications, regions, None)
     program.minimise(level)
-    first = solved(program)
+    first = solve(program)
     if first.x is None:
         return None
     best = float(first.value(level).item())
     # First the smallest variables at a norm a little worse, then I - XY far from singular.
-    program, variables, _ = mixed_program(specifications, regions, max(best, 0.0) * _BACK_OFF**2)
+    program, variables, _ = mixed_program(specifications, regions, max(best, 0.0) * back_off**2)
     size = _size(program, variables)
     program.minimise(size)
-    second = solved(program)
+    second = solve(program)
     if second.x is None:
         return None
     smallest = float(second.value(size).item())
-    program, variables, _ = mixed_program(specifications, regions, max(best, 0.0) * _BACK_OFF**2)
+    program, variables, _ = mixed_program(specifications, regions, max(best, 0.0) * back_off**2)
     size, beta = _size(program, variables), program.scalar()
     program.nonnegative(1.5 * smallest - size)
     eye = beta.times(np.eye(P.nx))
     program.positive(symmetric_block([[variables.Y, eye], [variables.X]]))
     program.minimise(-beta)
-    third = solved(program)
+    third = solve(program)
     return None if third.x is None else reconstructed(P, variables, third)
 
 

@@ -7,9 +7,7 @@ and Gahinet are linear at once if all share Y. The answer is a start for descent
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,19 +15,17 @@ from numpy.typing import NDArray
 
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
 from robustpolish.synthesis.lmi.mixed.output import Specification
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram, SemidefiniteSolution
+from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram, Solve
 from robustpolish.synthesis.lmi.state.inequalities import (
     h2_inequality,
     hinf_inequality,
     region_inequalities,
 )
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
-from robustpolish.synthesis.problem.state_feedback_problem import StateFeedbackProblem
 
 Matrix = NDArray[Any]
 
-# How far the norm backs off from the optimum of the inequalities before the effort is made small.
-_BACK_OFF = 1.01
 # The norm is not known before; a second time it is solved in its own unit.
 _ROUNDS = 2
 
@@ -37,9 +33,8 @@ _ROUNDS = 2
 def mixed_state_start(
     specifications: Sequence[Specification],
     regions: Sequence[PoleRegion],
-    deadline: float,
-    backend: str = "cvxpy",
-    solver: str | None = None,
+    solve: Solve,
+    back_off: float,
 ) -> Matrix | None:
     """Return F of u = F x that meets the inequalities, as far as a solver can tell.
 
@@ -49,34 +44,29 @@ def mixed_state_start(
         All on the same A and B2; exactly one is minimised.
     regions : sequence of PoleRegion
         In the unit of time of the scaled plant.
-    deadline : float
-        Of :func:`time.monotonic`.
-    backend, solver : str
-        As in :meth:`SemidefiniteProgram.solve`.
+    solve : callable
+        Solves a program, within its budget.
+    back_off : float
+        How far the norm backs off from its optimum before the controller is made small.
 
     Returns
     -------
     ndarray, shape (nu, nx), or None
         None if the inequalities have no solution or the solver found none.
     """
-
-    def solved(program: SemidefiniteProgram) -> SemidefiniteSolution:
-        remaining = deadline - time.monotonic()
-        return program.solve(backend, solver=solver, tolerance=1e-9, time_limit=remaining)
-
     unit, F = 1.0, None
     for _ in range(_ROUNDS):
         program, _, _, square = _program(specifications, regions, unit, None)
         program.minimise(square)
-        first = solved(program)
+        first = solve(program)
         if first.x is None:
             return F
         unit *= math.sqrt(max(float(first.value(square).item()), 1e-16))
-        program, Y, M, _ = _program(specifications, regions, unit, _BACK_OFF**2)
+        program, Y, M, _ = _program(specifications, regions, unit, back_off**2)
         effort = program.symmetric(M.shape[0])
         program.positive(symmetric_block([[effort, M], [Y]]))
         program.minimise(effort.trace)
-        second = solved(program)
+        second = solve(program)
         if second.x is None:
             return F
         try:
@@ -93,7 +83,7 @@ def _program(
     level: float | None,
 ) -> tuple[SemidefiniteProgram, Affine, Affine, Affine]:
     """State the inequalities; `level` fixes the square of the minimised norm over `unit`."""
-    problems = [StateFeedbackProblem.of(s.plant) for s in specifications]
+    problems = [PlantMatrices.of(s.plant) for s in specifications]
     program = SemidefiniteProgram()
     n, eye = problems[0].nx, np.eye(problems[0].nx)
     Y, M = program.symmetric(n), program.matrix(problems[0].nu, n)
@@ -102,7 +92,7 @@ def _program(
     for s, p in zip(specifications, problems, strict=True):
         size = unit if s.bound is None else s.bound
         target = square if s.bound is None else Affine.of(1.0)
-        own = replace(p, C=p.C / size, D11=p.D11 / size, D12=p.D12 / size)
+        own = p.replace(C1=p.C1 / size, D11=p.D11 / size, D12=p.D12 / size)
         if s.norm == "hinf":
             hinf_inequality(program, own, Y, M, target, eye)
         else:

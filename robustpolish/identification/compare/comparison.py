@@ -1,0 +1,211 @@
+"""What came out of holding a model against data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from robustpolish.display import Card, Displayed, Table
+from robustpolish.identification.observer.reproducibility import Reproducibility
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.plotting import plot_overlay, plot_response
+from robustpolish.validation import one_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class OutputError:
+    """The error of one output.
+
+    Attributes
+    ----------
+    name, unit : str
+        Output and its SI unit.
+    nrmse : float
+        Norm of the error over the norm of the measured signal without its mean.
+    rmse : float
+        Root of the mean squared error, in `unit`.
+    band : (float, float)
+        95 % confidence band of `rmse`. It is wide where the error is slow: samples that resemble
+        each other count less.
+    relative : float
+        Norm of the error over the norm of the measured signal with its mean.
+    """
+
+    name: str
+    unit: str
+    nrmse: float
+    rmse: float
+    band: tuple[float, float]
+    relative: float
+
+    @property
+    def fit_percent(self) -> float:
+        """100 (1 - NRMSE), as in MATLAB: 100 is perfect, 0 no better than the mean."""
+        return 100 * (1 - self.nrmse)
+
+    @property
+    def fit_band(self) -> tuple[float, float]:
+        """95 % confidence band of `fit_percent`."""
+        share = self.nrmse / self.rmse if self.rmse else 0.0
+        return 100 * (1 - share * self.band[1]), 100 * (1 - share * self.band[0])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Displayed):
+    """A model held against data.
+
+    Attributes
+    ----------
+    model : MechanicalModel
+    data : xarray.Dataset
+        Inputs and measured outputs over ``time``.
+    simulated : xarray.Dataset
+        The model's outputs; NaN where there is no prediction yet.
+    outputs : dict of str to OutputError
+        Errors by output.
+    method : str
+        ``"free run"``, ``"windows"`` or ``"prediction"``.
+    span : float or None
+        Length of the windows, or the prediction horizon, in s.
+    starts : ndarray, shape (runs, n)
+        Estimated starts: free displacements, velocities, internal states of effects.
+    reproducibility : Reproducibility
+    band : xarray.Dataset or None
+        Half width of the 95 % band of the simulated outputs that the parameters' standard errors
+        cause, if these were given.
+    notes : tuple of str
+        What has to be known to judge the figures.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> model, data = rp.datasets.sticky_slide()
+    >>> comparison = rp.compare(model, data)
+    >>> comparison.reproducible, comparison.outputs["x"].unit
+    (True, 'm')
+    >>> sorted(comparison.to_dict()["outputs"]["x"])
+    ['fit_percent', 'nrmse', 'rmse', 'rmse_band', 'unit']
+    >>> comparison.plot().get_ylabel()
+    'x [mm]'
+    >>> len(comparison.plot_panels().axes)  # overlay, residual and spectra
+    3
+    """
+
+    model: MechanicalModel
+    data: xr.Dataset
+    simulated: xr.Dataset
+    outputs: Mapping[str, OutputError]
+    method: str
+    span: float | None
+    starts: np.ndarray
+    reproducibility: Reproducibility
+    band: xr.Dataset | None = None
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+    @property
+    def nrmse(self) -> float:
+        """Root of the mean squared NRMSE of the outputs."""
+        return float(np.sqrt(np.mean([error.nrmse**2 for error in self.outputs.values()])))
+
+    @property
+    def fit_percent(self) -> float:
+        """100 (1 - NRMSE) over all outputs."""
+        return 100 * (1 - self.nrmse)
+
+    @property
+    def reproducible(self) -> bool:
+        """Whether the runs can be repeated; if not, their error judges nothing."""
+        return self.reproducibility.reproducible
+
+    @property
+    def measured(self) -> xr.Dataset:
+        """The measured outputs."""
+        return self.data[list(self.outputs)]
+
+    @property
+    def residual(self) -> xr.Dataset:
+        """Measured minus simulated outputs."""
+        result = self.measured - self.simulated
+        for name, error in self.outputs.items():
+            result[name].attrs["units"] = error.unit
+        result["time"].attrs.update(self.data["time"].attrs)
+        return result
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as in the JSON of ``robustpolish compare``.
+
+        Returns
+        -------
+        dict
+        """
+        return {
+            "outputs": {
+                name: {
+                    "nrmse": error.nrmse,
+                    "fit_percent": error.fit_percent,
+                    "rmse": error.rmse,
+                    "unit": error.unit,
+                    "rmse_band": list(error.band),
+                }
+                for name, error in self.outputs.items()
+            },
+            "overall": {"nrmse": self.nrmse, "fit_percent": self.fit_percent},
+            "method": self.method,
+            "span": self.span,
+            "reproducible": self.reproducible,
+            "notes": list(self.notes),
+        }
+
+    def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
+        """Draw one output as measured and as simulated.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        output : str, optional
+            The one with the largest error by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            With the band that uncertain parameters cause, if their standard errors were given.
+        """
+        worst = max(self.outputs, key=lambda name: self.outputs[name].nrmse)
+        name = worst if output is None else one_of("output", output, tuple(self.outputs))
+        band = None if self.band is None else self.band[name]
+        return plot_response(self.measured[name], self.simulated[name], band, ax)
+
+    def plot_panels(self) -> Figure:
+        """Draw all outputs: measured and simulated, residuals, and the spectra of both.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        return plot_overlay(self.measured, self.simulated, self.band)
+
+    def _card(self) -> Card:
+        how = self.method if self.span is None else f"{self.method} of {self.span:.6g} s"
+        rows = tuple(
+            (
+                error.name,
+                float(f"{error.fit_percent:.2f}"),
+                error.nrmse,
+                error.rmse,
+                *error.band,
+                error.unit,
+            )
+            for error in self.outputs.values()
+        )
+        columns = ("output", "fit [%]", "NRMSE", "RMS error", "95 % from", "to", "unit")
+        title = f"Comparison ({how}), fit {self.fit_percent:.2f} %"
+        return Card(title, (Table("", columns, rows),), self.notes)

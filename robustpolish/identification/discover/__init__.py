@@ -1,0 +1,1 @@
+"""What a model lacks: screening, refits, judgement, verdict."""

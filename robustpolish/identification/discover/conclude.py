@@ -1,0 +1,218 @@
+"""The end of a diagnosis: final fit, verdict, result."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.effects import Effect
+from robustpolish.identification.discover.confusion import confused
+from robustpolish.identification.discover.free_shape import better_shape
+from robustpolish.identification.discover.search import Search
+from robustpolish.identification.findings.diagnosis import Diagnosis
+from robustpolish.identification.findings.findings import Confusion, FoundEffect, Value
+from robustpolish.identification.findings.ledger import Entry, Ledger
+from robustpolish.identification.fit.homotopy import JudgedFit, free_rms, homotopy
+from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
+from robustpolish.identification.observer.kalman import FREE, force_sites
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.parameters import effect_unit, unit_of
+from robustpolish.models.mechanical.parts import FORCE
+
+Array = NDArray[np.float64]
+_DRY = ("coulomb_friction", "stribeck_friction")
+
+
+class Verdict(NamedTuple):
+    """The verdict, its reasons, and the noise floor of each output in its unit."""
+
+    word: str
+    reasons: list[str]
+    floor: Array
+
+
+def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
+    """Fit the final model to the whole record and choose the verdict.
+
+    Parameters
+    ----------
+    search : Search
+    model : MechanicalModel
+        The model as the user gave it.
+    """
+    prepared, reference = search.prepared, search.reference
+    noise = prepared.scales.noise
+    search.say("final fit")
+    best = search.stage
+    calm = best.reproducible and free_rms(best.model, prepared, prepared.everything)[1]
+    final, error = _final_fit(search, best, calm)
+    added = len(final.model.effects) > len(reference.effects)
+    search.say("errors of every step")
+    errors = [_whole_error(m, search, calm) for _, m in search.steps[:-1]] + [error]
+    base, refitted = errors[0], errors[min(1, len(errors) - 1)]
+    # how an input acts between its samples is no number of the model
+    as_it_was = _whole_error(reference, search, calm) if reference is not model else base
+    verdict = _verdict(search, calm, as_it_was, refitted, error, added)
+    above = np.any(error > search.policy.shape_above * noise)
+    if verdict.word == "missing_effect" and above:
+        other = better_shape(final.model, prepared)
+        if other:
+            verdict = Verdict("unexplained", [other], verdict.floor)
+    if added and verdict.word == "unexplained":
+        # what explains too little is reported as a candidate, not kept in the model
+        named = ", ".join(e.kind for e in final.model.effects[len(reference.effects) :])
+        verdict.reasons.append(f"The nearest of the catalogue, not kept: {named}.")
+        del search.steps[2:]
+        search.confusions.clear()
+        final, error = _final_fit(search, search.linear, search.linear.reproducible)
+        errors = [base, error]
+        verdict = verdict._replace(floor=np.minimum(noise, error))
+    return _diagnosis(search, final, errors, verdict, calm)
+
+
+def _diagnosis(
+    search: Search, final: Fit, errors: list[Array], verdict: Verdict, calm: bool
+) -> Diagnosis:
+    """Put the findings together; `errors` are those of the steps."""
+    model, record, reference = final.model, search.prepared.record, search.reference
+    size = np.std(record.Y, axis=0)
+
+    def by_output(values: Array) -> dict[str, float]:
+        return dict(zip(model.output_names, (values / size).tolist(), strict=True))
+
+    steps = zip(search.steps, errors, strict=True)
+    entries = tuple(Entry(step, by_output(error)) for (step, _), error in steps)
+    covariance = covariance_of(final)
+    deviations = errors_from(covariance)
+    numbers = model.parameters
+    added = range(len(reference.effects), len(model.effects))
+    found = tuple(_found(model, index, deviations) for index in added)
+    return Diagnosis(
+        verdict=verdict.word,
+        model=model,
+        effects=found,
+        candidates=tuple(search.candidates),
+        indistinguishable=(*search.confusions, *_asymmetries(reference, found)),
+        ledger=Ledger(entries, by_output(verdict.floor)),
+        missing_force=search.prepared.motion(model, record).force,
+        sites=tuple(force_sites(reference)[1]),
+        parameters={k: Value(numbers[k], e, unit_of(model, k)) for k, e in deviations.items()},
+        covariance=covariance,
+        reasons=(*search.reasons, *verdict.reasons),
+        reproducible=calm,
+        time=record.time,
+    )
+
+
+def _whole_error(model: MechanicalModel, search: Search, calm: bool) -> Array:
+    """Return the free-run error of each output over the whole record.
+
+    A model whose long runs are not reproducible is run in windows.
+    """
+    prepared = search.prepared
+    return free_rms(model, prepared, prepared.everything if calm else prepared.windows)[0]
+
+
+def _final_fit(search: Search, stage: JudgedFit, calm: bool) -> tuple[Fit, Array]:
+    """Fit a stage's model to the whole record; return the fit and its free-run error."""
+    prepared, policy = search.prepared, search.policy
+    levels = policy.final if calm else policy.final_chaotic
+    if calm and not stage.model.effects:
+        levels = (FREE,)  # led by the data, it would leave what the data hardly show
+    fits = homotopy(
+        stage.model, prepared, prepared.everything, search.reference, levels, prepared.steps
+    )
+    before = _whole_error(stage.model, search, calm)
+    if not fits:
+        return stage.fit, before
+    error = _whole_error(fits[-1].model, search, calm)
+    if np.mean(np.log(error)) > np.mean(np.log(before)):
+        return stage.fit, before
+    return fits[-1], error
+
+
+def _verdict(
+    search: Search, calm: bool, base: Array, refitted: Array, error: Array, added: bool
+) -> Verdict:
+    """Choose the verdict.
+
+    Parameters
+    ----------
+    search : Search
+    calm : bool
+        Whether free runs over the whole record judge; otherwise the errors are of windows.
+    base, refitted, error : ndarray, shape (ny,)
+        Free-run errors of the model as it was, refitted, and in the end.
+    added : bool
+        Whether effects were added.
+    """
+    policy, noise = search.policy, search.prepared.scales.noise
+    size = np.std(search.prepared.record.Y, axis=0)
+    # the last screening may have seen coloured noise, and no missing force
+    silent = search.screening is not None and search.screening.level.force <= policy.silent
+    noise_like = silent and bool(np.all(error < policy.loudest * size))
+    at_floor = float(np.max(error / noise)) < policy.at_floor or noise_like
+    floor = error if at_floor else np.minimum(noise, error)
+    if added:
+        share = _explained(refitted, error, noise)
+        if at_floor or share > policy.explained or not calm:
+            told = f"The effects explain {100 * share:.0f} % of the error above the noise."
+            return Verdict("missing_effect", [told] if share > 0 else [], floor)
+        why = f"What was found explains {100 * share:.0f} % of the error above the noise only."
+        return Verdict("unexplained", [why], floor)
+    if not at_floor:
+        why = "No effect of the catalogue makes the error fall visibly."
+        return Verdict("unexplained", [why], floor)
+    wrong = np.any(base > policy.improved * error)
+    return Verdict("parameters" if wrong else "adequate", [], floor)
+
+
+def _explained(before: Array, after: Array, noise: Array) -> float:
+    """Return the share of the error's power above the noise that went away."""
+    excess = float(np.sum((before**2 - noise**2) / noise**2))
+    left = float(np.sum(np.maximum(after**2 - noise**2, 0) / noise**2))
+    return 1 - left / excess if excess > 0 else 1.0
+
+
+def _found(model: MechanicalModel, index: int, errors: dict[str, float]) -> FoundEffect:
+    effect = model.effects[index]
+    parameters = {}
+    for p in effect.definition.parameters:
+        if not p.fitted and effect.values[p.name] == p.default:
+            continue
+        unit = effect_unit(model, effect, p.name)
+        error = errors.get(f"effect[{index}].{p.name}", 0.0)
+        parameters[p.name] = Value(effect.values[p.name], error, unit)
+    return FoundEffect(effect.kind, effect.at, parameters)
+
+
+def _asymmetries(model: MechanicalModel, found: Sequence[FoundEffect]) -> list[Confusion]:
+    """Return the constants that friction of unlike size in the two directions would be.
+
+    Only the friction in each direction plus or minus the constant shows while something slides.
+    """
+    pairs = []
+    for constant in found:
+        end = _loaded(model, constant)
+        for friction in found:
+            if end is None or friction.kind not in _DRY or end not in friction.at:
+                continue
+            size = next(iter(constant.parameters.values())).value
+            name = next(iter(constant.parameters))
+            lopsided = Effect("coulomb_friction", friction.at, {"asymmetry": -size})
+            here = Effect(constant.kind, constant.at, {name: size})
+            pairs.append(confused(here, lopsided))
+    return pairs
+
+
+def _loaded(model: MechanicalModel, constant: FoundEffect) -> str | None:
+    """Return the coordinate on which a constant force acts, or seems to act by an offset."""
+    if constant.kind == "constant_force":
+        return constant.at[0]
+    if constant.kind == "sensor_offset":
+        output = next(o for o in model.outputs if o.name == constant.at[0])
+        return output.of[0] if output.quantity == FORCE else None
+    return None

@@ -1,0 +1,141 @@
+"""Learn which physical effect a model lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import xarray as xr
+
+from robustpolish.identification.discover.conclude import conclude
+from robustpolish.identification.discover.filtered import null_score
+from robustpolish.identification.discover.input_hold import with_holds
+from robustpolish.identification.discover.judge import chosen, judgement, objection
+from robustpolish.identification.discover.own_numbers import refit_own
+from robustpolish.identification.discover.screening import Screening, hopeful, screen
+from robustpolish.identification.discover.search import RefittedEffect, Search
+from robustpolish.identification.discover.wrong_gain import add_wrong_gains
+from robustpolish.identification.findings.diagnosis import Diagnosis
+from robustpolish.identification.fit.prepared import prepare
+from robustpolish.identification.policy import POLICY, Policy
+from robustpolish.identification.record import long_enough, record_of
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.progress import working
+
+
+def diagnose(
+    model: MechanicalModel,
+    data: xr.Dataset,
+    progress: Callable[[str], None] | None = None,
+    *,
+    _policy: Policy = POLICY,
+) -> Diagnosis:
+    """Learn which physical effect a model lacks, and add it.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    data : xarray.Dataset
+        Inputs and outputs of the model by name over uniform ``time``, SI units.
+    progress : callable, optional
+        Called with a short text at every step.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InvalidInputError
+        If columns are missing or the record is too short.
+
+    Notes
+    -----
+    The model's own numbers are refitted first. Then every effect of the catalogue is
+    screened at every place with an observer that has a leaking random-walk force as the
+    competing explanation, and coloured sensor noise and noise on the inputs as others. The
+    best few are refitted by homotopy and ranked on held-out blocks. An effect is added if
+    the held-out error falls visibly, its sign is physical and its parameters are
+    determined; then the search starts again.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> model, data = rp.datasets.sticky_slide()
+    >>> diagnosis = rp.diagnose(model, data.isel(time=slice(0, 500)))
+    >>> effect = diagnosis.effects[0]
+    >>> diagnosis.verdict, effect.kind, round(effect.parameters["force"].value, 1)
+    ('missing_effect', 'coulomb_friction', 3.0)
+    """
+    if progress is not None:
+        return _diagnose(model, data, progress, _policy)
+    with working("Diagnosing") as tell:
+        return _diagnose(model, data, tell, _policy)
+
+
+def _diagnose(
+    model: MechanicalModel, data: xr.Dataset, say: Callable[[str], None], policy: Policy
+) -> Diagnosis:
+    record = long_enough(model, record_of(model, data))
+    prepared = prepare(model, record, policy)
+    say("how inputs act between their samples")
+    held = with_holds(model, prepared)
+    say("refit of the model's own parameters")
+    own, guided = refit_own(held, prepared)
+    steps = [("base", model), ("refit", own.model)]
+    search = Search(prepared, held, say, linear=own, stage=own, guided=guided, steps=steps)
+    while search.added < policy.most_effects and _add_one(search):
+        pass
+    # only now: as long as something is missing, a fit bends masses and springs alike
+    add_wrong_gains(search)
+    return conclude(search, model)
+
+
+def _add_one(search: Search) -> bool:
+    """Try to add one effect; return whether one earned its place."""
+    if search.at_floor(search.stage):
+        return False
+    number = search.added + 1
+    for start in _starts(search):
+        search.say(f"screening for effect {number}")
+        screening = search.screening = screen(start, search.prepared)
+        refits = _refits(search, start, screening)
+        ranked = sorted(refits, key=lambda item: judgement(item.fitted, refits))
+        search.remember(ranked, screening.candidates, number)
+        earned = chosen(ranked, search)
+        if earned is not None:
+            search.accept(earned)
+            return True
+        if screening.level.force <= search.policy.silent:
+            break  # no missing force is seen: another start will not show one
+    return False
+
+
+def _refits(search: Search, start: MechanicalModel, screening: Screening) -> list[RefittedEffect]:
+    """Refit the candidates that deserve it, as long as it can change anything."""
+    refits: list[RefittedEffect] = []
+    first, further = hopeful(screening, search.policy)
+    for candidate in [*first, *further]:
+        explained = any(search.at_floor(item.fitted) for item in refits)
+        if explained and candidate.score < search.policy.near_score * first[0].score:
+            break
+        if candidate in further and any(
+            not objection(search.stage, item.fitted, search.policy) for item in refits
+        ):
+            break
+        search.say(f"refit with {candidate.effect}")
+        fitted = search.fitted_with(start, candidate.effect)
+        if fitted is not None:
+            refits.append(RefittedEffect(candidate, fitted))
+    return refits
+
+
+def _starts(search: Search) -> list[MechanicalModel]:
+    """Return the models from which to screen, the more likely one first.
+
+    A free-run fit bends the model's numbers to what is missing; one that is led by the data
+    leaves that to the free force, but may wander off where the data say little.
+    """
+    if search.stage.model.effects != search.guided.effects:
+        return [search.stage.model]
+    pair = [search.stage.model, search.guided]
+    return sorted(pair, key=lambda model: null_score(model, search.prepared))

@@ -1,0 +1,190 @@
+"""Which of the refitted effects earns its place, and which hide each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from robustpolish.identification.discover.candidates import rivals
+from robustpolish.identification.discover.confusion import confused
+from robustpolish.identification.discover.search import RefittedEffect, Search
+from robustpolish.identification.fit.homotopy import JudgedFit
+from robustpolish.identification.fit.least_squares import covariance_of, errors_from
+from robustpolish.identification.fit.parameters import connected
+from robustpolish.identification.policy import Policy
+
+
+def chosen(refits: Sequence[RefittedEffect], search: Search) -> RefittedEffect | None:
+    """Return the effect that is to be added, if one earns its place; note what is like it.
+
+    Parameters
+    ----------
+    refits : sequence of RefittedEffect
+        The best first.
+    search : Search
+    """
+    earned = _first_earned(_in_turn(refits, search), search)
+    if earned is None:
+        return _hiding(refits, search)
+    earned = _before_constant(earned, refits, search)
+    here = judgement(earned.fitted, refits)
+    for item in refits:
+        apart = judgement(item.fitted, refits) - here
+        if item.screened is not earned.screened and apart < _tolerance(search):
+            search.confusions.append(confused(earned.effect, item.effect))
+    return earned
+
+
+def judgement(fitted: JudgedFit, among: Sequence[RefittedEffect]) -> float:
+    """Return the mean log of the held-out errors; guided ones unless all run reproducibly."""
+    every = all(item.fitted.reproducible for item in among)
+    errors = fitted.free if every else fitted.guided
+    return float(np.mean(np.log(np.maximum(errors, 1e-300))))
+
+
+def objection(before: JudgedFit, after: JudgedFit, policy: Policy, place: int = -1) -> str | None:
+    """Say why an effect does not earn its place.
+
+    Parameters
+    ----------
+    before, after : JudgedFit
+        Without and with it.
+    policy : Policy
+    place : int, optional
+        Where it stands among the effects of the model; it is the last one by default.
+    """
+    free = before.reproducible and after.reproducible
+    old, new = (before.free, after.free) if free else (before.guided, after.guided)
+    fall = 1 - new / old
+    if np.max(fall) < policy.visible_fall:
+        return f"the held-out error falls by {100 * max(float(np.max(fall)), 0):.0f} % only"
+    if np.mean(np.log(new / old)) > np.log(1 - policy.together):
+        return "one output gains what another loses"
+    index = place % len(after.model.effects)
+    effect = after.model.effects[index]
+    implausible = effect.definition.implausible(effect.values)
+    if implausible:
+        return implausible
+    errors = errors_from(covariance_of(after.fit))
+    lead = next(p.name for p in effect.definition.parameters if p.fitted)
+    error, largest = errors.get(f"effect[{index}].{lead}", 0.0), abs(effect.values[lead])
+    if not error < policy.determined * largest and effect.definition.domain != "input":
+        return f"its {lead} is not determined"
+    return None
+
+
+def _tolerance(search: Search) -> float:
+    """Return the relative difference of errors below which two effects are one to this data."""
+    return search.policy.same(sum(p.record.samples for p in search.prepared.held_out))
+
+
+def _in_turn(ranked: Sequence[RefittedEffect], search: Search) -> list[RefittedEffect]:
+    """Return the candidates by error; among equals the one with the fewest parameters first."""
+    if not ranked:
+        return []
+    limit = judgement(ranked[0].fitted, ranked) + _tolerance(search)
+    joined = connected(search.reference)
+
+    def order(item: RefittedEffect) -> tuple[bool, int, bool, float]:
+        error = judgement(item.fitted, ranked)
+        if error > limit:
+            return True, 0, False, error
+        ends = set(item.effect.at) - {"ground"}
+        apart = item.effect.definition.domain == "pair" and not any(ends <= g for g in joined)
+        return False, item.size, apart, error
+
+    return _simpler_first(sorted(ranked, key=order), search)
+
+
+def _simpler_first(ordered: list[RefittedEffect], search: Search) -> list[RefittedEffect]:
+    """Put a simpler kind of the same family ahead if the first is not visibly better.
+
+    Far above the noise something else is missing too, and a kind with more parameters bends itself
+    to that.
+    """
+    best, policy = ordered[0], search.policy
+    if np.any(best.fitted.error < policy.far * search.prepared.scales.noise):
+        return ordered
+    limit = judgement(best.fitted, ordered) - np.log(1 - policy.visible_fall)
+    simpler = [
+        item
+        for item in ordered
+        if rivals(item.effect.definition, best.effect.definition)
+        and item.effect.at == best.effect.at
+        and item.size < best.size
+        and judgement(item.fitted, ordered) < limit
+    ]
+    if not simpler:
+        return ordered
+    first = min(simpler, key=lambda item: (item.size, judgement(item.fitted, ordered)))
+    return [first, *(item for item in ordered if item is not first)]
+
+
+def _first_earned(ordered: Sequence[RefittedEffect], search: Search) -> RefittedEffect | None:
+    """Return the first candidate that earns its place."""
+    for item in ordered:
+        remark = objection(search.stage, item.fitted, search.policy)
+        if not remark:
+            return item
+        search.reasons.append(f"{item.effect} was not added: {remark}.")
+    return None
+
+
+def _before_constant(
+    earned: RefittedEffect, ranked: Sequence[RefittedEffect], search: Search
+) -> RefittedEffect:
+    """Return the effect that is to be named before a constant, or the constant.
+
+    An offset or a preload hides how well other effects do. If one of them earns its place beside
+    the constant, it comes first, and the constant later.
+    """
+    if not earned.constant:
+        return earned
+    alone = earned.fitted
+    found: list[tuple[float, RefittedEffect]] = []
+    for item in ranked[: search.policy.most_paired]:
+        if item.constant:
+            continue
+        both = search.fitted_with(item.fitted.model, alone.model.effects[-1])
+        if both is not None and not objection(alone, both, search.policy, place=-2):
+            found.append((float(np.mean(np.log(both.error))), item))
+    return min(found, key=lambda pair: pair[0])[1] if found else earned
+
+
+def _hiding(ranked: Sequence[RefittedEffect], search: Search) -> RefittedEffect | None:
+    """Return the first of two effects that earn their places only beside each other.
+
+    None of the candidates earned its place alone; the second is found by the next screening.
+    """
+    policy = search.policy
+    limit = judgement(search.stage, ranked) + np.log(1 - policy.hiding_fall)
+    near = [i for i in ranked[: policy.most_paired] if judgement(i.fitted, ranked) < limit]
+    if near and not any(item.constant for item in near):
+        near += _likeliest_constant(ranked, search)
+    for one, other in combinations(near, 2):
+        if rivals(one.effect.definition, other.effect.definition):
+            continue
+        both = search.fitted_with(one.fitted.model, other.fitted.model.effects[-1])
+        if both is None:
+            continue
+        kept = objection(other.fitted, both, policy, place=-2)
+        if not kept and not objection(one.fitted, both, policy):
+            first, second = (other, one) if one.constant else (one, other)
+            search.reasons.append(f"{first.effect} earns its place only beside {second.effect}.")
+            return first
+    return None
+
+
+def _likeliest_constant(ranked: Sequence[RefittedEffect], search: Search) -> list[RefittedEffect]:
+    """Return an offset or preload, which alone shows next to nothing of what it hides."""
+    refitted = [item for item in ranked if item.constant]
+    if refitted or search.screening is None:
+        return refitted[:1]
+    constants = [c for c in search.screening.candidates if c.constant]
+    for candidate in sorted(constants, key=lambda c: -c.score)[:1]:
+        fitted = search.fitted_with(search.stage.model, candidate.effect)
+        if fitted is not None:
+            refitted.append(RefittedEffect(candidate, fitted))
+    return refitted

@@ -1,0 +1,116 @@
+"""Refit a model's own numbers before anything is said to be missing."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy, judged
+from robustpolish.identification.fit.parameters import chain_keys, connected, driving
+from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.observer.kalman import FREE
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.parts import FORCE
+
+
+class OwnNumbers(NamedTuple):
+    """The refitted model, judged, and the one whose fit was led by the data."""
+
+    stage: JudgedFit
+    guided: MechanicalModel
+
+
+def refit_own(model: MechanicalModel, prepared: PreparedRecord) -> OwnNumbers:
+    """Fit the numbers of a model as it is, effects of its own included.
+
+    A fit that is led by the data finds numbers that are far off; one that runs freely from the
+    start keeps those that are nearly right already, where the data says little about them while it
+    leads. Chains that hang together by nothing are judged apart.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    prepared : PreparedRecord
+    """
+    pieces = prepared.trial if model.free else prepared.estimation  # quick where nothing swings
+    stages = homotopy(model, prepared, pieces, model, prepared.policy.linear)
+    stage = best_stage(stages, prepared)
+    guided = stages[min(1, len(stages) - 1)].model
+    if np.any(stage.error * prepared.policy.better > prepared.scales.noise):
+        stage = _directly(stage, model, prepared)
+    return OwnNumbers(_at_rest(stage, model, prepared), guided)
+
+
+def _directly(stage: JudgedFit, model: MechanicalModel, prepared: PreparedRecord) -> JudgedFit:
+    """Return a stage whose chains are as good as those of a direct fit."""
+    pieces = prepared.trial if model.free else prepared.estimation
+    direct = homotopy(model, prepared, pieces, model, (FREE,), prepared.policy.direct_steps)
+    if not direct:
+        return stage
+    other = judged(direct[-1], prepared)
+    mixed = _best_of_chains(stage, other, prepared.policy.better)
+    if mixed is None:
+        return stage
+    joined = homotopy(mixed, prepared, pieces, model, (FREE,), prepared.policy.direct_steps)
+    found = [stage, other, *(judged(fitted, prepared) for fitted in joined)]
+    return min(found, key=lambda s: float(np.mean(np.log(s.error))))
+
+
+def _at_rest(stage: JudgedFit, model: MechanicalModel, prepared: PreparedRecord) -> JudgedFit:
+    """Return the stage with its common factors settled, if the error does not mind."""
+    rested = settled(stage.model, model, prepared.policy.unchanged)
+    if rested is stage.model or not stage.reproducible:
+        return stage
+    fits = homotopy(rested, prepared, prepared.trial, model, (FREE,))
+    stages = [judged(fitted, prepared) for fitted in fits]
+    kept = [s for s in stages if np.mean(np.log(s.error / stage.error)) < prepared.policy.unchanged]
+    return kept[0] if kept else stage
+
+
+def _best_of_chains(stage: JudgedFit, direct: JudgedFit, better: float) -> MechanicalModel | None:
+    """Return the first model with the chains of the second where that is better; None if nowhere.
+
+    Numbers of effects and of chains without an output stay.
+    """
+    model, numbers = stage.model, direct.model.parameters
+    taken: dict[str, float] = {}
+    for group in connected(model):
+        seen = [i for i, o in enumerate(model.outputs) if group.intersection(o.of)]
+        if not seen:
+            continue
+        fall = np.mean(np.log(direct.error[seen])) - np.mean(np.log(stage.error[seen]))
+        if fall < np.log(better):
+            taken |= {key: numbers[key] for key in _keys(model, group)}
+    return model.with_parameters(taken) if taken else None
+
+
+def settled(
+    model: MechanicalModel, reference: MechanicalModel, unchanged: float
+) -> MechanicalModel:
+    """Return the model with chains scaled to what is known of their masses and gains.
+
+    A chain whose masses, springs, dampers and gains are all larger by one factor moves alike. Where
+    the chain has two inputs or more the fit is free to wander along this factor.
+    """
+    known, found = reference.parameters, model.parameters
+    changes: dict[str, float] = {}
+    for group in connected(model):
+        forces = any(o.quantity == FORCE and group.intersection(o.of) for o in model.outputs)
+        bent = any(group.intersection(effect.at) for effect in model.effects)
+        if len(driving(model, group)) < 2 or forces or bent:
+            continue
+        keys = _keys(model, group)
+        told = [key for key in keys if not key.startswith(("spring", "damper")) and known[key]]
+        ratios = np.array([found[key] / known[key] for key in told])
+        if ratios.size and np.all(ratios > 0):
+            factor = float(np.sum(ratios) / np.sum(ratios**2))  # nearest to one, all alike likely
+            if abs(np.log(factor)) > unchanged:
+                changes |= {key: factor * found[key] for key in keys}
+    return model.with_parameters(changes) if changes else model
+
+
+def _keys(model: MechanicalModel, chain: set[str]) -> list[str]:
+    """Return the keys of the numbers of a chain."""
+    keys = [key for kind in chain_keys(model, chain) for key in kind]
+    return keys + [f"input.{i.name}.gain" for i in model.inputs if i.on[0] in chain]

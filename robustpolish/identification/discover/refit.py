@@ -1,0 +1,121 @@
+"""Fit a model's parameters to a record, those of its effects included."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import lmfit
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from robustpolish.identification.discover.screening import screen
+from robustpolish.identification.findings.refitted import Refit
+from robustpolish.identification.fit.homotopy import homotopy
+from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
+from robustpolish.identification.fit.prepared import PreparedRecord, prepare
+from robustpolish.identification.policy import POLICY, Policy
+from robustpolish.identification.record import long_enough, record_of
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.parameters import unit_of
+from robustpolish.progress import working
+
+Array = NDArray[np.float64]
+
+
+def refit(
+    model: MechanicalModel,
+    data: xr.Dataset,
+    progress: Callable[[], None] | None = None,
+    *,
+    _policy: Policy = POLICY,
+) -> Refit:
+    """Fit the parameters of a model, those of its effects included.
+
+    Masses and input gains are known to about 5 % beforehand; data may move them further.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+        Start values; effects that were added without parameters get theirs from screening.
+    data : xarray.Dataset
+        Inputs and outputs by name over ``time``, SI units.
+    progress : callable, optional
+        Called after every step.
+
+    Returns
+    -------
+    Refit
+
+    Raises
+    ------
+    InvalidInputError
+        If columns are missing or the record is too short.
+
+    Examples
+    --------
+    >>> import numpy as np, xarray as xr
+    >>> import robustpolish as rp
+    >>> from robustpolish.simulation import linear_response
+    >>> def oscillator(k):
+    ...     return rp.MechanicalModel(
+    ...         [rp.Dof("x", 1.0)],
+    ...         [rp.Spring(("x", "ground"), k)],
+    ...         [rp.Damper(("x", "ground"), 0.4)],
+    ...         [rp.Input("F", ("x", "ground"))], [rp.Output("x", ("x", "ground"))])
+    >>> t = np.arange(2000) * 0.01
+    >>> rng = np.random.default_rng(0)
+    >>> force, noise = rng.standard_normal(t.size), 1e-3 * rng.standard_normal(t.size)
+    >>> x = linear_response(oscillator(25.0).state_space(), t, force[:, None]).outputs[:, 0]
+    >>> data = xr.Dataset({"F": ("time", force), "x": ("time", x + noise)}, coords={"time": t})
+    >>> fitted = refit(oscillator(22.0), data)
+    >>> m, k = (fitted.model.parameters[n] for n in ("dof.x.mass", "spring[0].stiffness"))
+    >>> bool(abs(k / m - 25) < 0.1)
+    True
+    """
+    prepared = prepare(model, long_enough(model, record_of(model, data)), _policy)
+    started = _with_start_values(model, prepared)
+    levels = _policy.homotopy
+    with working("Refitting"):
+        fits = homotopy(started, prepared, prepared.everything, model, levels, progress=progress)
+    if not fits:
+        raise ArithmeticError("no stage of the fit ended with finite errors")
+    return _summarised(fits[-1], prepared)
+
+
+def _with_start_values(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:
+    """Give effects that came without parameters those that screening finds."""
+    effects = list(model.effects)
+    for i, effect in enumerate(effects):
+        if effect.parameters:
+            continue
+        others = replace(model, effects=tuple(e for e in effects if e is not effect))
+        found = screen(others, prepared, [effect])
+        values = found.candidates[0].effect.values if found.candidates else effect.values
+        effects[i] = effect.with_values(values)
+    return replace(model, effects=tuple(effects))
+
+
+def _summarised(fitted: Fit, prepared: PreparedRecord) -> Refit:
+    """Return values, bounds and standard errors of a fit."""
+    covariance = covariance_of(fitted)
+    errors = errors_from(covariance)
+    parameters = lmfit.Parameters()
+    units, undetermined = {}, []
+    for f in fitted.free:
+        value, error = fitted.model.parameters[f.key], errors[f.key]
+        name = lmfit_name(f.key)
+        parameters.add(name, value=value, min=f.lower, max=f.upper)
+        parameters[name].stderr = error
+        units[f.key] = unit_of(fitted.model, f.key)
+        if not np.isfinite(error) or error > prepared.policy.undetermined * abs(value):
+            undetermined.append(f.key)
+    size = np.std(prepared.record.Y, axis=0)
+    nrmse = dict(zip(fitted.model.output_names, (fitted.rmse / size).tolist(), strict=True))
+    return Refit(fitted.model, parameters, units, nrmse, tuple(undetermined), errors, covariance)
+
+
+def lmfit_name(key: str) -> str:
+    """Return a key as a name that lmfit accepts."""
+    return "".join(c if c.isalnum() else "_" for c in key).strip("_")

@@ -1,0 +1,219 @@
+"""Screen every effect at every place for the one that makes the innovations white."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.effects import CONSTANT, Effect, kinds
+from robustpolish.identification.discover.candidates import Columns, columns_at, places
+from robustpolish.identification.discover.filtered import FilteredRecord
+from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.observer.kalman import Level
+from robustpolish.identification.policy import Policy
+from robustpolish.models.mechanical import MechanicalModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ScreenedEffect:
+    """An effect that might be missing, as far as screening can tell.
+
+    Attributes
+    ----------
+    effect : Effect
+        With first values of its parameters.
+    score : float
+        Half the fall of the Bayesian information criterion against no effect: log odds.
+    fall : float
+        Share by which the innovations fall at the level without effect.
+    remark : str
+        Why its signs or values cannot be physical, if they cannot.
+    """
+
+    effect: Effect
+    score: float
+    fall: float
+    remark: str = ""
+
+    @property
+    def sensible(self) -> bool:
+        """Whether signs and values are physical."""
+        return not self.remark
+
+    @property
+    def place(self) -> tuple[str, tuple[str, ...]]:
+        """Kind and place."""
+        return self.effect.kind, self.effect.at
+
+    @property
+    def constant(self) -> bool:
+        """Whether it never changes, as an offset or a preload."""
+        return self.effect.definition.family == CONSTANT
+
+
+@dataclass(frozen=True, eq=False)
+class Screening:
+    """All candidates, best first, and what the data says without any.
+
+    Attributes
+    ----------
+    candidates : tuple of ScreenedEffect
+        By their odds, the sensible ones first.
+    large : tuple of ScreenedEffect
+        The same effects as they come closest to runs that are hardly led, by the share of the
+        error that they take away.
+    level : Level
+        At which the model is likeliest without any.
+    """
+
+    candidates: tuple[ScreenedEffect, ...]
+    large: tuple[ScreenedEffect, ...]
+    level: Level
+
+
+def screen(
+    model: MechanicalModel, prepared: PreparedRecord, allowed: Sequence[Effect] | None = None
+) -> Screening:
+    """Score every effect of the catalogue at every place it can act.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+        With the effects found so far.
+    prepared : PreparedRecord
+    allowed : sequence of Effect, optional
+        Effects to try, their parameters aside; all kinds at all places by default.
+    """
+    policy, record = prepared.policy, prepared.screened
+    motion = prepared.motion(model, record)
+    filtered = {
+        level: FilteredRecord(model, prepared, record, level, motion) for level in policy.screening
+    }
+    nulls = {
+        (level, order): score
+        for level, f in filtered.items()
+        for order, score in f.scores(f.residual(None)[0], 0, policy.noise_orders).items()
+    }
+    best_level = min(nulls, key=lambda key: nulls[key])[0]
+    null = min(nulls.values())
+    tried_at = [(e.definition, e.at) for e in allowed or ()]
+    if allowed is None:
+        tried_at = [(kind, at) for kind in kinds().values() for at in places(model, kind)]
+    entries = [c for kind, at in tried_at for c in columns_at(model, kind, at, motion, record)]
+    coarse = dict.fromkeys([best_level, *policy.coarse])
+    hardly = dict.fromkeys(policy.hardly_led)
+    rough: list[tuple[float, Columns]] = []
+    wide: list[tuple[float, Columns]] = []
+    for entry in entries:
+        scores = {level: _try(filtered[level], entry, (0,))[0][0] for level in {**coarse, **hardly}}
+        rough.append((min(scores[level] for level in coarse), entry))
+        wide.append((min(scores[level] - nulls[level, 0] for level in hardly), entry))
+    found, large = [], []
+    chosen: dict[int, Columns] = {}
+    _choose(chosen, rough, policy.finalists, 2)
+    _choose(chosen, wide, policy.further_finalists, 1)
+    for entry in chosen.values():
+        tried = {level: _try(f, entry, policy.noise_orders) for level, f in filtered.items()}
+        score, level = min(
+            ((score, level) for level, (scores, _) in tried.items() for score in scores.values()),
+            key=lambda o: o[0],
+        )
+        odds = (null - score) / 2
+        found.append(_candidate(entry, odds, tried[level][1], filtered[level]))
+        for level in policy.hardly_led:
+            if np.isfinite(tried[level][0][0]):
+                large.append(_candidate(entry, odds, tried[level][1], filtered[level]))
+    found.sort(key=lambda c: (-c.sensible, -c.score))
+    large.sort(key=lambda c: (-c.sensible, -c.fall))
+    return Screening(_best_of_each(found), _best_of_each(large), best_level)
+
+
+def hopeful(
+    screening: Screening, policy: Policy
+) -> tuple[list[ScreenedEffect], list[ScreenedEffect]]:
+    """Return the candidates that deserve a refit, and further ones if none of them earns its place.
+
+    The former are the likeliest, and the largest if others.
+    """
+    good = [c for c in screening.candidates if c.sensible and c.score > policy.least_odds]
+    chosen = [c for c in good if c.score > policy.near_best * good[0].score][: policy.most_refits]
+    taken = {c.place for c in chosen}
+    for candidate in screening.large[: policy.most_large]:
+        if candidate.place in taken:
+            if candidate.constant:
+                continue
+            break  # what takes away most is there
+        if candidate.sensible and candidate.fall > policy.visible_fall:
+            chosen.append(candidate)
+    taken = {c.place for c in chosen}
+    further = [c for c in good if c.place not in taken]
+    return chosen, further[: policy.most_further]
+
+
+def _try(
+    f: FilteredRecord, entry: Columns, orders: Sequence[int]
+) -> tuple[dict[int, float], Array]:
+    """Return the information criterion with an entry's columns, and their coefficients."""
+    raw = f.respond(entry)
+    bad = dict.fromkeys(orders, np.inf)
+    if not np.isfinite(raw).all():
+        return bad, np.full(len(raw), np.nan)
+    rest, c = f.residual(f.weighted(raw))
+    if not np.isfinite(c).all() or not entry.shape.valid(c):
+        return bad, c
+    samples = len(f.errors)
+    scores = f.scores(rest, len(c), orders)
+    if entry.kind.kind == "sensor_gain":
+        # scaling the data down makes every error smaller: the density of the data pays for it
+        if abs(c[0]) > f.policy.sensor_gain:
+            return bad, c
+        jacobian = -2 * samples * np.log(1.0 - float(c[0]))
+        scores = {order: score + jacobian for order, score in scores.items()}
+    return scores, c
+
+
+def _choose(
+    chosen: dict[int, Columns], scored: list[tuple[float, Columns]], most: int, shapes: int
+) -> None:
+    """Add the best shapes of each effect and place, the best places first."""
+    seen: dict[tuple[str, tuple[str, ...]], int] = {}
+    for score, entry in sorted(scored, key=lambda item: item[0]):
+        key = (entry.kind.kind, entry.at)
+        full = key not in seen and len(seen) >= most
+        if seen.get(key, 0) >= shapes or full or not np.isfinite(score):
+            continue
+        seen[key] = seen.get(key, 0) + 1
+        chosen[id(entry)] = entry
+
+
+def _candidate(entry: Columns, score: float, c: Array, f: FilteredRecord) -> ScreenedEffect:
+    """Return an entry at one level, with the coefficients that it has there."""
+    signs = zip(entry.shape.signs, c, strict=True)
+    remark = "its force has the wrong sign" if any(s * v < 0 for s, v in signs) else ""
+    values = dict(entry.shape.values(c)) if np.isfinite(c).all() else {}
+    for name, value in values.items():
+        parameter = entry.kind.parameter(name)
+        values[name] = float(np.clip(value, parameter.lower, parameter.upper))
+    effect = Effect(entry.kind.kind, entry.at, values)
+    before = _size(f.residual(None)[0], entry)
+    after = _size(f.residual(f.weighted(f.respond(entry)))[0], entry)
+    return ScreenedEffect(effect, score, float(1 - np.min(after / before)), remark)
+
+
+def _size(errors: Array, entry: Columns) -> Array:
+    """Return the size of errors; their mean is the business of constants alone."""
+    if entry.kind.family == CONSTANT:
+        return np.sqrt(np.mean(errors**2, axis=0))
+    return np.std(errors, axis=0)
+
+
+def _best_of_each(found: list[ScreenedEffect]) -> tuple[ScreenedEffect, ...]:
+    best: dict[tuple[str, tuple[str, ...]], ScreenedEffect] = {}
+    for candidate in found:
+        best.setdefault(candidate.place, candidate)
+    return tuple(best.values())

@@ -1,0 +1,151 @@
+"""What a search for missing effects knows so far, and the fits that it makes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robustpolish.effects import Effect
+from robustpolish.identification.discover.screening import ScreenedEffect, Screening
+from robustpolish.identification.findings.findings import Confusion, RankedCandidate
+from robustpolish.identification.fit.homotopy import (
+    JudgedFit,
+    best_stage,
+    guided_rms,
+    homotopy,
+)
+from robustpolish.identification.fit.least_squares import Fit
+from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.observer.kalman import FREE, Level
+from robustpolish.identification.policy import Policy
+from robustpolish.models.mechanical import MechanicalModel
+
+
+@dataclass(frozen=True, eq=False)
+class RefittedEffect:
+    """A screened effect, and the model with it, fitted and judged."""
+
+    screened: ScreenedEffect
+    fitted: JudgedFit
+
+    @property
+    def effect(self) -> Effect:
+        """The effect, with its first values."""
+        return self.screened.effect
+
+    @property
+    def size(self) -> int:
+        """Number of its fitted parameters."""
+        return sum(p.fitted for p in self.effect.definition.parameters)
+
+    @property
+    def constant(self) -> bool:
+        """Whether it never changes, as an offset or a preload."""
+        return self.screened.constant
+
+
+@dataclass
+class Search:
+    """What the search knows so far.
+
+    Attributes
+    ----------
+    prepared : PreparedRecord
+    reference : MechanicalModel
+        The model as it was, holds of its inputs included.
+    say : callable
+        Told what is done.
+    linear, stage : JudgedFit
+        Its own numbers refitted, and the best model so far.
+    guided : MechanicalModel
+        The refitted model whose fit was led by the data.
+    steps : list
+        The entries of the ledger to come.
+    """
+
+    prepared: PreparedRecord
+    reference: MechanicalModel
+    say: Callable[[str], None]
+    linear: JudgedFit
+    stage: JudgedFit
+    guided: MechanicalModel
+    steps: list[tuple[str, MechanicalModel]]
+    candidates: list[RankedCandidate] = field(default_factory=list)
+    confusions: list[Confusion] = field(default_factory=list)
+    reasons: list[str] = field(default_factory=list)
+    screening: Screening | None = None
+
+    @property
+    def policy(self) -> Policy:
+        """What it goes by."""
+        return self.prepared.policy
+
+    @property
+    def added(self) -> int:
+        """Number of effects that were added."""
+        return len(self.stage.model.effects) - len(self.reference.effects)
+
+    def at_floor(self, stage: JudgedFit) -> bool:
+        """Return whether not even the noise alone would make the error fall visibly."""
+        return bool(np.all(stage.error < self.policy.at_floor * self.prepared.scales.noise))
+
+    def fitted_with(self, model: MechanicalModel, effect: Effect) -> JudgedFit | None:
+        """Return a model with one more effect, fitted.
+
+        None if no fit ended well, or if the effect does not help even a model that is led by the
+        data.
+        """
+        prepared, policy = self.prepared, self.policy
+        extended = model.with_effect(effect.kind, effect.at, effect.values)
+        levels, steps, before = policy.extended, prepared.steps, np.full(len(model.outputs), np.inf)
+        if model.free:
+            before = guided_rms(model, prepared, prepared.trial, policy.asked)
+        else:  # all motion is imposed: no run can go astray, and none can be led
+            levels, steps = (FREE,), 2 * steps
+
+        def enough(level: Level, fit: Fit) -> bool:
+            return level != policy.asked or bool(np.any(fit.rmse < policy.helps * before))
+
+        stages = homotopy(
+            extended, prepared, prepared.trial, self.reference, levels, steps, enough=enough
+        )
+        return best_stage(stages, prepared) if stages else None
+
+    def accept(self, earned: RefittedEffect) -> None:
+        """Go on with the model that has an effect."""
+        self.stage = earned.fitted
+        self.steps.append((earned.effect.kind, self.stage.model))
+        refused = f"{earned.effect} was not added"
+        self.reasons = [reason for reason in self.reasons if not reason.startswith(refused)]
+
+    def remember(
+        self, ranked: Sequence[RefittedEffect], screened: Sequence[ScreenedEffect], number: int
+    ) -> None:
+        """Add what was refitted, then what was only screened, to the list of candidates.
+
+        Parameters
+        ----------
+        ranked : sequence of RefittedEffect
+            The best first.
+        screened : sequence of ScreenedEffect
+        number : int
+            1 when the first effect is sought, and so on.
+        """
+        size = np.std(self.prepared.record.Y, axis=0)
+        for item in ranked:
+            effect, error = item.fitted.model.effects[-1], float(np.mean(item.fitted.error / size))
+            self._remember(effect, error, item.screened.score, number)
+        done = {item.screened.place for item in ranked}
+        for other in screened:
+            if other.place not in done and other.score > 0:
+                remark = other.remark or "screened only"
+                self._remember(other.effect, np.inf, other.score, number, remark)
+
+    def _remember(
+        self, effect: Effect, error: float, score: float, number: int, remark: str = ""
+    ) -> None:
+        self.candidates.append(
+            RankedCandidate(effect.kind, effect.at, error, score, number, effect.values, remark)
+        )

@@ -1,0 +1,1 @@
+"""What came out: diagnosis, refit and ledger, in words, pictures and files."""

@@ -1,0 +1,143 @@
+"""Findings in files: the model as TOML inside, numbers and missing force beside it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import xarray as xr
+
+from robustpolish.effects import Effect, lookup
+from robustpolish.identification.findings.findings import (
+    Confusion,
+    Findings,
+    FoundEffect,
+    RankedCandidate,
+    Value,
+)
+from robustpolish.identification.findings.ledger import Entry, Ledger
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.saved_file import Fields
+
+VERDICTS = ("adequate", "parameters", "missing_effect", "unexplained")
+
+
+def content(found: Findings) -> dict[str, Any]:
+    """Return what stands in the file."""
+    covariance = found.covariance
+    return {
+        "verdict": found.verdict,
+        "reasons": list(found.reasons),
+        "reproducible": found.reproducible,
+        "model": found.model.to_toml().splitlines(),
+        "effects": [
+            {"kind": e.kind, "at": e.at, "parameters": _values(e.parameters)} for e in found.effects
+        ],
+        "candidates": [
+            {
+                "kind": c.kind,
+                "at": c.at,
+                "nrmse_held_out": c.nrmse_held_out,
+                "score": c.score,
+                "step": c.step,
+                "parameters": dict(c.parameters),
+                "remark": c.remark,
+            }
+            for c in found.candidates
+        ],
+        "indistinguishable": [
+            {"first": _place(c.first), "second": _place(c.second), "experiment": c.experiment}
+            for c in found.indistinguishable
+        ],
+        "ledger": [{"step": e.step, "nrmse": dict(e.nrmse)} for e in found.ledger.entries],
+        "noise_floor": dict(found.noise_floor),
+        "parameters": _values(found.parameters),
+        "sites": found.sites,
+        "time": found.time,
+        "missing_force": found.missing_force,
+        "covariance": None
+        if covariance is None
+        else {"keys": covariance["parameter"].values, "values": covariance.values},
+    }
+
+
+def findings_from(fields: Fields) -> Findings:
+    """Return the findings in a file.
+
+    Raises
+    ------
+    InvalidInputError
+        If a key is missing or wrong, or names an effect that is not in the catalogue.
+    """
+    sites = tuple(Fields({"at": site}, fields.where).texts("at") for site in fields.items("sites"))
+    ledger = Ledger(
+        tuple(Entry(e.text("step"), e.numbers("nrmse")) for e in fields.tables("ledger")),
+        fields.numbers("noise_floor"),
+    )
+    return Findings(
+        verdict=fields.text("verdict", VERDICTS),
+        model=MechanicalModel.from_toml("\n".join(fields.texts("model")) + "\n"),
+        effects=tuple(
+            FoundEffect(_kind(e), e.texts("at"), _read_values(e.table("parameters")))
+            for e in fields.tables("effects")
+        ),
+        candidates=tuple(
+            RankedCandidate(
+                kind=_kind(c),
+                at=c.texts("at"),
+                nrmse_held_out=c.number("nrmse_held_out"),
+                score=c.number("score"),
+                step=c.whole("step"),
+                parameters=c.numbers("parameters"),
+                remark=c.text("remark"),
+            )
+            for c in fields.tables("candidates")
+        ),
+        indistinguishable=tuple(
+            Confusion(_effect(c.table("first")), _effect(c.table("second")), c.text("experiment"))
+            for c in fields.tables("indistinguishable")
+        ),
+        ledger=ledger,
+        missing_force=fields.array("missing_force", len(sites), None),
+        sites=sites,
+        parameters=_read_values(fields.table("parameters")),
+        covariance=_covariance(fields),
+        reasons=fields.texts("reasons"),
+        reproducible=fields.truth("reproducible"),
+        time=fields.array("time", None),
+    )
+
+
+def _covariance(fields: Fields) -> xr.DataArray | None:
+    """Return the covariance of the fitted numbers; files of older versions hold none."""
+    if "covariance" not in fields or fields.raw("covariance") is None:
+        return None
+    table = fields.table("covariance")
+    keys = list(table.texts("keys"))
+    values = table.array("values", len(keys), len(keys))
+    return xr.DataArray(values, {"parameter": keys, "other": keys}, ("parameter", "other"))
+
+
+def _values(values: Any) -> dict[str, Any]:
+    return {
+        key: {"value": v.value, "stderr": v.stderr, "unit": v.unit} for key, v in values.items()
+    }
+
+
+def _read_values(table: Fields) -> dict[str, Value]:
+    found = {key: table.table(key) for key in table}
+    return {
+        key: Value(item.number("value"), item.number("stderr"), item.text("unit"))
+        for key, item in found.items()
+    }
+
+
+def _place(effect: Effect) -> dict[str, Any]:
+    return {"kind": effect.kind, "at": effect.at, "parameters": dict(effect.parameters)}
+
+
+def _effect(table: Fields) -> Effect:
+    return Effect(_kind(table), table.texts("at"), table.numbers("parameters"))
+
+
+def _kind(table: Fields) -> str:
+    return lookup(table.text("kind")).kind

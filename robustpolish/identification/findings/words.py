@@ -1,0 +1,105 @@
+"""A diagnosis in words, and in plain numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robustpolish.effects import Effect, lookup
+from robustpolish.identification.findings.findings import Findings, Value
+
+_VERDICTS = {
+    "adequate": "The model is adequate: what is left is noise.",
+    "parameters": "Nothing is missing, but the model's numbers were wrong; they were refitted.",
+    "missing_effect": "The model lacks a physical effect.",
+    "unexplained": "Something is missing that no effect of the catalogue explains.",
+}
+
+
+def headline(found: Findings) -> str:
+    """Return the verdict as a sentence, with the effects by name."""
+    if found.verdict == "missing_effect" and found.effects:
+        named = " and ".join(f"{lookup(e.kind).title} at {', '.join(e.at)}" for e in found.effects)
+        return f"The model lacked: {named}."
+    return _VERDICTS[found.verdict]
+
+
+def explain(found: Findings) -> str:
+    """Return the text of `Diagnosis.explain`."""
+    lines = [headline(found), *found.reasons]
+    for number, effect in enumerate(found.effects, 1):
+        kind = lookup(effect.kind)
+        lines += ["", f"{number}. {kind.title} at {', '.join(effect.at)}"]
+        for name, v in effect.parameters.items():
+            lines.append(f"   {name} = {v.value:.5g} +- {v.stderr:.2g} {v.unit}")
+        lines += [f"   In the residual: {kind.looks_like}"]
+        lines += [f"   Check: {check}" for check in kind.checks]
+        lines += [f"   See {reference}" for reference in kind.references]
+    if found.ledger.entries:
+        lines += ["", "Error of a free run over the standard deviation of each output:"]
+        for entry in found.ledger.entries:
+            shown = ", ".join(f"{k} {v:.3g}" for k, v in entry.nrmse.items())
+            lines.append(f"   {entry.step}: {shown}")
+        shown = ", ".join(f"{k} {v:.3g}" for k, v in found.noise_floor.items())
+        lines.append(f"   noise floor: {shown}")
+    if found.indistinguishable:
+        lines += ["", "This data cannot tell apart:"]
+        for c in found.indistinguishable:
+            lines.append(f"   {c.first} and {c.second}. {c.experiment}")
+    if not found.reproducible:
+        lines += [
+            "",
+            "A free run is not reproducible: a tiny change of the start grows beyond the noise, "
+            "so its error judges nothing. Runs led by the data were used instead.",
+        ]
+    return "\n".join(lines)
+
+
+def plain(found: Findings) -> dict[str, Any]:
+    """Return the plain data of `Diagnosis.to_dict`."""
+    return {
+        "verdict": found.verdict,
+        "effects": [
+            {
+                "kind": e.kind,
+                "at": list(e.at),
+                "parameters": {k: _plain(v) for k, v in e.parameters.items()},
+            }
+            for e in found.effects
+        ],
+        "candidates": [
+            {
+                "kind": c.kind,
+                "at": list(c.at),
+                "nrmse_held_out": _number(c.nrmse_held_out),
+                "step": c.step,
+                "score": _number(c.score),
+                "remark": c.remark,
+            }
+            for c in found.candidates
+        ],
+        "indistinguishable": [[_place(c.first), _place(c.second)] for c in found.indistinguishable],
+        "experiments": [c.experiment for c in found.indistinguishable],
+        "ledger": [
+            {"step": e.step, "nrmse": {k: _number(v) for k, v in e.nrmse.items()}}
+            for e in found.ledger.entries
+        ],
+        "noise_floor": {k: _number(v) for k, v in found.noise_floor.items()},
+        "parameters": {k: _plain(v) for k, v in found.parameters.items()},
+        "reasons": list(found.reasons),
+        "free_run_reproducible": found.reproducible,
+    }
+
+
+def _plain(value: Value) -> dict[str, Any]:
+    return {"value": _number(value.value), "stderr": _number(value.stderr), "unit": value.unit}
+
+
+def _number(value: float) -> float | None:
+    """JSON has no infinity: what is not known is null."""
+    return float(value) if np.isfinite(value) else None
+
+
+def _place(effect: Effect) -> dict[str, Any]:
+    return {"kind": effect.kind, "at": list(effect.at)}

@@ -1,0 +1,183 @@
+"""Which numbers of a model are fitted, in which units, between which bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.effects import Effect, Parameter
+from robustpolish.identification.policy import Policy
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.parts import FORCE
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """A number of a model that a fit may change.
+
+    Attributes
+    ----------
+    key : str
+        As in `MechanicalModel.parameters`.
+    start, scale : float
+        First value, and the unit in which the fit counts.
+    lower, upper : float
+        Bounds.
+    prior : float
+        Standard deviation of what is known about it beforehand, about `centre`;
+        infinite if nothing is known.
+    centre : float
+    """
+
+    key: str
+    start: float
+    scale: float
+    lower: float
+    upper: float
+    prior: float = np.inf
+    centre: float = 0.0
+
+    @property
+    def is_effect(self) -> bool:
+        """Whether it belongs to an effect."""
+        return self.key.startswith("effect[")
+
+
+def connected(model: MechanicalModel) -> list[set[str]]:
+    """Return the chains of a model: coordinates that springs, dampers and effects join."""
+    groups = [{name} for name in model.dof_names]
+    joints = [s.between for s in model.springs] + [d.between for d in model.dampers]
+    for joint in [*joints, *(e.at for e in model.effects)]:
+        ends = {name for name in joint if name in model.dof_names}
+        touched = [g for g in groups if g & ends]
+        if len(touched) > 1:
+            groups = [g for g in groups if not g & ends] + [set().union(*touched)]
+    return groups
+
+
+def chain_keys(model: MechanicalModel, chain: set[str]) -> tuple[list[str], list[str], list[str]]:
+    """Return the keys of a chain's masses, springs and dampers."""
+    return (
+        [".".join(d.key) for d in model.dofs if d.name in chain],
+        [f"spring[{i}].stiffness" for i, s in enumerate(model.springs) if chain & {*s.between}],
+        [f"damper[{i}].damping" for i, d in enumerate(model.dampers) if chain & {*d.between}],
+    )
+
+
+def driving(model: MechanicalModel, chain: set[str]) -> list[str]:
+    """Return the names of the inputs that push a chain."""
+    return [i.name for i in model.inputs if i.imposes is None and i.on[0] in chain]
+
+
+def units_of_force(model: MechanicalModel) -> dict[str, set[str]]:
+    """Return a mass of each chain in which no force is known, and the chain.
+
+    It stays, and gives the forces a unit: a free decay, or a motion under an imposed one, shows
+    ratios of masses and springs only. So does a record all of whose inputs or outputs have an
+    unknown gain.
+    """
+    gains = {(e.kind, e.at[0]) for e in model.effects}
+    chosen = {}
+    for chain in connected(model):
+        known = any(
+            i.imposes is None and chain.intersection(i.on) and ("input_gain", i.name) not in gains
+            for i in model.inputs
+        )
+        known |= any(o.quantity == FORCE and chain.intersection(o.of) for o in model.outputs)
+        seen = [o.name for o in model.outputs if chain.intersection(o.of)]
+        known &= not seen or any(("sensor_gain", name) not in gains for name in seen)
+        masses = [d for d in model.dofs if d.name in chain and d.name in model.free]
+        if not known and masses:
+            chosen[max(masses, key=lambda d: d.mass).name] = chain
+    return chosen
+
+
+def with_units_of_force(model: MechanicalModel, reference: MechanicalModel) -> MechanicalModel:
+    """Return the model with those masses as they were, the rest of their chains in proportion.
+
+    Parameters
+    ----------
+    model, reference : MechanicalModel
+        Fitted, and before any fit.
+    """
+    values, known, changes = model.parameters, reference.parameters, {}
+    for name, chain in units_of_force(model).items():
+        key = ".".join(model.dof(name).key)
+        if known.get(key) and values[key] != known[key]:
+            inside = (k for keys in chain_keys(model, chain) for k in keys)
+            changes |= {k: values[k] * known[key] / values[key] for k in inside}
+    return model.with_parameters(changes) if changes else model
+
+
+def free_parameters(
+    model: MechanicalModel,
+    bandwidth: float,
+    policy: Policy,
+    reference: MechanicalModel | None = None,
+) -> list[FreeParameter]:
+    """Return the parameters of a model that are fitted.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    bandwidth : float
+        Excited bandwidth in rad/s; gives zero stiffness and damping a scale.
+    policy : Policy
+    reference : MechanicalModel, optional
+        The model before any fit, about which the priors are centred.
+    """
+    known = (reference or model).parameters
+    moving = {*model.free, *(o.of[0] for o in model.outputs if o.drive)} - set(
+        units_of_force(model)
+    )
+    mass = float(np.mean([d.mass for d in model.dofs if d.mass > 0] or [1.0]))
+
+    def near(key: str, value: float, share: float) -> FreeParameter:
+        """Describe a number that is known rather well."""
+        centre = known.get(key, value)
+        low, high = sorted(bound * centre for bound in policy.weighed)
+        scale, prior = abs(centre) or 1.0, share * abs(centre)
+        return FreeParameter(key, value, scale, low, high, prior, centre)
+
+    def elastic(key: str, value: float, natural: float, share: float) -> FreeParameter:
+        """Describe a stiffness or damping: it may be far off, and keeps its sign."""
+        centre = known.get(key, 0.0)
+        if abs(centre) <= policy.nothing * natural:  # as good as none: it may well be missing
+            return FreeParameter(key, value, natural, 0.0, np.inf)
+        low, high = (0.0, np.inf) if centre > 0 else (-np.inf, 0.0)
+        scale, prior = abs(value) or natural, share * abs(centre)
+        return FreeParameter(key, value, scale, low, high, prior, centre)
+
+    result = [
+        near(".".join(dof.key), dof.mass, policy.mass_prior)
+        for dof in model.dofs
+        if dof.name in moving
+    ]
+    for i, spring in enumerate(model.springs):
+        key, natural = f"spring[{i}].stiffness", mass * bandwidth**2
+        result.append(elastic(key, spring.stiffness, natural, policy.spring_prior))
+    for i, damper in enumerate(model.dampers):
+        key, natural = f"damper[{i}].damping", 0.02 * mass * bandwidth
+        result.append(elastic(key, damper.damping, natural, policy.damper_prior))
+    # the gain of the only input of a chain would scale its masses and springs, no more
+    pushing = {name for chain in connected(model) if len(driving(model, chain)) > 1
+               for name in driving(model, chain)}  # fmt: skip
+    for item in model.inputs:
+        if item.name in pushing:
+            result.append(near(f"input.{item.name}.gain", item.gain, policy.gain_prior))
+    for i, effect in enumerate(model.effects):
+        for parameter in effect.definition.parameters:
+            if parameter.fitted and parameter.name in effect.parameters:
+                result.append(_effect(i, effect, parameter))
+    return result
+
+
+def _effect(i: int, effect: Effect, parameter: Parameter) -> FreeParameter:
+    value = effect.values[parameter.name]
+    lower, upper = parameter.bounds_from(effect.values)
+    scale = parameter.scale_from(value)
+    return FreeParameter(f"effect[{i}].{parameter.name}", value, scale, lower, upper)

@@ -1,0 +1,174 @@
+"""A record prepared for fits: pieces with their starts, sizes, and what a fit goes by."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.identification.observer.kalman import (
+    FREE,
+    Level,
+    Scales,
+    amplitude_of,
+    scales_of,
+)
+from robustpolish.identification.observer.missing_force import Smoothed, smooth
+from robustpolish.identification.observer.run import RecordRun, Runner, Start, StartedPiece, rest
+from robustpolish.identification.observer.start import fitted_start, state_sizes
+from robustpolish.identification.policy import Policy
+from robustpolish.identification.record import Record
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.validation import described, invalid
+
+Array = NDArray[np.float64]
+# Two held-out pieces, 30 % of the record, between those for estimation; free decays keep their
+# beginning, where the amplitude is, for estimation.
+_MARKS = (0.0, 0.4, 0.55, 0.85, 1.0)
+_MARKS_OF_DECAYS = (0.0, 0.35, 0.65, 0.9, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedRecord:
+    """A record prepared for fits of a model and its extensions.
+
+    Attributes
+    ----------
+    record : Record
+    policy : Policy
+        What fits and decisions go by.
+    scales : Scales
+    amplitude : float
+        Of displacements, in m or rad.
+    motion_sizes : ndarray, shape (n,)
+        Sizes of the free displacements and velocities.
+    estimation, trial, held_out, everything : list of StartedPiece
+        `trial` is the first part of each estimation piece, for first fits of candidates.
+    windows : list of StartedPiece
+        The whole record in short pieces, for models whose long free runs judge nothing.
+    """
+
+    record: Record
+    policy: Policy
+    scales: Scales
+    amplitude: float
+    motion_sizes: Array
+    estimation: list[StartedPiece]
+    trial: list[StartedPiece]
+    held_out: list[StartedPiece]
+    everything: list[StartedPiece]
+    windows: list[StartedPiece]
+
+    @property
+    def steps(self) -> int:
+        """Most steps of a stage."""
+        return self.policy.steps(self.record.samples)
+
+    @property
+    def screened(self) -> Record:
+        """The contiguous part of the record that is screened: the liveliest."""
+        policy, record = self.policy, self.record
+        most = policy.screened if self.motion_sizes.size else policy.screened_imposed
+        length = min(record.samples, most)
+        power = np.sum((record.Y / np.std(record.Y, axis=0)) ** 2, axis=1)
+        total = np.concatenate([[0.0], np.cumsum(power)])
+        starts = np.arange(0, record.samples - length + 1, max(1, length // 20))
+        begin = int(starts[np.argmax(total[starts + length] - total[starts])])
+        return record.part(begin, begin + length)
+
+    def runner(self, model: MechanicalModel, level: Level = FREE) -> Runner:
+        """Return what runs a model and those that are tried in its place, led at a level."""
+        return Runner(model, self.record.dt, self.amplitude, level, self.scales)
+
+    def motion(self, model: MechanicalModel, record: Record) -> Smoothed:
+        """Return the smoothed motion along the record or a part of it."""
+        return smooth(model, record, self.scales, self.amplitude, self.policy.following)
+
+    def sizes(self, model: MechanicalModel) -> Array:
+        """Return the sizes of a model's states, internal ones included."""
+        return state_sizes(model, self.motion_sizes)
+
+    def with_fitted_starts(
+        self, run: RecordRun, pieces: Sequence[StartedPiece]
+    ) -> list[StartedPiece]:
+        """Return the pieces with the starts from which a model runs closest to them."""
+        sizes = self.sizes(run.model)
+        return [
+            StartedPiece(p.record, fitted_start(run, p.record, [p.start], sizes)) for p in pieces
+        ]
+
+
+def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedRecord:
+    """Prepare a record for fits of a model and its extensions."""
+    scales = scales_of(model, record)
+    amplitude = amplitude_of(model, record, scales.bandwidth)
+    linear = model.without_effects()
+    try:
+        motion = smooth(linear, record, scales, amplitude, policy.following)
+    except np.linalg.LinAlgError as error:
+        raise invalid(
+            "data",
+            described(f"motions of {amplitude:.3g} with forces of {np.max(scales.force):.3g}"),
+            "motions that the model can have",
+            "Check the units of the columns, and the model's masses and stiffnesses.",
+        ) from error
+    samples = record.samples
+    marks = _MARKS if model.inputs else _MARKS_OF_DECAYS
+    a, b, c, d, e = (round(samples * mark) for mark in marks)
+    short = max(policy.shortest_window, samples // policy.windows)
+    length = short if drifts(model, samples * record.dt) else samples
+
+    def pieces(*ranges: tuple[int, int], length: int = length) -> list[StartedPiece]:
+        cut = [(begin, end) for part in ranges for begin, end in _windows(part, length)]
+        return with_rest(
+            model, [StartedPiece(record.part(*part), motion.start(linear, part[0])) for part in cut]
+        )
+
+    return PreparedRecord(
+        record, policy, scales, amplitude, _motion_sizes(model, motion),
+        estimation=pieces((a, b), (c, d)),
+        trial=pieces((a, min(b, a + policy.trial)), (c, min(d, c + policy.trial))),
+        held_out=pieces((b, c), (d, e)),
+        everything=pieces((0, samples)),
+        windows=pieces((0, samples), length=short),
+    )  # fmt: skip
+
+
+def with_rest(model: MechanicalModel, pieces: Sequence[StartedPiece]) -> list[StartedPiece]:
+    """Return the pieces with internal states that suit a model, at rest where they are new."""
+    found = []
+    for piece in pieces:
+        internal = rest(model).internal
+        known = min(internal.size, piece.start.internal.size)
+        internal[:known] = piece.start.internal[:known]
+        found.append(StartedPiece(piece.record, Start(piece.start.state, internal)))
+    return found
+
+
+def drifts(model: MechanicalModel, length: float) -> bool:
+    """Return whether the linear part integrates over a record of `length` seconds.
+
+    The free run of such a model forgets nothing, so that it is judged in windows.
+    """
+    if not model.free:
+        return False
+    poles = np.linalg.eigvals(model.matrices.first_order()[0])
+    return bool(np.min(np.abs(poles)) * length < 1)
+
+
+def _motion_sizes(model: MechanicalModel, motion: Smoothed) -> Array:
+    """Return the size of each free displacement and velocity."""
+    free = model.matrices.free
+    sizes = np.concatenate([np.std(motion.q[free], axis=1), np.std(motion.v[free], axis=1)])
+    largest = np.max(sizes, initial=0.0)
+    return np.maximum(sizes, 1e-6 * largest) if largest > 0 else np.ones(len(sizes))
+
+
+def _windows(part: tuple[int, int], length: int) -> list[tuple[int, int]]:
+    """Cut a range of samples into windows of about a length."""
+    count = max(1, round((part[1] - part[0]) / length))
+    marks = np.linspace(*part, count + 1).astype(int).tolist()
+    return list(itertools.pairwise(marks))

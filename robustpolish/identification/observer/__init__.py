@@ -1,0 +1,1 @@
+"""A model run over a record, freely or led by the data, and what the data then show."""

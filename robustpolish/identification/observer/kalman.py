@@ -1,0 +1,240 @@
+"""The Kalman filter of a model with missing forces: how strongly the data lead it, and its gain.
+
+The linear part of a model is augmented with a leaking random-walk force at every place
+where a force can be missing. The level of that force decides how much of a prediction
+error is taken for a missing force: at level 0 the model runs freely.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from robustpolish.identification.record import Record
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
+from robustpolish.models.mechanical.ports import port_matrices
+from robustpolish.simulation.signals import signals
+from robustpolish.simulation.step import step_matrices
+from robustpolish.simulation.system import NonlinearSystem
+
+Array = NDArray[np.float64]
+_QUIETEST = 1e-5
+# A force that lasts cannot be told from a displacement by a sensor that does not see one.
+_LEAK = {VELOCITY: 20.0, ACCELERATION: 4.0}
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """Sizes that the observers need; none of them is absolute.
+
+    Attributes
+    ----------
+    noise : ndarray, shape (ny,)
+        Standard deviation of the sensor noise.
+    force : ndarray, shape (sites,)
+        Typical size of the forces at each site.
+    inputs : ndarray, shape (signals,)
+        Standard deviation of each input signal.
+    bandwidth : float
+        Excited bandwidth in rad/s.
+    leak : float
+        Rate in 1/s at which a missing force is forgotten.
+    """
+
+    noise: Array
+    force: Array
+    inputs: Array
+    bandwidth: float
+    leak: float
+
+
+@dataclass(frozen=True)
+class Level:
+    """Strength of the missing force and of noise on the inputs, as shares of their sizes."""
+
+    force: float = 0.0
+    input_noise: float = 0.0
+
+    @property
+    def free(self) -> bool:
+        """Whether the observer does not follow the data at all."""
+        return self.force == 0 and self.input_noise == 0
+
+
+FREE = Level()
+"""A free run: the data lead nowhere."""
+
+
+def force_sites(model: MechanicalModel) -> tuple[Array, list[tuple[str, ...]]]:
+    """Return rows and names of the places where a force may be missing.
+
+    These are the free coordinates, and the pairs of imposed ones whose force is measured.
+    """
+    names = model.dof_names
+    rows, pairs = [], []
+    for name in model.free:
+        rows.append(np.eye(len(names))[names.index(name)])
+        pairs.append((name, "ground"))
+    free = set(model.free)
+    for output in model.outputs:
+        if output.quantity == FORCE and not free.intersection(output.of):
+            row = np.zeros(len(names))
+            row[names.index(output.of[0])] = 1.0
+            rows.append(row)
+            pairs.append(output.of if not output.drive else (output.of[0], "ground"))
+    return np.array(rows).reshape(-1, len(names)), pairs
+
+
+def with_missing_force(
+    model: MechanicalModel, system: NonlinearSystem, leak: float
+) -> NonlinearSystem:
+    """Append the missing forces to the states of a system."""
+    rows, pairs = force_sites(model)
+    G, H, _ = port_matrices(model, rows, pairs)
+    n, s, w = system.states, len(rows), system.B.shape[1]
+    ports = system.G.shape[1]
+    A = np.block([[system.A, G], [np.zeros((s, n)), -leak * np.eye(s)]])
+    Qs, Qw, Vs, Vw = system.motion
+    pad = np.zeros((ports, s))
+    return replace(
+        system,
+        A=np.ascontiguousarray(A),
+        B=np.ascontiguousarray(np.vstack([system.B, np.zeros((s, w))])),
+        C=np.ascontiguousarray(np.hstack([system.C, H])),
+        G=np.ascontiguousarray(np.vstack([system.G, np.zeros((s, ports))])),
+        motion=(
+            np.ascontiguousarray(np.hstack([Qs, pad])), Qw,
+            np.ascontiguousarray(np.hstack([Vs, pad])), Vw,
+        ),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Gain:
+    """Steady-state gains: `filter` corrects the state, `predictor` the next one."""
+
+    filter: Array
+    predictor: Array
+    innovation: Array
+    covariance: Array
+
+
+def observer_gain(system: NonlinearSystem, dt: float, level: Level, scales: Scales) -> Gain:
+    """Return the steady-state Kalman gain of an augmented system at a level."""
+    ny, n, s = system.C.shape[0], system.states, scales.force.size
+    R = np.diag(scales.noise**2)
+    if level.free:
+        zero = np.zeros((n, ny))
+        return Gain(zero, zero, R, np.zeros((n, n)))
+    m = step_matrices(system.A, system.B, np.zeros((n, 0)), dt)
+    leak = scales.leak
+    Q = np.zeros((n, n))
+    # At level 1 the force wanders by its typical size within one radian of the bandwidth.
+    size = np.sqrt(scales.bandwidth / leak) * max(level.force, 1e-7) * scales.force
+    walk = (1 - np.exp(-2 * leak * dt)) * size**2
+    Q[n - s :, n - s :] = np.diag(walk)
+    into = (m.full_now + m.full_later) * (level.input_noise * scales.inputs)
+    through = system.D * (level.input_noise * scales.inputs)
+    Q += into @ into.T
+    R = R + through @ through.T
+    P = riccati(m.full, system.C, Q, R, into @ through.T)
+    S = system.C @ P @ system.C.T + R
+    predictor = np.linalg.solve(S, (m.full @ P @ system.C.T + into @ through.T).T).T
+    corrector = np.linalg.solve(m.full, predictor)
+    return Gain(corrector.astype(float), predictor.astype(float), S, P)
+
+
+def riccati(F: Array, C: Array, Q: Array, R: Array, N: Array) -> Array:
+    """Solve the filter's discrete Riccati equation by doubling, states and outputs scaled.
+
+    Structure-preserving doubling: Chu, Fan, Lin, Wang (2004), Int. J. Control 77(8), 767-788.
+    """
+    F = F - N @ np.linalg.solve(R, C)
+    Q = Q - N @ np.linalg.solve(R, N.T)
+    n = len(F)
+    A, G = F.T.copy(), C.T @ np.linalg.solve(R, C)
+    scale = np.sqrt(np.maximum(np.diag(G), 1e-300 + 1e-24 * np.max(np.diag(G))))
+    # in the scaled states the information of one sample is at most one
+    A = A / scale[:, None] * scale
+    G = G / np.outer(scale, scale)
+    P = Q * np.outer(scale, scale)
+    eye = np.eye(n)
+    for _ in range(60):
+        W = eye + G @ P
+        VA = np.linalg.solve(W, A)
+        change = A.T @ P @ VA
+        G = G + A @ np.linalg.solve(W, G @ A.T)
+        P = P + change
+        A = A @ VA
+        P, G = (P + P.T) / 2, (G + G.T) / 2
+        if np.max(np.abs(np.diag(change))) <= 1e-12 * np.max(np.abs(np.diag(P))):
+            break
+    return P / np.outer(scale, scale)
+
+
+def scales_of(model: MechanicalModel, record: Record) -> Scales:
+    """Return the sizes that an observer of this record needs."""
+    W = signals(model, record.data)
+    noise = np.array([white_noise(y, record.dt) for y in record.Y.T])
+    bandwidth = excited_bandwidth(model, record)
+    m = model.matrices
+    inputs = np.std(W, axis=0) if W.shape[1] else np.zeros(0)
+    forces = W[:, : m.B.shape[1]] @ m.B.T
+    driving = float(np.sqrt(np.mean(np.sum(forces**2, axis=1)))) if forces.size else 0.0
+    q = amplitude_of(model, record, bandwidth)
+    mass = np.diag(m.M)
+    rows, _ = force_sites(model)
+    elastic = np.array([abs(r) @ (np.abs(np.diag(m.K)) + mass * bandwidth**2 / 4) for r in rows])
+    force = np.full(len(rows), driving) if driving > 0 else elastic * q / np.sqrt(2)
+    measured = [
+        float(np.std(record.Y[:, i])) for i, o in enumerate(model.outputs) if o.quantity == FORCE
+    ]
+    if measured and driving == 0:
+        force = np.full(len(rows), max(measured))
+    share = max(_LEAK.get(o.quantity, 60.0) for o in model.outputs)
+    return Scales(noise, np.maximum(force, 1e-300), inputs, bandwidth, bandwidth / share)
+
+
+def white_noise(y: Array, dt: float) -> float:
+    """Return the standard deviation of white noise that the quietest band allows for."""
+    y = y - np.mean(y)
+    total = float(np.std(y))
+    if total == 0:
+        return 1.0
+    _, density = welch(y, 1 / dt, nperseg=min(256, len(y) // 4), detrend="linear")
+    bands = np.array_split(density[1:], min(16, density.size - 1))
+    lowest = min(float(np.mean(band)) for band in bands)
+    return max(float(np.sqrt(lowest * 0.5 / dt)), _QUIETEST * total)
+
+
+def excited_bandwidth(model: MechanicalModel, record: Record) -> float:
+    """Return the frequency in rad/s below which the motion happens."""
+    highest = 0.0
+    for i, output in enumerate(model.outputs):
+        y = record.Y[:, i] - np.mean(record.Y[:, i])
+        frequency, density = welch(y, 1 / record.dt, nperseg=min(2048, max(len(y) // 2, 1)))
+        omega = 2 * np.pi * frequency
+        order = {DISPLACEMENT: 0, VELOCITY: 2, ACCELERATION: 4}.get(output.quantity, 0)
+        floor = np.percentile(density, 10)
+        power = np.cumsum(np.maximum(density[1:] - 3 * floor, 0) / omega[1:] ** order)
+        if power.size and power[-1] > 0:
+            highest = max(highest, float(omega[1:][np.searchsorted(power, 0.98 * power[-1])]))
+    return highest or 0.2 / record.dt
+
+
+def amplitude_of(model: MechanicalModel, record: Record, bandwidth: float) -> float:
+    """Return a displacement amplitude, in m or rad, from outputs or imposed motions."""
+    found = []
+    for i, output in enumerate(model.outputs):
+        size = float(np.percentile(np.abs(record.Y[:, i] - np.median(record.Y[:, i])), 98))
+        order = {DISPLACEMENT: 0, VELOCITY: 1, ACCELERATION: 2}.get(output.quantity)
+        if order is not None:
+            found.append(size / bandwidth**order)
+    for item in model.inputs:
+        if item.imposes == DISPLACEMENT:
+            found.append(float(np.percentile(np.abs(record.data[item.name].values), 98)))
+    return max(found, default=0.0)

@@ -1,0 +1,226 @@
+"""Estimate the missing force: a Kalman smoother on the measured outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.effects import Motion, force_along
+from robustpolish.identification.observer.kalman import Level, Scales, amplitude_of, scales_of
+from robustpolish.identification.observer.linear_observer import LinearObserver, PortForces
+from robustpolish.identification.observer.run import Runner, Start, StartedPiece, rest
+from robustpolish.identification.record import Record, least_samples
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.ports import (
+    context_of,
+    dynamic_effects,
+    port_matrices,
+    port_pairs,
+    port_rows,
+)
+from robustpolish.simulation.run import NonlinearResponse
+from robustpolish.simulation.signals import raw_outputs, signals
+
+Array = NDArray[np.float64]
+_START = 3.0
+# Levels of a model that may be nearly right, to predict with and to see the motion.
+_OBSERVING = tuple(Level(share) for share in (0.01, 0.03, 0.1, 0.3, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """Motion and missing force along a record.
+
+    Attributes
+    ----------
+    q, v, a : ndarray, shape (coordinates, samples)
+        Displacements and velocities of all coordinates, and the accelerations that the model
+        gives them without the missing force.
+    force : ndarray, shape (sites, samples)
+        Missing force at each site.
+    inputs : ndarray, shape (samples, signals)
+    outputs : ndarray, shape (samples, ny)
+        Noise-free outputs.
+    internal : ndarray, shape (samples, nz)
+        Internal states of the effects, from the forward pass.
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    force: Array
+    inputs: Array
+    outputs: Array
+    internal: Array
+
+    def start(self, model: MechanicalModel, sample: int) -> Start:
+        """Return the state at a sample."""
+        free = model.matrices.free
+        state = np.concatenate([self.q[free, sample], self.v[free, sample]])
+        return Start(state, self.internal[sample])
+
+
+def known_forces(
+    model: MechanicalModel, q: Array, v: Array, time: Array, dt: float
+) -> PortForces | None:
+    """Return the forces of a model's effects along a motion."""
+    rows, pairs, values = [], [], []
+    for _, effect in dynamic_effects(model):
+        here = port_rows(model, effect)
+        context = context_of(model, effect.at, dt / 4)
+        motion = Motion(time, here @ q, here @ v, context)
+        p = [*effect.values.values(), *(context[c] for c in effect.definition.context)]
+        rows.append(here)
+        pairs += port_pairs(effect)
+        values.append(force_along(effect.definition, motion, np.array(p)))
+    if not rows:
+        return None
+    return PortForces(np.vstack(rows), pairs, np.vstack(values))
+
+
+def following(
+    model: MechanicalModel,
+    record: Record,
+    scales: Scales,
+    amplitude: float,
+    levels: Sequence[Level],
+) -> tuple[Level, NonlinearResponse]:
+    """Return the level at which an observer predicts the record best, and what it saw.
+
+    The observer begins at rest: what it does in the first samples is not counted.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    record : Record
+    scales : Scales
+    amplitude : float
+        Of displacements, see :class:`~robustpolish.identification.observer.run.Runner`.
+    levels : sequence of Level
+        The first of them if the observer diverges at all.
+    """
+    best, chosen = np.inf, None
+    piece = StartedPiece(record, rest(model))
+    for level in levels:
+        run = Runner(model, record.dt, amplitude, level, scales).run(model)
+        found = run.over(piece, keep=True)
+        tail = (record.Y - found.outputs)[record.samples // 20 :]
+        with np.errstate(over="ignore", invalid="ignore"):
+            score = float(np.sum(np.log(np.mean(tail**2, axis=0))))
+        if chosen is None or score < best:
+            chosen = level, found
+            best = score if np.isfinite(score) else np.inf
+    assert chosen is not None
+    return chosen
+
+
+def smooth(
+    model: MechanicalModel,
+    record: Record,
+    scales: Scales,
+    amplitude: float,
+    levels: Sequence[Level],
+) -> Smoothed:
+    """Return motion and missing force along a record, led by the data as far as they ask for.
+
+    Effects of the model enter as known forces along the motion that a forward pass of the
+    nonlinear observer finds. Arguments as of :func:`following`.
+    """
+    level, seen = following(model, record, scales, amplitude, levels)
+    W, time = record.own(signals(model, record.data)), record.time
+    Y = raw_outputs(model, record.Y, time)
+    observer = LinearObserver(model, record.dt, level, scales)
+    sizes = _start_sizes(model, scales, amplitude)
+    q, v = motion_of(model, seen.states, W)
+    forces = known_forces(model, np.nan_to_num(q), np.nan_to_num(v), time, record.dt)
+    s = _smoothed_states(observer, Y, W, forces, sizes)
+    if forces is not None:  # once more, along the smoothed motion
+        forces = known_forces(model, *motion_of(model, s, W), time, record.dt)
+        s = _smoothed_states(observer, Y, W, forces, sizes)
+    q, v = motion_of(model, s, W)
+    n = 2 * len(model.free)
+    return Smoothed(
+        q, v, _accelerations(model, q, v, W, forces), s[:, n:].T, W,
+        s @ observer.system.C.T + W @ observer.system.D.T
+        + (0.0 if forces is None else _through(model, forces)),
+        seen.internal,
+    )  # fmt: skip
+
+
+def observed(model: MechanicalModel, record: Record) -> NonlinearResponse:
+    """Return the predictions and states of the observer that predicts a record best."""
+    scales = scales_of(model, record)
+    amplitude = amplitude_of(model, record, scales.bandwidth)
+    return following(model, record, scales, amplitude, _OBSERVING)[1]
+
+
+def observed_motion(model: MechanicalModel, record: Record) -> Smoothed | None:
+    """Return the smoothed motion of a record; None if it is too short or cannot be followed."""
+    if record.samples < least_samples(model):
+        return None
+    scales = scales_of(model, record)
+    amplitude = amplitude_of(model, record, scales.bandwidth)
+    found = smooth(model, record, scales, amplitude, _OBSERVING)
+    finite = all(np.isfinite(part).all() for part in (found.q, found.force, found.internal))
+    return found if finite else None
+
+
+def _through(model: MechanicalModel, forces: PortForces) -> Array:
+    _, H, _ = port_matrices(model, forces.rows, forces.pairs)
+    return (H @ forces.values).T
+
+
+def _smoothed_states(
+    observer: LinearObserver, Y: Array, W: Array, forces: PortForces | None, sizes: Array
+) -> Array:
+    """Smooth; the start is fitted to the first part of the record."""
+    first = min(len(Y), 4000)
+    head = None if forces is None else forces.head(first)
+    errors = observer.innovations(Y[:first], W[:first], head)[1]
+    states, errors = observer.innovations(Y, W, forces, observer.likeliest_start(errors, sizes))
+    return observer.smooth(states, errors)
+
+
+def _start_sizes(model: MechanicalModel, scales: Scales, amplitude: float) -> Array:
+    """Return what free displacements and velocities may be at the start, roughly.
+
+    No coordinate holds much more energy than the softest one does at the measured amplitude, and
+    none moves much faster than its displacement and the bandwidth allow. This holds still what
+    the outputs hardly show, a stiff mass that is not measured.
+    """
+    m = model.matrices
+    mass, stiffness = np.diag(m.M)[m.free], np.diag(m.K)[m.free]
+    elastic = np.where(stiffness > 0, stiffness, mass * scales.bandwidth**2)
+    if amplitude == 0 or not elastic.size:
+        return np.full(2 * len(elastic), np.inf)
+    energy = np.min(elastic) * (_START * amplitude) ** 2
+    q = np.where(stiffness > 0, np.sqrt(energy / elastic), np.inf)
+    v = np.minimum(np.sqrt(energy / mass), _START * scales.bandwidth * q)
+    return np.concatenate([q, v])
+
+
+def motion_of(model: MechanicalModel, states: Array, W: Array) -> tuple[Array, Array]:
+    """Return displacements and velocities of all coordinates, shape (coordinates, samples)."""
+    Lq, Lv, Rq, Rv = model.matrices.motion_map()
+    s = states[:, : Lq.shape[1]].T
+    return Lq @ s + Rq @ W.T, Lv @ s + Rv @ W.T
+
+
+def _accelerations(
+    model: MechanicalModel,
+    q: Array,
+    v: Array,
+    W: Array,
+    forces: PortForces | None,
+) -> Array:
+    # The missing force is left out: with it, errors of the masses could explain it away.
+    m = model.matrices
+    total = m.B @ W[:, : m.B.shape[1]].T - m.K @ q - m.C @ v
+    if forces is not None:
+        total = total + forces.rows.T @ forces.values
+    mass = np.diag(m.M)
+    a = np.divide(total, mass[:, None], out=np.zeros_like(total), where=mass[:, None] > 0)
+    return a

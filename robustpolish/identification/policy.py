@@ -1,0 +1,252 @@
+"""The numbers that steer fits and decisions, each with its reason and the case that needs it.
+
+Cases in quotation marks are those of docs/hidden_effects.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from robustpolish.identification.observer.kalman import FREE, Level
+
+
+def _levels(*shares: float) -> tuple[Level, ...]:
+    return tuple(Level(share) for share in shares)
+
+
+@dataclass(frozen=True)
+class Policy:
+    """Thresholds, levels and sizes of a diagnosis; what follows from another is a property.
+
+    Attributes
+    ----------
+    visible_fall : float
+        Share by which the held-out error has to fall for an effect to earn its place: with many
+        samples the likelihood finds every trifle significant ("nothing, coloured").
+    hiding_fall : float
+        The same for an effect that hides behind another and shows only part of what it does
+        ("coulomb and constant force").
+    determined : float
+        Largest standard error of an effect's first number, as a share of it: a size that the data
+        leave open is no finding ("nothing, noise on the force").
+    most_effects : int
+        Two stages are normal; with four the data decide nothing more.
+    gain_loss : float
+        Log of the error that a gain may cost that explains a common factor of masses and springs:
+        it replaces numbers, it does not make the error fall ("input gain").
+
+    following : tuple of Level
+        Levels among which an observer looks for the one that shows the motion best.
+    screening : tuple of Level
+        From close guidance to a free run, then free runs with noise on the inputs ("quadratic
+        damping, noise on the force"); the right effect lets the missing force vanish.
+    coarse : tuple of Level
+        What a first look at all shapes tries, beside the likeliest level.
+    hardly_led : tuple of Level
+        Where the error is far above the noise, the odds go to what explains its fine structure;
+        what is large shows in runs that are hardly led ("cubic and coulomb").
+    silent : float
+        Level up to which no missing force is seen: what is left is noise of some colour.
+    noise_orders : tuple of int
+        Of the autoregressive noise that competes with every effect ("nothing, coloured").
+    finalists : int
+        Places looked at with every level and noise colour; most of the catalogue's some 200 are
+        hopeless at the first look.
+
+    least_odds : float
+        Log odds from which a candidate is worth a refit.
+    near_best, near_score : float
+        Share of the best odds below which a candidate is no rival, and below which it is none to
+        one that explains everything: a refit costs seconds.
+    most_refits, most_large, most_further : int
+        Refits of the likeliest, of the largest, and of further ones where all of these fail.
+    most_paired : int
+        How many of the best are tried beside each other.
+    far : float
+        Times the noise beyond which an error is no noise: something else is missing too, and a
+        kind with more parameters bends itself to that ("coulomb and constant force").
+    alike : (float, float)
+        Bounds of the relative difference of errors below which two effects are one to the data;
+        between them 40 over the held-out samples ("coulomb, one mass" and Stribeck friction).
+    lost : float
+        Times by which an error jumps where a fit lost the data that the one before followed.
+    asked, helps : Level, float
+        Where the homotopy of a candidate is asked whether it goes on, and the share of the error
+        that has to be left at most: most candidates end there.
+
+    homotopy, extended, linear : tuple of Level
+        Falling guidance of a refit, of a candidate (finer steps near the free run: "backlash
+        between, in motion") and of a model's own numbers (a linear model gets lost less).
+    guided : Level
+        Where errors judge whose free runs are not reproducible ("stop, one mass").
+    final, final_chaotic : tuple of Level
+        Of the last fit, to the whole record.
+    direct_steps, many_steps, few_steps : int
+        Most steps of a direct fit, and of a stage for records up to and beyond `long_record`.
+    better : float
+        Share of the error that a direct fit has to reach where both are far from the noise
+        ("wrong numbers, four masses, coloured").
+    unchanged : float
+        Log of a common factor, and of the error it may cost, that is not worth settling.
+
+    mass_prior, gain_prior, spring_prior, damper_prior : float
+        How well numbers are known beforehand, as shares: masses are weighed, springs are known
+        roughly and dampers hardly ("cubic between, wrong numbers"). The first two also say how
+        far screening lets them move.
+    spring_share, damper_share : float
+        How far screening lets stiffness and damping move: without a limit the smoothed motion of a
+        mass that is not measured explains the missing force by an absurd spring ("coulomb to
+        ground, x_m unmeasured").
+    weighed : (float, float)
+        Bounds of masses and gains, as multiples of what is known.
+    nothing : float
+        Share of its natural size up to which a spring or damper is as good as none and may well
+        be missing.
+    gain_least, gain_spread : float
+        Log of a common factor of masses and springs that is worth naming, and its scatter as a
+        share of it: masses and springs do not err by the same factor by chance ("input gain").
+
+    null_levels : tuple of Level
+        Where models are compared as they are, without looking for effects.
+    hold_orders, hold_delays, hold_odds : tuple of float, tuple of int, float
+        What is tried to find out how inputs act between samples: orders of the hold beside the
+        linear one, and delays in samples (a long delay looks half like a hold: "input delay");
+        and the log odds from which a hold is believed.
+    sensor_gain : float
+        Largest relative change of a sensor's scale that the linear screening can judge.
+    own_damping : float
+        Damping ratio below which coloured noise resonates: that is a machine, no sensor.
+
+    explained : float
+        Share of the error's power above the noise that has to go ("saturating spring").
+    improved : float
+        Times by which the error fell if the model's numbers were wrong.
+    loudest : float
+        Noise over the deviation of an output from which nothing can be called noise-like.
+    shape_above, shape_fall : float
+        Times the noise above which a free curve is asked for a better shape, and times by which it
+        has to be better ("fifth power").
+    shape_levels : tuple of Level
+        Where the free curve is tried.
+
+    trial, screened, screened_imposed : int
+        Samples of a trial piece, and of what is screened; where all motion is imposed, screening
+        is quick and the amplitudes of the whole record are welcome (the friction damper).
+    windows, shortest_window : int
+        Number and least length of windows, for models whose long runs judge nothing ("backlash
+        between, in motion").
+    long_record : int
+        Samples from which a stage has to do with few steps.
+    undetermined : float
+        Standard error over the value from which a refit calls a number undetermined.
+    """
+
+    visible_fall: float = 0.2
+    hiding_fall: float = 0.1
+    determined: float = 0.5
+    most_effects: int = 4
+    gain_loss: float = 0.05
+
+    following: tuple[Level, ...] = _levels(10.0, 3.0, 1.0, 0.3, 0.1)
+    screening: tuple[Level, ...] = (
+        *_levels(3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.002),
+        FREE,
+        Level(0.0, 0.03),
+        Level(0.0, 0.12),
+    )
+    coarse: tuple[Level, ...] = _levels(0.3, 0.01)
+    hardly_led: tuple[Level, ...] = (Level(0.01), FREE)
+    silent: float = 0.002
+    noise_orders: tuple[int, ...] = (0, 1, 2, 4)
+    finalists: int = 24
+
+    least_odds: float = 12.0
+    near_best: float = 0.25
+    near_score: float = 0.6
+    most_refits: int = 5
+    most_large: int = 3
+    most_further: int = 4
+    most_paired: int = 3
+    far: float = 3.0
+    alike: tuple[float, float] = (0.003, 0.03)
+    lost: float = 5.0
+    asked: Level = field(default=Level(0.01))
+    helps: float = 0.97
+
+    homotopy: tuple[Level, ...] = (*_levels(1.0, 0.1, 0.01), FREE)
+    extended: tuple[Level, ...] = (*_levels(0.1, 0.01, 0.001), FREE)
+    linear: tuple[Level, ...] = (*_levels(1.0, 0.1), FREE)
+    guided: Level = field(default=Level(0.03))
+    final: tuple[Level, ...] = (Level(0.01), FREE)
+    final_chaotic: tuple[Level, ...] = _levels(0.1, 0.01)
+    direct_steps: int = 20
+    many_steps: int = 15
+    few_steps: int = 7
+    better: float = 0.8
+    unchanged: float = 0.01
+
+    mass_prior: float = 0.05
+    gain_prior: float = 0.05
+    spring_prior: float = 0.3
+    damper_prior: float = 1.0
+    spring_share: float = 0.1
+    damper_share: float = 0.5
+    weighed: tuple[float, float] = (0.4, 2.5)
+    nothing: float = 1e-6
+    gain_least: float = 0.1
+    gain_spread: float = 0.3
+
+    null_levels: tuple[Level, ...] = _levels(1.0, 0.1, 0.01)
+    hold_orders: tuple[float, ...] = (0.0, 3.0)
+    hold_delays: tuple[int, ...] = (1, 2, 4)
+    hold_odds: float = 20.0
+    sensor_gain: float = 0.6
+    own_damping: float = 0.35
+
+    explained: float = 0.85
+    improved: float = 1.1
+    loudest: float = 0.4
+    shape_above: float = 1.5
+    shape_fall: float = 1.5
+    shape_levels: tuple[Level, ...] = _levels(0.1, 0.01, 0.002)
+
+    trial: int = 3500
+    screened: int = 9000
+    screened_imposed: int = 30000
+    windows: int = 25
+    shortest_window: int = 60
+    long_record: int = 4000
+    undetermined: float = 1 / 3
+
+    @property
+    def at_floor(self) -> float:
+        """Times the noise below which not even the noise alone would be a visible fall."""
+        return 1 / (1 - self.visible_fall)
+
+    @property
+    def together(self) -> float:
+        """Share by which the outputs together have to fall: half of what one of them has to."""
+        return self.visible_fall / 2
+
+    @property
+    def further_finalists(self) -> int:
+        """Places that are looked at for their size, beside the likeliest."""
+        return self.finalists // 4
+
+    @property
+    def null_orders(self) -> tuple[int, ...]:
+        """Noise colours with which models are compared as they are: the simplest two."""
+        return self.noise_orders[:2]
+
+    def steps(self, samples: int) -> int:
+        """Return the most steps of a stage: short records can afford more."""
+        return self.many_steps if samples < self.long_record else self.few_steps
+
+    def same(self, held_out: int) -> float:
+        """Return the relative difference of errors below which two effects are one to the data."""
+        least, most = self.alike
+        return min(max(40 / held_out, least), most)
+
+
+POLICY = Policy()
+"""What `diagnose` and `refit` go by."""

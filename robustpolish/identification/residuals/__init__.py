@@ -1,0 +1,1 @@
+"""Where the error of a comparison is: shares, tests, restoring-force surfaces, words."""

@@ -1,0 +1,120 @@
+"""The error by displacement and velocity at each place, and the missing force over both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from robustpolish.identification.compare.comparison import Comparison
+from robustpolish.identification.observer.kalman import force_sites
+from robustpolish.identification.observer.missing_force import motion_of, observed_motion
+from robustpolish.identification.observer.run import StartedPiece, free_run, rest
+from robustpolish.identification.record import record_of
+from robustpolish.identification.residuals.shares import surface, value_shares
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.parts import FORCE, UNITS
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceShares:
+    """The error by the motion at one place.
+
+    Attributes
+    ----------
+    at : (str, str)
+        Two coordinates, or one and ``"ground"``.
+    displacement, velocity : xarray.DataArray, shapes (output, displacement), (output, velocity)
+        Share of each output's squared error by relative displacement and velocity.
+    surface : xarray.Dataset
+        Restoring-force surface: mean missing force on the first coordinate over displacement and
+        velocity.
+    observed : bool
+        Whether motion and force were estimated from the measured outputs (by a smoother). If
+        that could not be done the motion is the simulated one and the force unknown (NaN).
+    """
+
+    at: tuple[str, str]
+    displacement: xr.DataArray
+    velocity: xr.DataArray
+    surface: xr.Dataset
+    observed: bool
+
+
+def place_shares(comparison: Comparison, residual: xr.Dataset, bins: int) -> dict[str, PlaceShares]:
+    """Return the error by the motion at every coordinate and connection of the model.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    residual : xarray.Dataset
+        Its residual, which may begin later.
+    bins : int
+
+    Returns
+    -------
+    dict of str to PlaceShares
+        By ``"x"`` for a coordinate and ``"x - x_m"`` for a connection.
+    """
+    model = comparison.model
+    q, v, force, observed = _motion(comparison)
+    skip = q.shape[1] - residual.sizes["time"]
+    q, v, force = q[:, skip:], v[:, skip:], force[:, skip:]
+    sites = force_sites(model)[0]
+    result: dict[str, PlaceShares] = {}
+    for at, row in _places(model):
+        dq, dv = row @ q, row @ v
+        if np.ptp(dq) == 0 or np.ptp(dv) == 0:
+            continue
+        pull = (sites @ row) @ force / float(row @ row)
+        shown = surface(dq, dv, pull, bins)
+        units = UNITS[model.dof(at[0]).rotational]
+        shown["force"].attrs["units"] = units[FORCE]
+        for dim in ("displacement", "velocity"):
+            shown[dim].attrs["units"] = units[dim]
+        result[at[0] if at[1] == "ground" else f"{at[0]} - {at[1]}"] = PlaceShares(
+            at=at,
+            displacement=value_shares(residual, dq, bins, "displacement"),
+            velocity=value_shares(residual, dv, bins, "velocity"),
+            surface=shown,
+            observed=observed,
+        )
+    return result
+
+
+def _motion(comparison: Comparison) -> tuple[Array, Array, Array, bool]:
+    """Displacements, velocities and missing forces along the record, shape (rows, samples)."""
+    model = comparison.model
+    record = record_of(model, comparison.data)
+    found = observed_motion(model, record)
+    if found is not None:
+        return found.q, found.v, found.force, True
+    run = free_run(model, record)
+    start = rest(model).with_vector(comparison.starts[0])
+    states = run.over(StartedPiece(record, start), keep=True).states
+    q, v = motion_of(model, np.nan_to_num(states), run.runner.inputs(model, record))
+    return q, v, np.full((len(force_sites(model)[0]), record.samples), np.nan), False
+
+
+def _places(model: MechanicalModel) -> list[tuple[tuple[str, str], Array]]:
+    """Every coordinate against ground, and every pair that something connects."""
+    names = model.dof_names
+    pairs = [(name, "ground") for name in names]
+    connected = [s.between for s in model.springs] + [d.between for d in model.dampers]
+    connected += [e.at for e in model.effects if e.definition.domain == "pair"]
+    connected += [output.of for output in model.outputs]
+    for ends in connected:
+        if "ground" not in ends and not any(set(ends) == set(pair) for pair in pairs):
+            pairs.append((ends[0], ends[1]))
+    rows = []
+    for pair in pairs:
+        row = np.zeros(len(names))
+        for name, sign in zip(pair, (1.0, -1.0), strict=True):
+            if name in names:
+                row[names.index(name)] = sign
+        rows.append(row)
+    return list(zip(pairs, rows, strict=True))

@@ -1,0 +1,99 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robustpolish.identification import compare, diagnose, refit
+from robustpolish.identification.findings.ledger import Ledger
+from tests.hidden_effects.cases import Case, model_of, one, records
+
+PLACE = ("x", "ground")
+CUBIC = Case("cubic", one(), [("cubic_stiffness", PLACE, [4e6])], drive=8.0, samples=4000, seed=1)
+
+
+@pytest.fixture(scope="module")
+def cubic():
+    (data, _), (unseen, noise) = records(CUBIC)
+    model = model_of(replace(CUBIC, wrong={"mass": 0.03, "stiffness": 0.1}))
+    return diagnose(model, data), unseen, noise
+
+
+def test_names_the_missing_spring(cubic):
+    diagnosis = cubic[0]
+    assert diagnosis.verdict == "missing_effect"
+    assert [(e.kind, e.at) for e in diagnosis.effects] == [("cubic_stiffness", PLACE)]
+    found = diagnosis.effects[0].parameters["stiffness"]
+    mass = diagnosis.parameters["dof.x.mass"].value
+    assert found.value / mass == pytest.approx(4e6, rel=0.02)
+    assert 0 < found.stderr < 0.05 * found.value
+    assert found.unit == "N/m^3"
+
+
+def test_the_error_falls_to_the_noise(cubic):
+    diagnosis = cubic[0]
+    steps = [entry.step for entry in diagnosis.ledger.entries]
+    assert steps == ["base", "refit", "cubic_stiffness"]
+    errors = [entry.nrmse["x"] for entry in diagnosis.ledger.entries]
+    assert errors[0] > errors[1] > 5 * errors[2]
+    assert errors[2] == pytest.approx(10 ** (-30 / 20), rel=0.05)
+    assert diagnosis.noise_floor["x"] == pytest.approx(errors[2], rel=0.1)
+
+
+def test_the_effect_extrapolates(cubic):
+    diagnosis, unseen, noise = cubic
+    assert compare(diagnosis.model, unseen).outputs["x"].rmse < 1.1 * noise["x"]
+
+
+def test_json_is_what_programs_rely_on(cubic):
+    content = json.loads(json.dumps(cubic[0].to_dict(), allow_nan=False))
+    assert content["effects"][0]["at"] == ["x", "ground"]
+    assert set(content["effects"][0]["parameters"]["stiffness"]) == {"value", "stderr", "unit"}
+    assert content["candidates"][0]["nrmse_held_out"] < 0.1
+    assert content["ledger"][0]["step"] == "base"
+    assert set(content["noise_floor"]) == {"x"}
+
+
+def test_it_explains_itself(cubic):
+    text = cubic[0].explain()
+    for part in ("Cubic stiffness at x, ground", "Check:", "noise floor", "N/m^3"):
+        assert part in text
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.9])
+def test_nothing_is_named_where_nothing_is_missing(colour):
+    case = Case("nothing", one(), drive=10.0, samples=4000, seed=2, colour=colour, noise_db=20)
+    (data, _), _ = records(case)
+    assert diagnose(model_of(case), data).verdict == "adequate"
+    wrong = model_of(replace(case, wrong={"stiffness": 0.15, "damping": 0.5}))
+    diagnosis = diagnose(wrong, data)
+    assert diagnosis.verdict == "parameters"
+    assert not diagnosis.effects
+    assert diagnosis.model.parameters["spring[0].stiffness"] == pytest.approx(3000, rel=0.1)
+
+
+def test_an_outsider_is_unexplained():
+    case = Case(
+        "drift", one(), [("drifting_stiffness", PLACE, [800.0, 8.0])], drive=10.0, samples=4000,
+        seed=3,
+    )  # fmt: skip
+    (data, _), _ = records(case)
+    diagnosis = diagnose(model_of(case), data)
+    assert diagnosis.verdict == "unexplained"
+    assert diagnosis.missing_force.shape == (1, 4000)
+    assert np.std(diagnosis.missing_force) > 1.0
+
+
+def test_refit_finds_values_of_an_effect_without_any():
+    (data, _), _ = records(CUBIC)
+    fitted = refit(model_of(CUBIC).with_effect("cubic_stiffness", PLACE), data)
+    value = fitted.model.parameters["effect[0].stiffness"]
+    assert value == pytest.approx(4e6, rel=0.03)
+    assert abs(value - 4e6) < 5 * fitted.stderr["effect[0].stiffness"]
+    assert fitted.parameters["effect_0__stiffness"].stderr == fitted.stderr["effect[0].stiffness"]
+
+
+def test_ledger_reads_comparisons(cubic):
+    diagnosis, unseen, _ = cubic
+    ledger = Ledger().add("unseen", compare(diagnosis.model, unseen))
+    assert 0 < ledger.entries[0].nrmse["x"] < 0.1
