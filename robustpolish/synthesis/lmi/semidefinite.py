@@ -231,12 +231,14 @@ class ProgramSolver:
         if self.budget.over:
             return SemidefiniteSolution(None, "no work left", 0.0)
         self.budget.spend(_WORK * (1 + (program.unknowns / _ALL_OVERHEAD) ** 3))
-        return program.solve(
+        found = program.solve(
             self.backend,
             solver=self.solver,
             tolerance=self.accuracy,
             time_limit=self.budget.seconds_left,
         )
+        self.budget.look()
+        return found
 
 
 Run = Callable[[ConicForm, str | None, float, float | None], tuple[Matrix | None, str]]
