@@ -12,11 +12,10 @@ from robustpolish.models import GeneralizedPlant, MechanicalModel
 from robustpolish.models.plant.file import plant_arguments
 from robustpolish.saved_file import Fields, read_saved
 from robustpolish.synthesis import Design
-from robustpolish.synthesis.design.design_file import design_from
 from robustpolish.validation import described, invalid
 
 _READERS: Mapping[str, Callable[[Fields], Any]] = {
-    "design": design_from,
+    "design": Design.from_fields,
     "diagnosis": diagnosis_from,
     "plant": lambda fields: GeneralizedPlant(*plant_arguments(fields)),
 }

@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 Matrix = NDArray[Any]
 Ball = Any  # flint.arb_mat; python-flint ships no stubs for it
 
-# Up to so many rows elimination in balls takes less than about 0.1 s.
-_ELIMINATED = 60
+# Beside the strongest direction, doubles see those above this; a pass of the proof of definiteness
+# brings up the weaker ones by its inverse, about so many bits.
+_WEAK = 1e-13
+_BITS_PER_PASS = 40
 
 
 @contextmanager
@@ -61,9 +63,10 @@ def block(rows: Sequence[Sequence[Ball]]) -> Ball:
 
 
 def midpoint(matrix: Ball) -> Matrix:
-    """Return the centres, rounded to doubles."""
+    """Return the centres, real or complex, rounded to doubles."""
     shape = matrix.nrows(), matrix.ncols()
-    return np.array([float(entry) for entry in matrix.mid().entries()]).reshape(shape)
+    kind: Any = complex if isinstance(matrix, flint.acb_mat) else float
+    return np.array([kind(entry) for entry in matrix.mid().entries()], dtype=kind).reshape(shape)
 
 
 def magnitude(matrix: Ball) -> Matrix:
@@ -80,10 +83,10 @@ def symmetric(matrix: Ball) -> Ball:
 def is_positive_definite(matrix: Ball) -> bool:
     """Prove that every symmetric matrix enclosed by `matrix` is positive definite.
 
-    With any nonsingular G, M > 0 if and only if G M G' > 0. G is an approximate inverse
-    Cholesky factor in doubles; if the enclosure of I - G M G' has a row-sum norm below one,
-    then G M G' > 0 (and G is nonsingular, as G M G' is). Small matrices for which this is
-    too coarse are eliminated in balls.
+    M > 0 follows from G M G' > 0 for any square G, whatever it is. G is made of the eigenvectors
+    of M in doubles and turns M into a matrix near the identity, up to directions that are too weak
+    beside the others for doubles; in these it is repeated. A matrix whose distance from the
+    identity has a row-sum norm below one is positive definite.
 
     Parameters
     ----------
@@ -102,37 +105,21 @@ def is_positive_definite(matrix: Ball) -> bool:
     if not (np.isfinite(diagonal).all() and (diagonal > 0).all()):
         return False
     scale = ball(np.diag(_powers_of_two(diagonal)))
-    scaled = scale * matrix * scale
-    return _near_identity(scaled) or (n <= _ELIMINATED and _eliminates(scaled))
-
-
-def _near_identity(matrix: Ball) -> bool:
-    try:
-        factor = np.linalg.cholesky(midpoint(matrix))
-        inverse = np.linalg.solve(factor, np.eye(len(factor)))
-    except np.linalg.LinAlgError:
-        return False
-    if not np.isfinite(inverse).all():
-        return False
-    G = ball(inverse)
-    rest = magnitude(identity(len(factor)) - G * matrix * G.transpose())
-    # The factor covers the rounding errors of the sums, which are taken in doubles.
-    return bool(np.isfinite(rest).all() and (rest.sum(axis=1) * (1 + 1e-12)).max() < 1)
-
-
-def _eliminates(matrix: Ball) -> bool:
-    """Tell whether Gaussian elimination proves all pivots to be positive."""
-    rows = matrix.tolist()
-    for k, row in enumerate(rows):
-        pivot = row[k]
-        if not pivot.lower() > 0:
+    turned = scale * matrix * scale
+    for _ in range(flint.ctx.prec // _BITS_PER_PASS + 1):
+        centre = midpoint(turned)
+        if not np.isfinite(centre).all():
             return False
-        for i in range(k + 1, len(rows)):
-            factor = rows[i][k] / pivot
-            rows[i] = rows[i][: k + 1] + [
-                a - factor * b for a, b in zip(rows[i][k + 1 :], row[k + 1 :], strict=True)
-            ]
-    return True
+        values, vectors = np.linalg.eigh((centre + centre.T) / 2)
+        if values[0] < -100 * _WEAK * values[-1]:
+            return False
+        G = ball((vectors / np.sqrt(np.maximum(values, _WEAK * values[-1]))).T)
+        turned = G * turned * G.transpose()
+        rest = magnitude(identity(n) - turned)
+        # The factor covers the rounding errors of the sums, which are taken in doubles.
+        if np.isfinite(rest).all() and (rest.sum(axis=1) * (1 + 1e-12)).max() < 1:
+            return True
+    return False
 
 
 def _powers_of_two(diagonal: Matrix) -> Matrix:

@@ -127,12 +127,12 @@ def _energy_ball(model: ExactModel) -> arb:
     seen = (C * X * C.transpose()).trace() + direct
     for _ in range(20_000):
         gain = _square_size(M)
-        if not gain.is_finite() or gain.rel_accuracy_bits() < 16:
-            return arb(0, math.inf)  # more bits are needed
         if gain < 0.5:
             rest = _square_size(C) * gain * X.trace() / (1 - gain)
             if rest < seen * arb(2) ** -70 or (not seen > 0 and gain < arb(2) ** -4000):
                 return seen + arb(rest.mid() / 2, rest.mid() / 2 + rest.rad())
+        elif not gain.is_finite() or gain.rel_accuracy_bits() < 16:
+            break  # more bits are needed
         X = X + M * X * M.transpose()
         M = M * M
         seen = (C * X * C.transpose()).trace() + direct

@@ -144,11 +144,12 @@ def _started(
     unmoved = rest(linear.model)
     pieces = []
     for first, last in stretches:
-        part = record.part(first, last)
-        sizes, guesses = visible_sizes(linear, part, unmoved), [still]
+        part, guesses = record.part(first, last), [still]
+        # the linear part of a model with effects says something over a short stretch only
+        seen = part if run.linear else part.part(0, lengths(part.samples)[0])
+        sizes = visible_sizes(linear, seen, unmoved)
         if not run.linear:
-            short = part.part(0, lengths(part.samples)[0])
-            of_linear = fitted_start(linear, short, [unmoved], sizes)
+            of_linear = fitted_start(linear, seen, [unmoved], sizes)
             guesses.append(Start(of_linear.state, still.internal))
             sizes = state_sizes(model, sizes)
         if observed is not None:

@@ -15,7 +15,7 @@ from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.findings.findings import Confusion, FoundEffect, Value
 from robustpolish.identification.findings.ledger import Entry, Ledger
-from robustpolish.identification.fit.homotopy import JudgedFit, free_rms, homotopy, steady
+from robustpolish.identification.fit.homotopy import JudgedFit, free_rms, homotopy
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.observer.kalman import FREE, force_sites
 from robustpolish.models.mechanical import MechanicalModel
@@ -46,8 +46,9 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
     prepared, reference = search.prepared, search.reference
     noise = prepared.scales.noise
     search.say("final fit")
-    calm = _steady(search.stage, search)
-    final, error = _final_fit(search, search.stage, calm)
+    best = search.stage
+    calm = best.reproducible and free_rms(best.model, prepared, prepared.everything)[1]
+    final, error = _final_fit(search, best, calm)
     added = len(final.model.effects) > len(reference.effects)
     search.say("errors of every step")
     errors = [_whole_error(m, search, calm) for _, m in search.steps[:-1]] + [error]
@@ -106,19 +107,13 @@ def _diagnosis(
     )
 
 
-def _steady(stage: JudgedFit, search: Search) -> bool:
-    """Return whether free runs over the whole record judge a model."""
-    prepared = search.prepared
-    return stage.reproducible and steady(stage.model, prepared, prepared.everything[0])
-
-
 def _whole_error(model: MechanicalModel, search: Search, calm: bool) -> Array:
     """Return the free-run error of each output over the whole record.
 
     A model whose long runs are not reproducible is run in windows.
     """
     prepared = search.prepared
-    return free_rms(model, prepared, prepared.everything if calm else prepared.windows)
+    return free_rms(model, prepared, prepared.everything if calm else prepared.windows)[0]
 
 
 def _final_fit(search: Search, stage: JudgedFit, calm: bool) -> tuple[Fit, Array]:

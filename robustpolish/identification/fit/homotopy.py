@@ -118,34 +118,39 @@ class JudgedFit:
 def judged(fitted: Fit, prepared: PreparedRecord) -> JudgedFit:
     """Measure a fitted model on the held-out pieces."""
     model, held_out = fitted.model, prepared.held_out
+    free, calm = free_rms(model, prepared, held_out)
     return JudgedFit(
-        fitted,
-        free_rms(model, prepared, held_out),
-        guided_rms(model, prepared, held_out, prepared.policy.guided),
-        steady(model, prepared, held_out[0]),
+        fitted, free, guided_rms(model, prepared, held_out, prepared.policy.guided), calm
     )
 
 
 def free_rms(
     model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
-) -> Array:
-    """Return the errors of free runs, infinite where they diverge, shape (ny,)."""
-    rms = np.sqrt(np.mean(prepared.free_errors(model, pieces) ** 2, axis=0))
-    return np.where(np.isfinite(rms), rms, np.inf)
+) -> tuple[Array, bool]:
+    """Return the errors of free runs, infinite where they diverge, and whether they judge anything.
+
+    Returns
+    -------
+    rms : ndarray, shape (ny,)
+    reproducible : bool
+        Whether the first piece can be run again and again.
+    """
+    run = prepared.runner(model).run(model)
+    started = prepared.with_fitted_starts(run, with_rest(model, pieces))
+    errors = [run.errors(piece) for piece in started]
+    rms = np.sqrt(np.mean(np.vstack(errors) ** 2, axis=0))
+    first = started[0]
+    found = reproducibility(run, first, first.record.Y - errors[0])
+    return np.where(np.isfinite(rms), rms, np.inf), found.reproducible
 
 
 def guided_rms(
     model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece], level: Level
 ) -> Array:
     """Return the prediction errors of a model as it is, at a level, shape (ny,)."""
-    return np.sqrt(np.mean(prepared.guided_errors(model, pieces, level) ** 2, axis=0))
-
-
-def steady(model: MechanicalModel, prepared: PreparedRecord, piece: StartedPiece) -> bool:
-    """Return whether free runs over a piece judge a model."""
-    run = prepared.runner(model).run(model)
-    started = with_rest(model, [piece])[0]
-    return reproducibility(run, started, run.over(started).outputs).reproducible
+    run = prepared.runner(model, level).run(model)
+    errors = [run.errors(piece) for piece in with_rest(model, pieces)]
+    return np.sqrt(np.mean(np.vstack(errors) ** 2, axis=0))
 
 
 def best_stage(stages: Sequence[Fit], prepared: PreparedRecord) -> JudgedFit:

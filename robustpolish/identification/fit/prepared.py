@@ -100,19 +100,6 @@ class PreparedRecord:
             StartedPiece(p.record, fitted_start(run, p.record, [p.start], sizes)) for p in pieces
         ]
 
-    def free_errors(self, model: MechanicalModel, pieces: Sequence[StartedPiece]) -> Array:
-        """Return the free-run errors of all pieces, starts fitted, shape (samples, ny)."""
-        run = self.runner(model).run(model)
-        ready = self.with_fitted_starts(run, with_rest(model, pieces))
-        return np.vstack([run.errors(piece) for piece in ready])
-
-    def guided_errors(
-        self, model: MechanicalModel, pieces: Sequence[StartedPiece], level: Level
-    ) -> Array:
-        """Return the errors of a run that is led by the data, shape (samples, ny)."""
-        run = self.runner(model, level).run(model)
-        return np.vstack([run.errors(piece) for piece in with_rest(model, pieces)])
-
 
 def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedRecord:
     """Prepare a record for fits of a model and its extensions."""

@@ -23,7 +23,7 @@ def fitted_start(run: RecordRun, record: Record, guesses: Sequence[Start], sizes
 
     For a linear model that is one least-squares problem, over the whole of the record, as in
     MATLAB's ``compare``. With effects it is solved by damped Gauss-Newton steps on stretches that
-    grow fourfold: errors over a short stretch depend smoothly on the start even where those over a
+    grow twofold: errors over a short stretch depend smoothly on the start even where those over a
     long one do not, and over a long run a wrong start is a wrong phase.
 
     Parameters
@@ -55,10 +55,10 @@ def fitted_start(run: RecordRun, record: Record, guesses: Sequence[Start], sizes
 
 
 def lengths(samples: int) -> list[int]:
-    """Return lengths that grow fourfold up to the whole."""
+    """Return lengths that grow twofold up to the whole."""
     found = [samples]
-    while found[0] > 4 * _SHORTEST:
-        found.insert(0, found[0] // 4)
+    while found[0] > 2 * _SHORTEST:
+        found.insert(0, found[0] // 2)
     return found
 
 

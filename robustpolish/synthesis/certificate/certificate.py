@@ -6,40 +6,33 @@ computed from it, and a matrix proves both stability and the bound on the norm.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from robustpolish.analysis import stability
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_poles
 from robustpolish.synthesis.certificate.achieved_norm import achieved_h2, achieved_hinf
-from robustpolish.synthesis.certificate.loop_balls import (
-    LoopBalls,
-    cayley,
-    enclose_loop,
-    rounding_level,
+from robustpolish.synthesis.certificate.controller_system import (
+    GivenController,
+    controller_system,
 )
-from robustpolish.synthesis.certificate.norm_proof import (
-    NormProof,
-    prove_h2,
-    prove_hinf,
-    prove_stability,
-)
+from robustpolish.synthesis.certificate.loop_balls import enclose_loop, rounding_level
+from robustpolish.synthesis.certificate.norm_proof import NormProof
+from robustpolish.synthesis.certificate.tightest_proof import TIGHT, tightest_proof
 from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries
-from robustpolish.validation import described, invalid, matrix, one_of, positive
+from robustpolish.validation import described, invalid, one_of, positive
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Norm = Literal["hinf", "h2"]
-_LARGE = 60
-# How far above the computed norm the proven bound may lie, tried in this order.
-_PROOF_SLACK = (1e-5, 2e-4, 9e-4)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -180,7 +173,7 @@ class Certificate(Displayed):
 
 def certify(
     plant: GeneralizedPlant,
-    controller: control.StateSpace | ArrayLike,
+    controller: GivenController,
     norm: Norm = "hinf",
     claimed: float | None = None,
     tolerance: float = 1e-3,
@@ -191,7 +184,7 @@ def certify(
     ----------
     plant : GeneralizedPlant
         With nw disturbances and nz performance outputs, continuous or discrete.
-    controller : control.StateSpace or array_like, shape (nu, ny)
+    controller : control.StateSpace, control.TransferFunction or array_like, shape (nu, ny)
         K in u = K y (positive sign): a system or a gain.
     norm : {"hinf", "h2"}
         The norm from w to z to be certified.
@@ -234,7 +227,14 @@ def certify(
     if claimed is not None:
         claimed = positive("claimed", claimed, zero=True)
     positive("tolerance", tolerance, zero=True)
-    K = _as_system(plant, controller)
+    if not isinstance(plant, GeneralizedPlant):
+        raise invalid(
+            "plant",
+            described(type(plant).__name__),
+            "a GeneralizedPlant",
+            "Build one with GeneralizedPlant(control.ss(...), measurements=..., controls=...).",
+        )
+    K = controller_system(plant, controller)
     rounded = plant.closed_loop(K)  # checks shapes, times and that the loop is well posed
     reasons: list[str] = []
     try:
@@ -248,25 +248,29 @@ def certify(
         ) from None
     system = control.StateSpace(*loop.doubles, plant.dt)
     poles, damping, hertz = _poles(system, plant.dt)
-    stable = bool((np.abs(poles) < 1).all() if plant.is_discrete else (poles.real < 0).all())
+    step = (1.0 if plant.dt is True else float(plant.dt)) if plant.is_discrete else None
+    level = rounding_level(loop)
+    stable = bool(stability(system))
     achieved, peak = np.inf, None
     if not stable:
         reasons.append(f"the loop is unstable: {_worst(poles, plant.is_discrete)}")
     elif norm == "hinf":
-        achieved, peak = achieved_hinf(system, rounded, rounding_level(loop), reasons)
+        achieved, peak = achieved_hinf(system, rounded, level, reasons)
     else:
         achieved = achieved_h2(system, reasons)
     proof, bound = None, np.inf
     if stable and np.isfinite(achieved):
-        proof = _prove(loop, norm, achieved, claimed, plant.is_discrete)
-        if proof is not None and np.isfinite(proof.bound) and achieved <= rounding_level(loop):
+        proof, achieved, peak = tightest_proof(
+            lambda bits: enclose_loop(plant, K, bits), norm, achieved, peak, claimed, step
+        )
+        if proof is not None and np.isfinite(proof.bound) and achieved <= level:
             # All that double precision can say of such a norm is that it is below a bound.
             achieved = proof.bound
         if proof is None:
             reasons.append("stability and norm could not be proven in ball arithmetic")
         else:
             bound = proof.bound
-            if bound > (1 + 1e-3) * max(achieved, claimed or 0.0):
+            if bound > (1 + TIGHT) * max(achieved, claimed or 0.0):
                 reasons.append(f"only the bound {bound:.6g} could be proven, not {achieved:.6g}")
     if claimed is not None and np.isfinite(achieved) and achieved > claimed * (1 + tolerance):
         reasons.append(f"the claimed bound {claimed:.6g} is false: the loop has {achieved:.6g}")
@@ -286,16 +290,6 @@ def certify(
         frequencies_hz=hertz,
         proof=proof,
         discrete=plant.is_discrete,
-    )
-
-
-def _as_system(
-    plant: GeneralizedPlant, controller: control.StateSpace | ArrayLike
-) -> control.StateSpace:
-    if isinstance(controller, control.StateSpace):
-        return controller
-    return control.StateSpace(
-        [], [], [], matrix("controller", controller, (plant.nu, plant.ny)), plant.dt
     )
 
 
@@ -321,38 +315,6 @@ def _poles(
 def _worst(poles: NDArray[np.complex128], discrete: bool) -> str:
     worst = poles[np.argmax(np.abs(poles) if discrete else poles.real)]
     return f"a pole at {worst:.6g}"
-
-
-def _prove(
-    loop: LoopBalls, norm: Norm, achieved: float, claimed: float | None, discrete: bool
-) -> NormProof | None:
-    """Prove the smallest bound that can be proven; stability alone if no bound can."""
-    flow = loop
-    if discrete:
-        try:
-            flow = cayley(loop)
-        except ZeroDivisionError:
-            return None
-    if norm == "hinf":
-        proofs = _hinf_proofs(flow, achieved, claimed)
-    else:
-        proofs = (prove_h2(loop, discrete, slack) for slack in _PROOF_SLACK)
-    return next((proof for proof in proofs if proof is not None), None) or prove_stability(flow)
-
-
-def _hinf_proofs(
-    loop: LoopBalls, achieved: float, claimed: float | None
-) -> Iterator[NormProof | None]:
-    # Where a trial takes long, the tightest bound is left out.
-    for slack in _PROOF_SLACK[loop.A.nrows() > _LARGE :]:
-        yield prove_hinf(loop, achieved * (1 + slack), slack)
-    yield prove_hinf(loop, achieved * (1 + _PROOF_SLACK[-1]), precise=True)
-    if claimed is not None and claimed > achieved * (1 + _PROOF_SLACK[-1]):
-        yield prove_hinf(loop, claimed, min(0.1, claimed / achieved - 1) if achieved else 0.1)
-    level = rounding_level(loop)
-    if achieved <= level:
-        for factor in (1.0, 1e3):
-            yield prove_hinf(loop, level * factor, 0.1)
 
 
 def _gap(claimed: float | None, achieved: float) -> float | None:

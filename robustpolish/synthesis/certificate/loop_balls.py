@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from robustpolish.exact import balls
 from robustpolish.exact.balls import Ball
 from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.problem.balancing import balancing_scale
+from robustpolish.synthesis.problem.matrices import balancing_scale
 
 Matrix = NDArray[Any]
 BITS = 240
-"""Precision of the balls; twice as much where doubles do not suffice for P."""
+"""Precision of the balls; more where that does not suffice for a proof."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,20 +35,22 @@ class LoopBalls:
         return tuple(balls.midpoint(M) for M in (self.A, self.B, self.C, self.D))  # type: ignore[return-value]
 
 
-def enclose_loop(plant: GeneralizedPlant, controller: Any) -> LoopBalls:
+def enclose_loop(plant: GeneralizedPlant, controller: Any, bits: int = BITS) -> LoopBalls:
     """Connect u = K y without rounding errors and scale the loop's states by powers of two.
 
     Parameters
     ----------
     plant : GeneralizedPlant
     controller : control.StateSpace
+    bits : int
+        Precision of the enclosure.
 
     Raises
     ------
     ZeroDivisionError
         If I - Dk D22 cannot be shown to be nonsingular.
     """
-    with balls.precision(BITS):
+    with balls.precision(bits):
         A, B1, B2 = (balls.ball(M) for M in (plant.A, plant.B1, plant.B2))
         C1, C2, D11 = (balls.ball(M) for M in (plant.C1, plant.C2, plant.D11))
         D12, D21, D22 = (balls.ball(M) for M in (plant.D12, plant.D21, plant.D22))
@@ -87,7 +89,7 @@ def _state_scale(A: Matrix, B: Matrix, C: Matrix) -> Matrix:
     return balancing_scale(bordered)[:n]
 
 
-def cayley(loop: LoopBalls) -> LoopBalls:
+def cayley(loop: LoopBalls, bits: int = BITS) -> LoopBalls:
     """Map a discrete-time loop to a continuous one of the same stability and H-infinity norm.
 
     With z = (1 + s)/(1 - s).
@@ -97,7 +99,7 @@ def cayley(loop: LoopBalls) -> LoopBalls:
     ZeroDivisionError
         If A + I is singular, in which case the loop is not stable.
     """
-    with balls.precision(BITS):
+    with balls.precision(bits):
         n = loop.A.nrows()
         inverse = (loop.A + balls.identity(n)).inv()
         root = flint.arb(2).sqrt()

@@ -2,9 +2,9 @@
 
 A proof is a symmetric P > 0 that satisfies a strict matrix inequality, the bounded-real one
 for the H-infinity norm (Boyd et al., "Linear Matrix Inequalities in System and Control Theory",
-1994, section 2.7.3), the Gramian one for the H2 norm (section 6.3.2). P is found in doubles;
-nothing is assumed about how good it is, only the check counts. Discrete-time loops are mapped by
-the Cayley transformation, which keeps stability, the H-infinity norm and P itself.
+1994, section 2.7.3), the Gramian one for the H2 norm (section 6.3.2). P is found in doubles, or
+with more bits; nothing is assumed about how good it is, only the check counts. Discrete-time loops
+are mapped by the Cayley transformation, which keeps stability, the H-infinity norm and P itself.
 """
 
 from __future__ import annotations
@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from robustpolish.exact import balls
 from robustpolish.exact.balls import Ball
 from robustpolish.synthesis.certificate.loop_balls import BITS, LoopBalls, cayley
-from robustpolish.synthesis.certificate.proof_candidates import candidates, precise_candidates
+from robustpolish.synthesis.certificate.proof_candidates import candidates, precise_candidate
 
 Matrix = NDArray[Any]
+Kind = Literal["bounded_real", "gramian", "lyapunov"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,29 +44,31 @@ class NormProof:
         Least precision of the ball arithmetic of the check.
     """
 
-    kind: Literal["bounded_real", "gramian", "lyapunov"]
+    kind: Kind
     bound: float
     P: Matrix
     transformation: Matrix
     bits: int = BITS
 
 
-def prove_stability(loop: LoopBalls) -> NormProof | None:
-    """Prove that a continuous-time loop is stable by a Lyapunov matrix."""
+def prove_stability(loop: LoopBalls, bits: int | None = None) -> NormProof | None:
+    """Prove that a continuous-time loop is stable by a Lyapunov matrix.
+
+    Parameters
+    ----------
+    loop : LoopBalls
+    bits : int, optional
+        As for :func:`prove_hinf`.
+    """
     n = loop.A.nrows()
-    if n == 0:
-        return NormProof("lyapunov", np.inf, np.zeros((0, 0)), np.zeros((0, 0)))
-    with balls.precision(BITS):
-        silent = replace(loop, B=balls.zeros(n, 0), C=balls.zeros(0, n), D=balls.zeros(0, 0))
-        for T, P, turned in candidates(silent, 0.5):
-            gap = balls.symmetric(P * turned.A) * flint.arb(-2)
-            if balls.is_positive_definite(P) and balls.is_positive_definite(gap):
-                return _proof("lyapunov", np.inf, P, T, loop)
-    return None
+    silent = replace(loop, B=balls.zeros(n, 0), C=balls.zeros(0, n), D=balls.zeros(0, 0))
+    with balls.precision(bits or BITS):
+        found = _checked(silent, 0.5, bits)
+    return None if found is None else _proof("lyapunov", np.inf, found, loop)
 
 
 def prove_hinf(
-    loop: LoopBalls, bound: float, slack: float = 1e-4, precise: bool = False
+    loop: LoopBalls, bound: float, slack: float = 1e-4, bits: int | None = None
 ) -> NormProof | None:
     """Prove that a continuous-time loop is stable with an H-infinity norm below `bound`.
 
@@ -75,29 +78,34 @@ def prove_hinf(
     bound : float
     slack : float
         By how much `bound` is expected to lie above the norm, relative; sets the margin
-        of strictness that is tried.
-    precise : bool
-        Whether to solve for P in high precision, for loops with high gains; slower, and
-        for small loops only.
+        of strictness that is tried in doubles.
+    bits : int, optional
+        Find P with so many bits, which takes longer and proves what doubles leave open. In
+        doubles by default.
     """
     if not np.isfinite(bound):
         return None
     if bound <= 0:
         return _prove_zero(loop)
-    n, nw = loop.B.nrows(), loop.B.ncols()
-    with balls.precision(2 * BITS if precise else BITS):
+    with balls.precision(bits or BITS):
         g = flint.arb(float(bound))
         unit = replace(loop, B=loop.B / g, D=loop.D / g)
-        fits = balls.is_positive_definite(balls.identity(nw) - unit.D.transpose() * unit.D)
-        if not fits:
-            return None
-        if n == 0:
-            return NormProof("bounded_real", bound, np.zeros((0, 0)), np.zeros((0, 0)))
-        trials = precise_candidates(unit) if precise else candidates(unit, slack)
-        for T, P, turned in trials:
-            if _is_bounded_real(P, turned):
-                return _proof("bounded_real", bound, P, T, loop)
-    return None
+        gap = balls.identity(loop.B.ncols()) - unit.D.transpose() * unit.D
+        found = _checked(unit, slack, bits) if balls.is_positive_definite(gap) else None
+    return None if found is None else _proof("bounded_real", bound, found, loop)
+
+
+def _checked(loop: LoopBalls, slack: float, bits: int | None) -> tuple[Matrix, Ball] | None:
+    """Return coordinates T and a P in them that proves the norm of `loop` to be below one."""
+    n = loop.A.nrows()
+    if n == 0:
+        return np.zeros((0, 0)), balls.zeros(0, 0)
+    if bits is None:
+        trials = candidates(loop, slack)
+    else:
+        found = precise_candidate(loop)
+        trials = [] if found is None else [(np.eye(n), found, loop)]
+    return next(((T, P) for T, P, turned in trials if _is_bounded_real(P, turned)), None)
 
 
 def _is_bounded_real(P: Ball, loop: LoopBalls) -> bool:
@@ -126,7 +134,9 @@ def _prove_zero(loop: LoopBalls) -> NormProof | None:
     return None if proof is None else replace(proof, bound=0.0)
 
 
-def prove_h2(loop: LoopBalls, discrete: bool, slack: float = 1e-4) -> NormProof | None:
+def prove_h2(
+    loop: LoopBalls, discrete: bool, slack: float = 1e-4, bits: int | None = None
+) -> NormProof | None:
     """Prove that a loop is stable and bound its H2 norm by its controllability Gramian.
 
     Parameters
@@ -136,13 +146,15 @@ def prove_h2(loop: LoopBalls, discrete: bool, slack: float = 1e-4) -> NormProof 
         Whether it is a discrete-time loop; it is mapped here, its Gramian stays the same.
     slack : float
         By how much the bound may lie above the norm, relative.
+    bits : int, optional
+        As for :func:`prove_hinf`.
     """
     n = loop.A.nrows()
-    with balls.precision(BITS):
-        own = loop.D * loop.D.transpose()
-        if not discrete and balls.magnitude(own).any():
+    with balls.precision(bits or BITS):
+        energy = loop.D * loop.D.transpose()
+        if not discrete and balls.magnitude(energy).any():
             return None
-        flow = cayley(loop) if discrete else loop
+        flow = cayley(loop, bits or BITS) if discrete else loop
         dual = LoopBalls(
             flow.A.transpose(),
             balls.zeros(n, 0),
@@ -150,20 +162,18 @@ def prove_h2(loop: LoopBalls, discrete: bool, slack: float = 1e-4) -> NormProof 
             balls.zeros(flow.B.ncols(), 0),
             1 / loop.scale,
         )
-        if n == 0:
-            return _gramian_proof(own, balls.zeros(0, 0), np.zeros((0, 0)), dual)
-        for T, X, turned in candidates(dual, slack):
-            if _is_bounded_real(X, turned):
-                output = loop.C * balls.ball(T).transpose()
-                return _gramian_proof(own + output * X * output.transpose(), X, T, dual)
-    return None
+        found = _checked(dual, slack, bits)
+        if found is None:
+            return None
+        if n:
+            T, X = found
+            output = loop.C * balls.ball(T).transpose()
+            energy += output * X * output.transpose()
+        square = flint.arb(energy.trace() if energy.nrows() else 0)
+        return _proof("gramian", float(square.sqrt().upper()) * (1 + 1e-15), found, dual)
 
 
-def _gramian_proof(energy: Ball, X: Ball, T: Matrix, dual: LoopBalls) -> NormProof:
-    bound = flint.arb(energy.trace() if energy.nrows() else 0).sqrt().upper()
-    return _proof("gramian", float(bound) * (1 + 1e-15), X, T, dual)
-
-
-def _proof(kind: Any, bound: float, P: Ball, T: Matrix, loop: LoopBalls) -> NormProof:
+def _proof(kind: Kind, bound: float, found: tuple[Matrix, Ball], loop: LoopBalls) -> NormProof:
     """Note a proof in the loop's own states."""
+    T, P = found
     return NormProof(kind, bound, balls.midpoint(P), T / loop.scale)

@@ -7,6 +7,7 @@ the identity makes that margin visible in doubles however ill-conditioned P is i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -17,16 +18,16 @@ from numpy.typing import NDArray
 
 from robustpolish.exact import balls
 from robustpolish.exact.balls import Ball
+from robustpolish.exact.realisation import size
 from robustpolish.synthesis.certificate.loop_balls import LoopBalls
 from robustpolish.synthesis.riccati.equations import solve_lyapunov, solve_riccati
 
 Matrix = NDArray[Any]
 _PASSES = 3
 _LARGE = 60
-# Up to so many states the sign iteration in balls takes less than about 1 s. Where there is a
-# solution it was found in 30 steps; where the bound lies below the norm, it wanders for ever.
-_PRECISE_STATES = 24
-_SIGN_STEPS = 40
+# Each step of the doubling algorithm looks twice as far ahead: it takes as many as the ratio of
+# fastest and slowest rate has bits, and more where the bound is near the norm and for the accuracy.
+_MORE_STEPS = 20
 
 
 def candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, LoopBalls]]:
@@ -40,10 +41,10 @@ def candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, Lo
     margin = -float(np.linalg.eigvals(A).real.max(initial=-np.inf))
     if n == 0 or margin <= 0:
         return
-    size = np.linalg.norm(C) ** 2 / np.linalg.norm(A) or 1.0
+    output = _output_size(loop)
     shares = (0.3,) if n > _LARGE else (0.3, 0.01)
     for alpha in (share * slack * margin for share in shares):
-        extra = 1e-6 * alpha * size * np.eye(n)
+        extra = 1e-6 * alpha * output * np.eye(n)
         start = solve_lyapunov(A + alpha * np.eye(n), C.T @ C + extra)
         T = np.eye(n) if start is None else _identity_coordinates(start)
         for _ in range(_PASSES):
@@ -60,16 +61,51 @@ def candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, Lo
             T = _identity_coordinates(X) @ T
 
 
-def precise_candidates(loop: LoopBalls) -> Iterator[tuple[Matrix, Ball, LoopBalls]]:
-    """Yield the same in high precision, where a much smaller shift of the poles will do."""
+def precise_candidate(loop: LoopBalls) -> Ball | None:
+    """Solve the same equation with the bits in force, where a tiny shift of the poles will do.
+
+    Midpoints of balls serve as long floating-point numbers in the structure-preserving doubling
+    algorithm (Chu, Fan, Lin, Linear Algebra Appl. 396, 2005, 55-80).
+
+    Returns
+    -------
+    flint.arb_mat or None
+        None where it does not converge: the norm is not below one, or the bits are too few.
+    """
+    n = loop.A.nrows()
+    poles: Any = np.linalg.eigvals(balls.midpoint(loop.A))
+    slowest, fastest = float(np.abs(poles).min()), float(np.abs(poles).max())
+    if not slowest > 0:
+        return None
+    damping = max(-float(poles.real.max()), 1e-15 * slowest)
+    shift = slowest * 2.0 ** (-flint.ctx.prec // 3)
+    A, R, Q = (M.mid() for M in riccati_terms(loop, shift, _output_size(loop)))
+    one, rate = balls.identity(n), flint.arb(math.sqrt(slowest * fastest))
+    try:
+        resolvent = (A - one * rate).inv().mid()
+        core = (A - one * rate - R * resolvent.transpose() * Q).mid().inv().mid()
+        E = one + core * (rate * 2)
+        R = (resolvent * R * core.transpose() * (rate * 2)).mid()
+        Q = (core.transpose() * Q * resolvent * (rate * 2)).mid()
+        for _ in range(math.ceil(math.log2(fastest / damping)) + _MORE_STEPS):
+            W = (one - R * Q).mid().inv().mid()
+            EW = (E * W).mid()
+            more = (E.transpose() * Q * (W * E)).mid()
+            R, Q, E = (R + EW * R * E.transpose()).mid(), (Q + more).mid(), (EW * E).mid()
+            change, now = (size(balls.midpoint(M)) for M in (more, Q))
+            if not now < math.inf:
+                return None
+            if change <= 1e-60 * now:
+                return balls.symmetric(Q).mid()
+    except ZeroDivisionError:
+        pass
+    return None
+
+
+def _output_size(loop: LoopBalls) -> float:
+    """Return how large C'C is beside A, which P is likely to be."""
     A, _, C, _ = loop.doubles
-    n = A.shape[0]
-    margin = -float(np.linalg.eigvals(A).real.max(initial=-np.inf))
-    if 0 < n <= _PRECISE_STATES and margin > 0:
-        size = np.linalg.norm(C) ** 2 / np.linalg.norm(A) or 1.0
-        X = _precise_riccati(loop, 1e-20 * margin, float(size))
-        if X is not None:
-            yield np.eye(n), X, loop
+    return float(np.linalg.norm(C) ** 2 / np.linalg.norm(A)) or 1.0
 
 
 def _turned(loop: LoopBalls, T: Matrix) -> LoopBalls:
@@ -88,47 +124,19 @@ def _identity_coordinates(P: Matrix) -> Matrix:
 
 def _shifted_riccati(loop: LoopBalls, alpha: float) -> Matrix | None:
     """Solve the bounded-real Riccati equation of A + alpha I, with a little extra output."""
-    A, R, Q = (balls.midpoint(M) for M in _riccati_terms(loop, alpha))
+    A, R, Q = (balls.midpoint(M) for M in riccati_terms(loop, alpha))
     found = solve_riccati(A, R, Q)
     return None if found is None else found.X
 
 
-def _precise_riccati(loop: LoopBalls, alpha: float, size: float) -> Ball | None:
-    """Solve the same equation in high precision by the matrix sign iteration."""
-    n = loop.A.nrows()
-    A, R, Q = (M.mid() for M in _riccati_terms(loop, alpha, size))
-    Z = balls.block([[A, R], [Q * flint.arb(-1), A.transpose() * flint.arb(-1)]])
-    for _ in range(_SIGN_STEPS):
-        try:
-            inverse = Z.inv().mid()
-        except ZeroDivisionError:
-            return None
-        here, there = np.linalg.norm(balls.midpoint(Z)), np.linalg.norm(balls.midpoint(inverse))
-        if not (np.isfinite(here) and np.isfinite(there)):
-            return None
-        weight = flint.arb(float(there / here)).sqrt()
-        step = ((Z * weight + inverse / weight) * flint.arb(0.5)).mid()
-        change = np.linalg.norm(balls.midpoint(step - Z))
-        Z = step
-        if change <= 1e-25 * here:
-            break
-    else:
-        return None
-    stable = balls.identity(2 * n) - Z
-    rows = stable.tolist()
-    upper, lower = (flint.arb_mat([row[:n] for row in part]) for part in (rows[:n], rows[n:]))
-    try:
-        return balls.symmetric(lower * upper.inv()).mid()
-    except ZeroDivisionError:
-        return None
-
-
-def _riccati_terms(loop: LoopBalls, alpha: float, size: float = 1.0) -> tuple[Ball, Ball, Ball]:
-    """Return the terms of A'P + PA + PRP + Q = 0."""
+def riccati_terms(
+    loop: LoopBalls, alpha: float = 0.0, output: float = 1.0
+) -> tuple[Ball, Ball, Ball]:
+    """Return the terms of A'P + PA + PRP + Q = 0, with poles shifted and a little extra output."""
     A, B, C, D = loop.A, loop.B, loop.C, loop.D
     n = A.nrows()
     shift = balls.identity(n) * flint.arb(float(alpha))
-    extra = shift * flint.arb(float(0.1 * size))
+    extra = shift * flint.arb(float(0.1 * output))
     if B.ncols() == 0:
         return A + shift, balls.zeros(n, n), C.transpose() * C + extra
     inner = (balls.identity(B.ncols()) - D.transpose() * D).inv()
@@ -142,7 +150,7 @@ def _riccati_terms(loop: LoopBalls, alpha: float, size: float = 1.0) -> tuple[Ba
 
 def _refined(X: Matrix, loop: LoopBalls, alpha: float) -> Ball:
     """Remove the rounding errors of a Riccati solution by a step of Newton's method."""
-    A, R, Q = _riccati_terms(loop, alpha)
+    A, R, Q = riccati_terms(loop, alpha)
     P = balls.ball(X)
     residual = balls.symmetric(P * A) * flint.arb(2) + P * R * P + Q
     step = solve_lyapunov(balls.midpoint(A + R * P), balls.midpoint(residual))

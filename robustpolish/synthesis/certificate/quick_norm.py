@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.synthesis.problem.balancing import balancing_scale
+from robustpolish.synthesis.problem.matrices import balancing_scale
 
 Matrix = NDArray[Any]
 

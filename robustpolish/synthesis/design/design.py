@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import control
 import numpy as np
@@ -16,13 +16,14 @@ from robustpolish.analysis import singular_values, stability
 from robustpolish.display import Card, Displayed, Table, quantities
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_gains
+from robustpolish.saved_file import Fields, read_saved, write_saved
 from robustpolish.synthesis.certificate.certificate import Certificate
+from robustpolish.synthesis.design.design_file import design_content, design_fields
+from robustpolish.synthesis.design.status import Status
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Status = Literal["optimal", "suboptimal", "infimum_not_attained", "time_limit"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,10 +41,11 @@ class Design(Displayed):
     norm : {"hinf", "h2"}
         The norm that was minimised.
     status : str
-        "optimal": within the tolerance of the infimum; "suboptimal": certified, but no
+        "optimal": within the tolerance of `lower_bound`; "suboptimal": certified, but no
         claim of optimality (a constrained, nonconvex or stopped search);
         "infimum_not_attained": the infimum is only approached, by ever larger gains or by a
-        limit; "time_limit": the best certified controller when time ran out.
+        limit; "time_limit": the best certified controller when the safety net in seconds stopped
+        the search, so that another machine may find another one.
     message : str
         What happened, and what to try next.
     certificate : Certificate
@@ -58,6 +60,9 @@ class Design(Displayed):
         One entry per step of the search (such as per axis, or per gamma).
     details : mapping
         What the method wants to tell besides: diagnosis, observer gain, ...
+    lower_bound : float or None
+        A norm below which no controller of this kind comes, computed in double precision (how, is
+        in the message); None if none is known.
 
     Examples
     --------
@@ -86,6 +91,7 @@ class Design(Displayed):
     elapsed: float
     history: tuple[Mapping[str, Any], ...] = ()
     details: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    lower_bound: float | None = None
 
     @property
     def gain(self) -> NDArray[np.float64] | None:
@@ -119,12 +125,10 @@ class Design(Displayed):
         >>> again.certificate.valid, float(again.gain[0, 0])
         (True, -3.0)
         """
-        from robustpolish.synthesis.design.design_file import save_design
-
-        save_design(self, path, force)
+        write_saved(path, "design", design_content(self), force)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Design:
+    def load(cls, path: str | os.PathLike[str]) -> Self:
         """Read a design from a file, and certify it again: the file is not believed.
 
         Parameters
@@ -154,9 +158,12 @@ class Design(Displayed):
         ...
         robustpolish.errors.InvalidInputError: path: got missing.json (No such file or directory)...
         """
-        from robustpolish.synthesis.design.design_file import load_design
+        return cls.from_fields(read_saved(path, "design"))
 
-        return load_design(path)
+    @classmethod
+    def from_fields(cls, fields: Fields) -> Self:
+        """Return the design in a file that has been opened; see :meth:`load`."""
+        return cls(**design_fields(fields))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the largest singular value from w to z without and with control.
@@ -237,6 +244,9 @@ class Design(Displayed):
             ("certificate", "valid" if c.valid else "NOT valid"),
             ("seconds", f"{self.elapsed:.2g}"),
         )
+        if self.lower_bound is not None:
+            below = (f"no {name} norm below", f"{self.lower_bound:.6g}")
+            rows = (*rows[:3], below, *rows[3:])
         tables = [quantities(*rows)]
         if self.details.get("elements"):
             found = [

@@ -1,9 +1,11 @@
-"""Designs in files: plant and controller are read, everything else is proven again."""
+"""What the file of a design holds: plant and controller are read, the rest is proven again.
+
+It lies below the design, which writes and reads itself with it.
+"""
 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, get_args
@@ -14,9 +16,9 @@ import numpy as np
 from robustpolish.models import GeneralizedPlant
 from robustpolish.models.plant.file import plant_arguments, plant_content
 from robustpolish.models.plant.systems import system_content, system_from
-from robustpolish.saved_file import Fields, plain, read_saved, write_saved
+from robustpolish.saved_file import Fields, plain
 from robustpolish.synthesis.certificate.certificate import certify
-from robustpolish.synthesis.design.design import Design, Status
+from robustpolish.synthesis.design.status import Status
 from robustpolish.synthesis.problem.passive_element import PassiveElement
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
 from robustpolish.validation import described, invalid
@@ -26,10 +28,10 @@ _SAME = 1e-6
 _REGIONS = {"HalfPlane": HalfPlane, "Disk": Disk, "Sector": Sector}
 
 
-def save_design(design: Design, path: str | os.PathLike[str], force: bool = False) -> None:
-    """Write a design; see :meth:`Design.save`."""
+def design_content(design: Any) -> dict[str, Any]:
+    """Return what is written of a :class:`robustpolish.Design`."""
     certificate = design.certificate
-    content = {
+    return {
         "norm": design.norm,
         "status": design.status,
         "message": design.message,
@@ -38,21 +40,16 @@ def save_design(design: Design, path: str | os.PathLike[str], force: bool = Fals
         "elapsed": design.elapsed,
         "achieved": certificate.achieved,
         "claimed": certificate.claimed,
+        "lower_bound": design.lower_bound,
         "plant": plant_content(design.plant),
         "controller": system_content(design.controller),
         "details": _told(design.details),
         "history": [_told(entry) for entry in design.history],
     }
-    write_saved(path, "design", content, force)
 
 
-def load_design(path: str | os.PathLike[str]) -> Design:
-    """Read a design and prove it again; see :meth:`Design.load`."""
-    return design_from(read_saved(path, "design"))
-
-
-def design_from(fields: Fields) -> Design:
-    """Return the design in a file, with a new certificate.
+def design_fields(fields: Fields) -> dict[str, Any]:
+    """Return the fields of the design in a file, with a new certificate.
 
     Raises
     ------
@@ -72,25 +69,31 @@ def design_from(fields: Fields) -> Design:
     if not math.isclose(told, certificate.achieved, rel_tol=_SAME):
         shown = described(f"a norm of {told:.6g} for a loop that has {certificate.achieved:.6g}")
         raise invalid(f"{fields.where}: achieved", shown, "the norm of the loop", _REMEDY)
+    known = "lower_bound" in fields and fields.raw("lower_bound") is not None
+    bound = fields.number("lower_bound") if known else None
+    if bound is not None and bound > told * (1 + _SAME):
+        shown = described(f"{bound:.6g} for a loop that has {told:.6g}")
+        raise invalid(f"{fields.where}: lower_bound", shown, "at most the norm", _REMEDY)
     details = _heard(fields.table("details"))
     for region in details.get("pole_regions", ()):
         if not region.contains(certificate.poles):
             shown = described(f"a closed-loop pole outside {region}")
             raise invalid(f"{fields.where}: details", shown, "poles in their region", _REMEDY)
-    return Design(
-        plant=plant,
-        controller=controller,
-        closed_loop=plant.closed_loop(controller),
-        norm=certificate.norm,
-        status=fields.text("status", get_args(Status)),  # pyright: ignore[reportArgumentType]
-        message=fields.text("message"),
-        certificate=certificate,
-        method=fields.text("method"),
-        backend=fields.text("backend"),
-        elapsed=fields.number("elapsed"),
-        history=tuple(_heard(entry) for entry in fields.tables("history")),
-        details=details,
-    )
+    return {
+        "plant": plant,
+        "controller": controller,
+        "closed_loop": plant.closed_loop(controller),
+        "norm": certificate.norm,
+        "status": fields.text("status", get_args(Status)),
+        "message": fields.text("message"),
+        "certificate": certificate,
+        "method": fields.text("method"),
+        "backend": fields.text("backend"),
+        "elapsed": fields.number("elapsed"),
+        "history": tuple(_heard(entry) for entry in fields.tables("history")),
+        "details": details,
+        "lower_bound": bound,
+    }
 
 
 _REMEDY = "Plant or controller were changed after saving; design it anew."

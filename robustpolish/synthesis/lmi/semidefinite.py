@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
+from robustpolish.budget import Budget
 from robustpolish.synthesis.lmi.affine import Affine
 from robustpolish.synthesis.lmi.limited import run_limited
 from robustpolish.validation import one_of
@@ -21,6 +22,10 @@ Integers = NDArray[np.integer]
 BACKENDS = ("cvxpy", "picos")
 # An interior-point iteration on more unknowns takes too long for the clock to be looked at.
 _QUICK_UNKNOWNS = 500
+# Work of a program in steps: a fixed share, and the cube of its unknowns over those that cost as
+# much; iterations number about the same for all.
+_WORK = 20.0
+_ALL_OVERHEAD = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +209,39 @@ class SemidefiniteProgram:
 
 
 Solve = Callable[[SemidefiniteProgram], SemidefiniteSolution]
+
+
+@dataclass(frozen=True)
+class ProgramSolver:
+    """Who solves the programs of one search, and how much work they may be.
+
+    Attributes
+    ----------
+    backend : {"cvxpy", "picos"}
+    solver : str or None
+    budget : Budget
+    accuracy : float
+        Relative tolerance handed to the solver.
+    """
+
+    backend: str
+    solver: str | None
+    budget: Budget
+    accuracy: float = 1e-9
+
+    def solve(self, program: SemidefiniteProgram) -> SemidefiniteSolution:
+        """Solve a program if work is left; without an answer its x is None."""
+        if self.budget.over:
+            return SemidefiniteSolution(None, "no work left", 0.0)
+        self.budget.spend(_WORK * (1 + (program.unknowns / _ALL_OVERHEAD) ** 3))
+        return program.solve(
+            self.backend,
+            solver=self.solver,
+            tolerance=self.accuracy,
+            time_limit=self.budget.seconds_left,
+        )
+
+
 Run = Callable[[ConicForm, str | None, float, float | None], tuple[Matrix | None, str]]
 
 

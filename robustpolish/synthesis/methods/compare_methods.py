@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from robustpolish.budget import Budget
 from robustpolish.display import Card, Displayed, Table, quantities
 from robustpolish.errors import RobustPolishError
 from robustpolish.models import GeneralizedPlant
@@ -18,7 +19,6 @@ from robustpolish.progress import working
 from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.methods.output_feedback import output_feedback
-from robustpolish.synthesis.problem.deadline import Deadline
 from robustpolish.validation import invalid, one_of, positive
 
 if TYPE_CHECKING:
@@ -262,7 +262,7 @@ def _run(
     solver: str | None,
     options: dict[str, Any],
 ) -> MethodResult:
-    clock = Deadline(math.inf)
+    clock = Budget()
     try:
         design = output_feedback(plant, method=method, backend=backend, solver=solver, **options)
     except RobustPolishError as error:

@@ -5,18 +5,19 @@ from __future__ import annotations
 import time
 from typing import Literal
 
-import control
-from numpy.typing import ArrayLike
-
 from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.certificate.certificate import certify
+from robustpolish.synthesis.certificate.controller_system import (
+    GivenController,
+    controller_system,
+)
 from robustpolish.synthesis.design.design import Design
 
 
 def given_controller(
     plant: GeneralizedPlant,
-    controller: control.StateSpace | ArrayLike,
+    controller: GivenController,
     norm: Literal["hinf", "h2"] = "hinf",
 ) -> Design:
     """Certify a given controller and return it as a design, to be simulated and compared.
@@ -26,7 +27,7 @@ def given_controller(
     plant : GeneralizedPlant
         Its measurements y are what the controller reads; for a state feedback pass
         ``plant.with_full_state()``.
-    controller : control.StateSpace or array_like, shape (nu, ny)
+    controller : control.StateSpace, control.TransferFunction or array_like, shape (nu, ny)
         K in u = K y (positive sign): a system or a gain.
     norm : {"hinf", "h2"}, optional
         The norm that is certified.
@@ -51,6 +52,7 @@ def given_controller(
     True
     """
     start = time.perf_counter()
+    controller = controller_system(plant, controller)
     certificate = certify(plant, controller, norm)
     if not certificate.valid:
         raise SolverError(
@@ -58,8 +60,6 @@ def given_controller(
             + "; ".join(certificate.reasons)
             + ". Check its sign (u = K y) and its units."
         )
-    if not isinstance(controller, control.StateSpace):
-        controller = plant.static_controller(controller)
     return Design(
         plant=plant,
         controller=controller,

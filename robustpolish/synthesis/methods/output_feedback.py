@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -12,15 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robustpolish.analysis import h2_norm, hinf_norm
+from robustpolish.budget import Budget
 from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.progress import working
 from robustpolish.synthesis.certificate.certificate import Certificate, Norm, certify
-from robustpolish.synthesis.design.design import Design, Status
-from robustpolish.synthesis.output_search.candidates import Findings
+from robustpolish.synthesis.design.design import Design
+from robustpolish.synthesis.design.status import Status, worst_status
 from robustpolish.synthesis.output_search.choice import Chosen, choose
-from robustpolish.synthesis.output_search.engines import METHODS, Settings, run_engines
-from robustpolish.synthesis.problem.deadline import Deadline
+from robustpolish.synthesis.output_search.engine import Findings, Problem, Settings
+from robustpolish.synthesis.output_search.engines import METHODS, ORDER
+from robustpolish.synthesis.output_search.policy import POLICY
 from robustpolish.synthesis.problem.decoupling import (
     PlantPart,
     decoupled_parts,
@@ -28,14 +30,19 @@ from robustpolish.synthesis.problem.decoupling import (
     undivided,
 )
 from robustpolish.synthesis.problem.fixed_modes import refuse_unstable
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.preflight import Diagnosis, diagnose, refuse
 from robustpolish.synthesis.problem.pricing import noisy, priced
-from robustpolish.synthesis.problem.solver_plant import SolverPlant
-from robustpolish.synthesis.riccati.output_h2 import no_finite_h2_norm
+from robustpolish.synthesis.problem.scaling import SolverPlant
+from robustpolish.synthesis.riccati.infimum import lower_bound
+from robustpolish.synthesis.riccati.lqg import (
+    cancel_feedthrough,
+    h2_lower_bound,
+    no_finite_h2_norm,
+)
 from robustpolish.validation import described, invalid, one_of, positive
 
 Method = Literal["auto", "riccati", "lmi", "slycot"]
-_WORST_FIRST: tuple[Status, ...] = ("time_limit", "suboptimal", "infimum_not_attained", "optimal")
 
 
 def output_feedback(
@@ -48,7 +55,8 @@ def output_feedback(
     control_weight: ArrayLike | None = None,
     measurement_noise: ArrayLike | None = None,
     tolerance: float = 4e-3,
-    time_limit: float = 5.0,
+    effort: float = 1.0,
+    time_limit: float = 60.0,
     split: bool = True,
 ) -> Design:
     r"""Design a dynamic controller u = K y from the measurements for the smallest norm.
@@ -79,11 +87,15 @@ def output_feedback(
         Noise on y, in units of y per unit of w, appended to w. Where D12 or D21 is rank-deficient,
         price and noise together make a problem with an optimum of finite gain.
     tolerance : float
-        How far above the best norm found, relative, a controller may lie to have a smaller
-        gain or fewer states.
+        How far above the infimum, relative, a controller may lie to have a smaller gain or fewer
+        states.
+    effort : float
+        Factor on the work that the search may do. It is counted in steps, so that every machine,
+        busy or idle, gives the same answer.
     time_limit : float
-        Seconds for the search. The certificate, up to about 2 s for 60 states, is computed
-        within them if possible, and in any case.
+        A safety net, in seconds. If it is reached the status is "time_limit", and another machine
+        may find something else; otherwise it changes nothing. The certificate, up to
+        about 2 s for 60 states, is computed in any case.
     split : bool
         Whether to solve parts of the plant that share no signal one by one, which is quicker and
         gives the same norm.
@@ -91,9 +103,10 @@ def output_feedback(
     Returns
     -------
     Design
-        Its status is "optimal" if the norm had settled; "infimum_not_attained" if ever larger gains
-        were still improving it; "suboptimal" or "time_limit" otherwise. ``details`` hold
-        the ``diagnosis``, the ``claim`` of the method, which may be false, and per part
+        Its status is "optimal" if the norm lies within `tolerance` of ``lower_bound``;
+        "infimum_not_attained" if ever larger gains were still improving it; "time_limit" if
+        the safety net was reached; "suboptimal" otherwise. ``details`` hold the ``diagnosis``,
+        the ``claim`` of the method, which may be false, the ``work`` done in steps, and per part
         the states (``parts``) and norms (``part_norms``). Its plant includes price and noise.
 
     Raises
@@ -102,15 +115,17 @@ def output_feedback(
         If no controller stabilises the plant; it names the mode and the state that carries it. For
         the H2 norm also if D11 cannot be cancelled, which makes the norm infinite.
     SolverError
-        If no controller was found or none could be certified in the time given.
+        If no controller was found or none could be certified.
     InvalidInputError
         If an argument does not fit.
 
     Notes
     -----
     Zhou, Doyle, Glover, "Robust and Optimal Control", 1996, theorem 17.1, for the Riccati
-    equations; Scherer, Gahinet, Chilali, "Multiobjective output-feedback control via LMI
-    optimization", IEEE Trans. Automatic Control 42 (1997) 896-911, for the inequalities.
+    equations; Stoorvogel, "The singular H-infinity control problem with dynamic measurement
+    feedback", SIAM J. Control and Optimization 29 (1991) 160-184, for the lower bound where D12 or
+    D21 is rank-deficient; Scherer, Gahinet, Chilali, "Multiobjective output-feedback control via
+    LMI optimization", IEEE Trans. Automatic Control 42 (1997) 896-911, for the inequalities.
 
     Discrete-time plants are mapped to continuous time for the H-infinity norm, which keeps it
     exactly, and solved by discrete Riccati equations for the H2 norm.
@@ -125,34 +140,38 @@ def output_feedback(
     >>> design.status, round(design.certificate.achieved, 1), design.certificate.valid
     ('optimal', 2.6, True)
     """
-    _check(plant, norm, method, backend, tolerance, time_limit)
+    _check(plant, norm, method, backend, tolerance, time_limit, effort)
     plant = noisy(priced(plant, control_weight), measurement_noise)
-    deadline = Deadline(time_limit)
     settings = Settings(norm, method, backend, solver, tolerance)
+    budget = Budget(effort * POLICY.work, time_limit)
     diagnosis = diagnose(plant)
     exact = [mode for mode in diagnosis.fixed_modes if mode.exact]
     if exact:
         raise refuse(exact)
     parts = decoupled_parts(plant) if split else (undivided(plant),)
     with working("Designing an output feedback"):
-        chosen = _solve_parts(parts, settings, diagnosis, deadline)
+        chosen = _solve_parts(parts, settings, diagnosis, budget)
         controller = joined_controller(plant, parts, [c.controller if c else None for c in chosen])
-        certificate = _certificate(plant, parts, controller, norm, chosen)
-    if deadline.remaining > 0.5 * time_limit and plant.nx <= 30:
-        diagnosis = diagnose(plant, zeros=True)
+        idle = _idle_norms(parts, chosen, norm)
+        certificate = _certificate(plant, parts, controller, norm, chosen, idle)
     done = [c for c in chosen if c is not None]
-    status = _overall(done, norm)
+    bound = _joined([*(c.bound.value if c.bound else 0.0 for c in done), *idle], norm)
+    status = _overall(done, certificate, bound, tolerance, budget)
+    if plant.nx <= POLICY.zero_states and not (
+        diagnosis.regular_feedthrough and status == "optimal"
+    ):
+        diagnosis = diagnosis.with_zeros(plant)
     return Design(
         plant=plant,
         controller=controller,
         closed_loop=plant.closed_loop(controller),
         norm=norm,
         status=status,
-        message=_message(status, diagnosis, certificate, done),
+        message=_message(status, diagnosis, certificate, done, bound, budget),
         certificate=certificate,
         method=" and ".join(dict.fromkeys(c.findings.method for c in done)) or method,
         backend=" and ".join(dict.fromkeys(c.findings.backend for c in done)) or "scipy",
-        elapsed=deadline.elapsed,
+        elapsed=budget.elapsed,
         history=tuple(
             MappingProxyType({"part": i, **note})
             for i, c in enumerate(chosen)
@@ -164,13 +183,21 @@ def output_feedback(
                 "parts": tuple(part.states for part in parts),
                 "part_norms": tuple(c.certificate.achieved if c else None for c in chosen),
                 "claim": _joined([c.claim for c in done], norm),
+                "work": budget.spent,
             }
         ),
+        lower_bound=None if all(c.bound is None for c in done) else bound,
     )
 
 
 def _check(
-    plant: Any, norm: str, method: str, backend: str, tolerance: float, time_limit: float
+    plant: Any,
+    norm: str,
+    method: str,
+    backend: str,
+    tolerance: float,
+    time_limit: float,
+    effort: float,
 ) -> None:
     if not isinstance(plant, GeneralizedPlant):
         raise invalid(
@@ -184,6 +211,14 @@ def _check(
     one_of("backend", backend, ("cvxpy", "picos"))
     positive("tolerance", tolerance)
     positive("time_limit", time_limit, "s")
+    positive("effort", effort)
+    if norm == "h2" and plant.is_discrete and method in ("lmi", "slycot"):
+        raise invalid(
+            "method",
+            described(f"{method!r} for the H2 norm of a discrete-time plant"),
+            "'riccati' or 'auto'",
+            "Only the Riccati equations are written for it.",
+        )
     if not (plant.nu and plant.ny):
         raise invalid(
             "plant",
@@ -194,9 +229,9 @@ def _check(
 
 
 def _solve_parts(
-    parts: Sequence[PlantPart], settings: Settings, diagnosis: Diagnosis, deadline: Deadline
+    parts: Sequence[PlantPart], settings: Settings, diagnosis: Diagnosis, budget: Budget
 ) -> list[Chosen | None]:
-    """Solve every decoupled part within its share of the time; identical ones once."""
+    """Solve every decoupled part with its share of the work; identical ones once."""
     searched: dict[tuple[bytes, ...], PartSearch] = {}
     keys: list[tuple[bytes, ...] | None] = []
     weights = [p.plant.nx**2 + 1 if p.plant.nu and p.plant.ny else 0 for p in parts]
@@ -208,36 +243,31 @@ def _solve_parts(
                 raise no_finite_h2_norm()
             keys.append(None)
             continue
-        system = P.system
-        key = tuple(M.tobytes() + str(M.shape).encode() for M in map(np.array, _matrices(system)))
+        key = PlantMatrices.of(P).fingerprint
         keys.append(key)
         if key not in searched:
-            share = deadline.share(weights[i] / sum(weights[i:]))
+            share = budget.share(weights[i] / sum(weights[i:]))
             searched[key] = _search(_with_signals(P), settings, diagnosis, share)
     # No part has to be much better than the one that decides the norm of the whole.
-    enough = 0.01 * max((s.best for s in searched.values()), default=0.0)
-    chosen = {key: _choose(search, settings, diagnosis, enough) for key, search in searched.items()}
+    enough = POLICY.enough * max((s.best for s in searched.values()), default=0.0)
+    chosen = {key: _choose(search, diagnosis, enough) for key, search in searched.items()}
     return [None if key is None else chosen[key] for key in keys]
-
-
-def _matrices(system: control.StateSpace) -> tuple[Any, ...]:
-    return system.A, system.B, system.C, system.D
 
 
 @dataclass(frozen=True, eq=False)
 class PartSearch:
-    """The findings of the engines on one part, and the time left to choose."""
+    """One part in the units of the engines, what they found, and the work left to choose."""
 
-    problem: SolverPlant
+    part: SolverPlant
+    problem: Problem
     searches: list[Findings]
-    deadline: Deadline
-    norm: str
+    budget: Budget
 
     @property
     def best(self) -> float:
         """The smallest norm found, in the plant's units; zero if none was found."""
         found = min((search.best for search in self.searches), default=np.inf)
-        return self.problem.norm(found, self.norm) if np.isfinite(found) else 0.0
+        return self.part.norm(found, self.problem.norm) if np.isfinite(found) else 0.0
 
 
 def _with_signals(part: GeneralizedPlant) -> GeneralizedPlant:
@@ -268,37 +298,71 @@ def _padded(M: Any, shape: tuple[int, int]) -> Any:
 
 
 def _search(
-    plant: GeneralizedPlant, settings: Settings, diagnosis: Diagnosis, deadline: Deadline
+    plant: GeneralizedPlant, settings: Settings, diagnosis: Diagnosis, budget: Budget
 ) -> PartSearch:
-    problem = SolverPlant.of(plant, mapped=settings.norm == "hinf")
-    # The certificate of a loop with n states takes about 1e-6 n^3 seconds.
-    reserve = min(0.4 * deadline.seconds, 1e-6 * (2 * plant.nx) ** 3)
-    limit = Deadline(deadline.remaining - reserve)
-    regular = diagnosis.d12_full and diagnosis.d21_full
-    searches = run_engines(problem, settings, regular, limit)
-    return PartSearch(problem, searches, limit, settings.norm)
+    """Scale a part, bound its norm from below and let the engines search."""
+    norm = settings.norm
+    part = SolverPlant.of(plant, mapped=norm == "hinf")
+    matrices, search = part.matrices, budget.share(POLICY.search_share)
+    feedback = None
+    if norm == "hinf":
+        accuracy = POLICY.bound_accuracy * min(settings.tolerance, 1e-2)
+        bound = lower_bound(matrices, accuracy, search)
+    else:
+        matrices, feedback = cancel_feedthrough(matrices)
+        bound = h2_lower_bound(matrices)
+    problem = Problem(matrices, norm, diagnosis.regular_feedthrough, settings.tolerance, bound)
+    searches: list[Findings] = []
+    for engine in (kind(settings) for kind in ORDER[norm, settings.method]):
+        if engine.adds(problem, searches):
+            searches.append(engine.search(problem, search))
+    if search.exhausted:
+        searches[-1].remarks.append("The work allowed was spent; allow more with effort.")
+    best = min(found.best for found in searches)
+    if bound is not None and best < bound.value * (1 - POLICY.spoilt):
+        # Rounding has spoilt the bound: the loop itself proves that.
+        problem = replace(problem, bound=None)
+    if feedback is not None and feedback.any():
+        problem = replace(problem, plant=part.matrices)
+        for found in searches:
+            found.candidates = [c.beside(feedback) for c in found.candidates]
+    return PartSearch(part, problem, searches, budget)
 
 
-def _choose(search: PartSearch, settings: Settings, diagnosis: Diagnosis, enough: float) -> Chosen:
-    # The H2 optimum is known exactly where the plant is regular, so that it is returned.
-    tolerance = settings.tolerance if settings.norm == "hinf" else min(settings.tolerance, 2e-5)
-    chosen, reasons = choose(
-        search.problem, search.searches, settings.norm, tolerance, enough, search.deadline
-    )
+def _choose(search: PartSearch, diagnosis: Diagnosis, enough: float) -> Chosen:
+    chosen, reasons = choose(search.part, search.problem, search.searches, enough, search.budget)
     if chosen is not None:
         return chosen
-    if diagnosis.fixed_modes:
-        raise refuse(diagnosis.fixed_modes)
-    late = " Time ran out; allow more with time_limit." if search.deadline.expired else ""
     why = "; ".join(dict.fromkeys(reasons)) or "no engine found a stabilising controller"
     remarks = [remark for found in search.searches for remark in found.remarks]
-    original = search.problem.original
-    if settings.norm == "h2" and not original.is_discrete and original.D11.any():
+    original = search.part.original
+    if search.problem.norm == "h2" and not original.is_discrete and original.D11.any():
         remarks.append(
             "The feedthrough D11 can be cancelled up to rounding only, which leaves the H2 norm "
             "infinite. Filter w or z so that D11 vanishes, or use norm='hinf'."
         )
-    raise SolverError(" ".join([f"No certified controller was found: {why}.{late}", *remarks]))
+    remarks += [f"It has the {mode}." for mode in diagnosis.fixed_modes]
+    more = _more(search.budget)
+    raise SolverError(" ".join([f"No certified controller was found: {why}.{more}", *remarks]))
+
+
+def _more(budget: Budget) -> str:
+    """Say that the safety net was reached, if it was, and what to do about it."""
+    if not budget.late:
+        return ""
+    return (
+        f" The safety net of {budget.seconds:g} s stopped the search, so that another machine "
+        "may find something else; allow more with time_limit."
+    )
+
+
+def _idle_norms(
+    parts: Sequence[PlantPart], chosen: Sequence[Chosen | None], norm: Norm
+) -> list[float]:
+    """Return the norms of the parts without control, except those in which nothing happens."""
+    size = hinf_norm if norm == "hinf" else h2_norm
+    idle = [part.plant for part, c in zip(parts, chosen, strict=True) if c is None]
+    return [float(size(P.open_loop)) for P in idle if P.nw and P.nz and (P.nx or P.D11.any())]
 
 
 def _certificate(
@@ -307,20 +371,15 @@ def _certificate(
     controller: control.StateSpace,
     norm: Norm,
     chosen: Sequence[Chosen | None],
+    idle: Sequence[float],
 ) -> Certificate:
     """Certify the whole loop, which for a single part has been done."""
-    idle = [part.plant for part, c in zip(parts, chosen, strict=True) if c is None]
-    silent = all(P.nx == 0 and not P.D11.any() for P in idle)
-    if len(chosen) == len(idle) + 1 and silent:
-        return next(c.certificate for c in chosen if c is not None)
-    size = hinf_norm if norm == "hinf" else h2_norm
-    claims = [
-        float(size(part.plant.open_loop)) if c is None else c.certificate.claimed or 0.0
-        for part, c in zip(parts, chosen, strict=True)
-        if c is not None or (part.plant.nw and part.plant.nz)
-    ]
-    claimed = _joined(claims, norm)
-    certificate = certify(plant, controller, norm, claimed)
+    done = [c for c in chosen if c is not None]
+    own = [part.plant.nx for part, c in zip(parts, chosen, strict=True) if c is not None]
+    if own == [plant.nx] and not idle:
+        return done[0].certificate
+    claims = [*(c.certificate.claimed or 0.0 for c in done), *idle]
+    certificate = certify(plant, controller, norm, _joined(claims, norm))
     if not certificate.valid:
         raise SolverError(
             "The controllers of the parts are certified, the whole is not: "
@@ -334,30 +393,44 @@ def _joined(norms: Sequence[float], norm: Norm) -> float:
     return float(max(norms, default=0.0) if norm == "hinf" else np.linalg.norm(norms))
 
 
-def _overall(done: Sequence[Chosen], norm: Norm) -> Status:
+def _overall(
+    done: Sequence[Chosen], certificate: Certificate, bound: float, tolerance: float, budget: Budget
+) -> Status:
     """Return the status of the whole: that of the parts that decide its norm."""
+    if budget.late:
+        return "time_limit"
+    if certificate.achieved <= bound * (1 + tolerance):
+        return "optimal"
     largest = max((c.certificate.achieved for c in done), default=0.0)
-    counts = [c for c in done if norm == "h2" or c.certificate.achieved >= 0.99 * largest]
-    found = {c.status for c in counts}
-    for status in _WORST_FIRST:
-        if status in found:
-            return status
-    return "optimal"
+    return worst_status(
+        c.status
+        for c in done
+        if certificate.norm == "h2" or c.certificate.achieved >= 0.99 * largest
+    )
 
 
 def _message(
-    status: Status, diagnosis: Diagnosis, certificate: Certificate, done: Sequence[Chosen]
+    status: Status,
+    diagnosis: Diagnosis,
+    certificate: Certificate,
+    done: Sequence[Chosen],
+    bound: float,
+    budget: Budget,
 ) -> str:
     kind = "H-infinity" if certificate.norm == "hinf" else "H2"
+    achieved = certificate.achieved
+    how = " and ".join(dict.fromkeys(c.bound.how for c in done if c.bound is not None))
+    floor = f"no controller comes below {bound:.6g}, {how}" if how else ""
+    if bound > 0 and status == "suboptimal":
+        floor = f"that is at most {achieved / bound - 1:.2g} of it above the infimum: {floor}"
     text = {
-        "optimal": f"The {kind} norm had settled at {certificate.achieved:.6g}.",
-        "suboptimal": f"The {kind} norm is {certificate.achieved:.6g}; it is not known how far "
-        "above the infimum that is.",
-        "infimum_not_attained": f"The {kind} norm is {certificate.achieved:.6g} and could still be "
+        "optimal": f"The {kind} norm is {achieved:.6g}; {floor}.",
+        "suboptimal": f"The {kind} norm is {achieved:.6g}; "
+        f"{floor if bound > 0 else 'it is not known how far above the infimum that is'}.",
+        "infimum_not_attained": f"The {kind} norm is {achieved:.6g} and could still be "
         "lowered by ever larger gains: the infimum is not attained. Price u (D12) and add noise "
         "to y (D21) to choose how much gain is worth it.",
-        "time_limit": f"Time ran out at a {kind} norm of {certificate.achieved:.6g}; allow more "
-        "with time_limit.",
+        "time_limit": f"The {kind} norm is {achieved:.6g}{f'; {floor}' if bound > 0 else ''}.",
     }[status]
     remarks = [remark for c in done for remark in c.findings.remarks]
-    return " ".join([text, *diagnosis.findings, *dict.fromkeys(remarks)])
+    return " ".join([text + _more(budget), *diagnosis.findings, *dict.fromkeys(remarks)])

@@ -17,13 +17,14 @@ from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.progress import working
 from robustpolish.synthesis.certificate.certificate import Certificate, certify
-from robustpolish.synthesis.design.design import Design, Status
+from robustpolish.synthesis.design.design import Design
+from robustpolish.synthesis.design.status import Status, worst_status
 from robustpolish.synthesis.lmi.semidefinite import BACKENDS
 from robustpolish.synthesis.problem.decoupling import PlantPart, decoupled_parts
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.problem.pricing import priced
 from robustpolish.synthesis.state_search.engines import Engine
-from robustpolish.synthesis.state_search.message import message, worst_status
+from robustpolish.synthesis.state_search.message import message
 from robustpolish.synthesis.state_search.parts import Part, PartAnswer, reference_norm, solve_part
 from robustpolish.validation import described, invalid, one_of, positive
 

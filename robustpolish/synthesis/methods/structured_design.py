@@ -12,7 +12,8 @@ from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.progress import working
 from robustpolish.synthesis.certificate.certificate import certify
-from robustpolish.synthesis.design.design import Design, Status
+from robustpolish.synthesis.design.design import Design
+from robustpolish.synthesis.design.status import Status
 from robustpolish.synthesis.problem.decoupling import PlantPart
 from robustpolish.synthesis.problem.fixed_modes import refuse_unstable
 from robustpolish.synthesis.structured_search.part_search import design_part

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import control
 import numpy as np
+from scipy import linalg
 
-from robustpolish.synthesis.certificate.certificate import Certificate, Norm, certify
-from robustpolish.synthesis.design.design import Status
-from robustpolish.synthesis.output_search.candidates import Candidate, Findings, preferred
-from robustpolish.synthesis.output_search.simplification import simplify
-from robustpolish.synthesis.problem.deadline import Deadline
-from robustpolish.synthesis.problem.solver_plant import SolverPlant
-
-# An infimum that is approached without end counts as zero below this share of the norm at the
-# start of the descent; smaller norms would cost gain for nothing.
-_AS_GOOD_AS_ZERO = 1e-6
-# Matrix inequalities have been backed off from their optimum already.
-_AFTER_BACK_OFF = 2e-3
+from robustpolish.budget import Budget, step_cost
+from robustpolish.synthesis.certificate.certificate import Certificate, certify
+from robustpolish.synthesis.design.status import Status
+from robustpolish.synthesis.output_search.engine import Candidate, Findings, Problem, examine
+from robustpolish.synthesis.output_search.policy import POLICY
+from robustpolish.synthesis.problem.matrices import Controller
+from robustpolish.synthesis.problem.scaling import SolverPlant
+from robustpolish.synthesis.riccati.infimum import LowerBound
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,30 +28,27 @@ class Chosen:
     certificate: Certificate
     claim: float
     findings: Findings
-    candidate: Candidate
     status: Status
+    bound: LowerBound | None
 
 
 def choose(
-    problem: SolverPlant,
+    part: SolverPlant,
+    problem: Problem,
     searches: Sequence[Findings],
-    norm: Norm,
-    tolerance: float,
     enough: float,
-    deadline: Deadline,
+    budget: Budget,
 ) -> tuple[Chosen | None, list[str]]:
-    """Pick the smallest gain among the controllers near the best norm, and certify it.
+    """Pick the smallest gain among the controllers near the infimum, and certify it.
 
     Parameters
     ----------
-    problem : SolverPlant
+    part : SolverPlant
+    problem : Problem
     searches : sequence of Findings
-    norm : {"hinf", "h2"}
-    tolerance : float
-        How far above the best norm, relative, a smaller gain is preferred to a smaller norm.
     enough : float
         A norm, in the plant's units, below which a falling search need not go.
-    deadline : Deadline
+    budget : Budget
         For shortening controllers; certificates are computed in any case.
 
     Returns
@@ -65,36 +60,66 @@ def choose(
     owners = {id(c): found for found in searches for c in found.candidates}
     everything = [c for found in searches for c in found.candidates]
     best = min((c.achieved for c in everything), default=np.inf)
-    level = _zero_level(searches, enough / problem.norm(1.0, norm))
-    if all(found.method == "lmi" for found in searches):
-        tolerance = min(tolerance, _AFTER_BACK_OFF)
-    limit = max(best * (1 + tolerance), level)
+    level = _zero_level(searches, enough / part.norm(1.0, problem.norm))
+    limit = max(_limit(problem, best), level)
+    bound = _in_units(part, problem)
     reasons: list[str] = []
     spare: list[Chosen] = []
-    ranked = preferred(everything, tolerance, level)
+    ranked = _preferred(everything, limit, few=level == limit)
     for trial in _trials(len(ranked)):
         candidate = ranked[trial]
-        if trial and deadline.expired:
+        last = bool(trial) and budget.over
+        if last:
             # The last chance goes to the gentlest controller, the easiest one to prove.
             candidate = min(everything, key=lambda c: c.gain)
-        bound = max(limit, candidate.achieved)
-        short = simplify(problem.matrices, candidate, bound, deadline, norm)
+        owner = owners[id(candidate)]
+        short = _simplified(problem, candidate, max(limit, candidate.achieved), budget)
         for each in (short, candidate) if short is not candidate else (candidate,):
-            found = _certified(problem, each, norm, reasons)
+            budget.spend(POLICY.certificate_work * step_cost(problem.plant.nx + each.order))
+            found = _certified(part, each, problem, reasons)
             if found is None:
                 continue
-            owner = owners[id(candidate)]
-            # LQG promises no number; what it achieves is its claim.
-            promised = candidate.claimed if np.isfinite(candidate.claimed) else candidate.achieved
-            claim = problem.norm(promised, norm)
-            if found[1].achieved <= problem.norm(each.achieved, norm) * (1 + 1e-3):
-                status = _status(owner, searches, each, best)
-                return Chosen(*found, claim, owner, each, status), reasons
+            claim = part.norm(candidate.promise, problem.norm)
+            achieved = found[1].achieved / part.norm(1.0, problem.norm)
+            if achieved <= each.achieved * (1 + 1e-3):
+                status = _status(problem, searches, achieved)
+                return Chosen(*found, claim, owner, status, bound), reasons
             # Its loop is worse in the plant's own units than the search saw in scaled ones.
-            spare.append(Chosen(*found, claim, owner, each, "suboptimal"))
-        if trial and deadline.expired:
+            spare.append(Chosen(*found, claim, owner, "suboptimal", bound))
+        if last:
             break
     return min(spare, key=lambda c: c.certificate.achieved, default=None), reasons
+
+
+def _in_units(part: SolverPlant, problem: Problem) -> LowerBound | None:
+    """Return the lower bound in the plant's units."""
+    bound = problem.bound
+    return bound and bound._replace(value=part.norm(bound.value, problem.norm))
+
+
+def _limit(problem: Problem, best: float) -> float:
+    """Return the norm up to which a smaller gain is preferred to a smaller norm."""
+    if problem.norm == "h2":
+        return best * (1 + min(problem.tolerance, POLICY.h2_tolerance))
+    if best <= problem.goal:
+        return problem.goal
+    # What is given away counts from the infimum: beyond the tolerance nothing is.
+    known = problem.bound is not None and problem.bound.value > 0
+    return best * (1 + (POLICY.settled if known else problem.tolerance))
+
+
+def _preferred(candidates: Sequence[Candidate], limit: float, few: bool) -> list[Candidate]:
+    """Sort candidates: those within the limit by gain and then order, the others by norm.
+
+    Where a `few` of those within the limit will do, because it lies far above the best norm, the
+    third and later ones come last.
+    """
+    within = [c for c in candidates if c.achieved <= limit]
+    within.sort(key=lambda c: (c.gain, c.order))
+    above = sorted((c for c in candidates if c.achieved > limit), key=lambda c: c.achieved)
+    # Far below the level loops are ever harder to prove, above it ever easier.
+    first = within[:2] if few else within
+    return [*first, *above, *within[len(first) :]]
 
 
 def _trials(count: int) -> list[int]:
@@ -104,18 +129,18 @@ def _trials(count: int) -> list[int]:
 
 
 def _certified(
-    problem: SolverPlant, candidate: Candidate, norm: Norm, reasons: list[str]
+    part: SolverPlant, candidate: Candidate, problem: Problem, reasons: list[str]
 ) -> tuple[control.StateSpace, Certificate] | None:
-    K = problem.controller(candidate.controller)
+    K = part.controller(candidate.controller)
     if K is None:
         reasons.append("the loop with D22 is not well posed")
         return None
-    certificate = certify(problem.original, K, norm)
+    certificate = certify(part.original, K, problem.norm)
     loose = certificate.bound > (1 + 2e-3) * certificate.achieved
     if certificate.valid and not loose:
         # The promise of the method, or what its loop has, if that is more.
-        promised = candidate.claimed if np.isfinite(candidate.claimed) else candidate.achieved
-        return K, certificate.with_claim(max(problem.norm(promised, norm), certificate.achieved))
+        promised = part.norm(candidate.promise, problem.norm)
+        return K, certificate.with_claim(max(promised, certificate.achieved))
     reasons += certificate.reasons or [f"only the bound {certificate.bound:.6g} could be proven"]
     return None
 
@@ -126,17 +151,113 @@ def _zero_level(searches: Sequence[Findings], enough: float) -> float:
     if not falling:
         return 0.0
     best = min(found.best for found in falling)
-    zero = _AS_GOOD_AS_ZERO * max(found.candidates[0].achieved for found in falling)
+    zero = POLICY.as_good_as_zero * max(found.candidates[0].achieved for found in falling)
     # A single part, or the one that decides the norm of the whole, has to do its best.
     return max(zero, enough if enough > 2 * best else 0.0)
 
 
-def _status(
-    owner: Findings, searches: Sequence[Findings], chosen: Candidate, best: float
-) -> Status:
-    if any(found.falling and not found.expired for found in searches):
-        return "infimum_not_attained"
-    if owner.expired:
-        return "time_limit"
-    settled = any(found.converged for found in searches)
-    return "optimal" if settled and chosen.achieved <= 1.01 * best else "suboptimal"
+def _status(problem: Problem, searches: Sequence[Findings], achieved: float) -> Status:
+    bound = problem.bound
+    if bound is not None and achieved <= bound.value * (1 + problem.tolerance):
+        return "optimal"
+    return "infimum_not_attained" if any(found.falling for found in searches) else "suboptimal"
+
+
+def _simplified(problem: Problem, candidate: Candidate, limit: float, budget: Budget) -> Candidate:
+    """Remove modes of the controller while the norm of its loop stays below a limit.
+
+    Near the optimum the central controller has a mode that runs away; elsewhere modes
+    cancel against each other or against the plant. Both cost gain and order for nothing.
+    The last controller whose norm is below the limit is returned, perhaps `candidate` itself.
+    """
+    current = candidate
+    if candidate.order > POLICY.costly_states:
+        return _halved(problem, candidate, limit, budget)
+    while current.order and not budget.over:
+        shorter = _shorter(problem, current, limit, budget)
+        if shorter is None:
+            break
+        current = shorter
+    return current
+
+
+def _halved(problem: Problem, current: Candidate, limit: float, budget: Budget) -> Candidate:
+    """Remove the fastest half, quarter or eighth of many modes, for every trial takes long."""
+    speeds = np.sort(np.abs(np.linalg.eigvals(current.controller.A)))
+    n = len(speeds)
+    for count in (n // 2, n // 4, n // 8):
+        # Between two speeds, so that no pair is torn apart.
+        bound = float(np.sqrt(speeds[n - count] * speeds[n - count - 1])) if count < n else 0.0
+        trials = _without(
+            current.controller, lambda v, b=bound: np.abs(v) > b, residualise=problem.norm == "hinf"
+        )
+        for K in trials:
+            if budget.over:
+                return current
+            found = examine(problem, K, limit, current.origin, budget)
+            if found is not None and found.achieved <= limit and found.gain <= 1.5 * current.gain:
+                return found
+    return current
+
+
+def _shorter(
+    problem: Problem, current: Candidate, limit: float, budget: Budget
+) -> Candidate | None:
+    for K in _reductions(current.controller, problem.norm):
+        if budget.over:
+            return None
+        found = examine(problem, K, limit, current.origin, budget)
+        if found is not None and found.achieved <= limit and found.gain <= 1.5 * current.gain:
+            return found
+    return None
+
+
+def _reductions(K: Controller, norm: str) -> Iterator[Controller]:
+    """Propose controllers with one mode less: without the fastest, without the weakest."""
+    values = np.linalg.eigvals(K.A)
+    fastest = np.abs(values).max()
+    yield from _without(K, lambda v: np.abs(v) > 0.9 * fastest, residualise=norm == "hinf")
+    weakest = _weakest(K, values)
+    if weakest is not None:
+        close = 1e-9 * fastest
+        yield from _without(
+            K,
+            lambda v: (np.abs(v - weakest) <= close) | (np.abs(v - weakest.conjugate()) <= close),
+            residualise=False,
+        )
+
+
+def _weakest(K: Controller, values: Any) -> complex | None:
+    """Return the eigenvalue whose mode adds least to the controller's response."""
+    _, vectors = np.linalg.eig(K.A)
+    try:
+        left = np.linalg.inv(vectors)
+    except np.linalg.LinAlgError:
+        return None
+    damping = np.maximum(np.abs(values.real), 1e-12 * np.abs(values).max())
+    size = np.linalg.norm(K.C @ vectors, axis=0) * np.linalg.norm(left @ K.B, axis=1) / damping
+    i = int(np.argmin(size))
+    return complex(values[i]) if size[i] <= 1e-2 * size.max() else None
+
+
+def _without(
+    K: Controller, removed: Callable[[Any], Any], residualise: bool
+) -> Iterator[Controller]:
+    """Split off the modes that `removed` selects and drop them, perhaps keeping their gain."""
+    try:
+        T, Z, kept = linalg.schur(  # type: ignore[misc]
+            K.A, output="real", sort=lambda re, im: not removed(np.array(complex(re, im)))
+        )
+        n = len(T)
+        if kept == n:
+            return
+        slow, fast = slice(0, kept), slice(kept, n)
+        X = linalg.solve_sylvester(T[slow, slow], -T[fast, fast], -T[slow, fast])
+        B, C = Z.T @ K.B, K.C @ Z
+        B_slow, C_fast = B[slow] - X @ B[fast], C[:, fast] + C[:, slow] @ X
+        D = K.D
+        if residualise:
+            D = D - C_fast @ np.linalg.solve(T[fast, fast], B[fast])
+    except (linalg.LinAlgError, ValueError):
+        return
+    yield Controller(T[slow, slow], B_slow, C[:, slow], D)

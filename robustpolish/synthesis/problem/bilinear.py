@@ -6,17 +6,25 @@ import numpy as np
 
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.problem.matrices import Controller, Matrix, shift
-from robustpolish.synthesis.problem.scaling import scale_plant
 
 _WORST_CONDITION = 1e7
 _TRIALS = 6
 
 
-def to_continuous(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, Matrix]:
+def to_continuous(
+    plant: GeneralizedPlant, state: Matrix, gain: Matrix
+) -> tuple[GeneralizedPlant, Matrix]:
     """Map a discrete-time plant to a continuous one with the same H-infinity problem.
 
     An eigenvalue at z = -1 has no image. A small random static controller moves it
     first; :func:`to_discrete` adds it to the controller that is found.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+        Discrete.
+    state, gain : ndarray, shapes (nx,) and (nu, ny)
+        Units of the states and of a static controller's entries.
 
     Returns
     -------
@@ -26,7 +34,6 @@ def to_continuous(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, Matrix]:
     feedback : ndarray, shape (nu, ny)
         That static controller, zero as a rule; it acts on y - D22 u.
     """
-    scaled = scale_plant(plant)
     rng = np.random.default_rng(0)
     feedback = np.zeros((plant.nu, plant.ny))
     # The plant without D22 is mapped: the controller's way back accounts for it.
@@ -35,10 +42,10 @@ def to_continuous(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, Matrix]:
     D = np.block([[plant.D11, plant.D12], [plant.D21, np.zeros_like(plant.D22)]])
     best = (np.inf, A, B, C, D, feedback)
     for trial in range(_TRIALS):
-        F = scaled.output_gain(0.3 * rng.standard_normal(feedback.shape)) if trial else feedback
+        F = 0.3 * gain * rng.standard_normal(gain.shape) if trial else feedback
         Af = A + plant.B2 @ F @ plant.C2
-        x = scaled.state
-        condition = np.linalg.cond((np.eye(plant.nx) + Af) * x / x[:, None]) if plant.nx else 1.0
+        moved = (np.eye(plant.nx) + Af) * state / state[:, None]
+        condition = np.linalg.cond(moved) if plant.nx else 1.0
         if condition < best[0]:
             Bf, Cf, Df = B.copy(), C.copy(), D.copy()
             Bf[:, : plant.nw] += plant.B2 @ F @ plant.D21

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import control
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.problem.balancing import balancing_scale
 
 Matrix = NDArray[Any]
 
@@ -93,6 +93,36 @@ class PlantMatrices:
 _NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
 
 
+def regularise(plant: PlantMatrices, epsilon: float) -> PlantMatrices:
+    """Price u and x, and disturb y and x, a little.
+
+    Appends epsilon times u and x to z, and epsilon times noise on y and x to w. Then D12
+    and D21 have full rank and no zeros lie on the imaginary axis, whatever the plant. The norm
+    of a loop with the regularised plant bounds the norm with the true one from above.
+
+    Parameters
+    ----------
+    plant : PlantMatrices
+        Scaled, so that epsilon is small compared with the entries.
+    epsilon : float
+        Zero returns the plant itself.
+    """
+    if epsilon == 0:
+        return plant
+    P = plant
+    n, nw, nu = P.A.shape[0], P.B1.shape[1], P.B2.shape[1]
+    nz, ny = P.C1.shape[0], P.C2.shape[0]
+    D11 = np.zeros((nz + n + nu, nw + n + ny))
+    D11[:nz, :nw] = P.D11
+    return P.replace(
+        B1=np.hstack([P.B1, epsilon * np.eye(n), np.zeros((n, ny))]),
+        C1=np.vstack([P.C1, epsilon * np.eye(n), np.zeros((nu, n))]),
+        D11=D11,
+        D12=np.vstack([P.D12, np.zeros((n, nu)), epsilon * np.eye(nu)]),
+        D21=np.hstack([P.D21, np.zeros((ny, n)), epsilon * np.eye(ny)]),
+    )
+
+
 class Controller(NamedTuple):
     """A controller x' = A x + B y, u = C x + D y."""
 
@@ -154,6 +184,27 @@ def balanced(K: Controller) -> Controller:
     scale = balancing_scale(size)
     t = scale[:n] / scale[n]
     return Controller(K.A * t / t[:, None], K.B / t[:, None], K.C * t, K.D)
+
+
+def balancing_scale(size: Matrix) -> Matrix:
+    """Return s such that the rows and columns of size * s / s[:, None] are alike in size.
+
+    Parameters
+    ----------
+    size : ndarray, shape (n, n)
+        Absolute values count only. Where an entry is not finite nothing is scaled.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Powers of two.
+    """
+    if not (size.size and np.isfinite(size).all()):
+        return np.ones(len(size))
+    # SciPy casts permutation indices that were never set, and may complain about their values.
+    with np.errstate(invalid="ignore"):
+        _, (scale, _) = linalg.matrix_balance(size, permute=False, separate=True)
+    return np.asarray(scale)
 
 
 def as_system(K: Controller, dt: float | bool = 0) -> control.StateSpace:

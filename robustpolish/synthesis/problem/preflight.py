@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import control
@@ -66,7 +66,7 @@ class Diagnosis:
         Whether they have full column and row rank.
     control_zeros, measurement_zeros : tuple of AxisZero or None
         Zeros of (A, B2, C1, D12) and (A, B1, C2, D21) on the stability boundary; None where
-        they were not looked for, for want of time.
+        they were not looked for.
     """
 
     fixed_modes: tuple[FixedMode, ...]
@@ -78,13 +78,27 @@ class Diagnosis:
     measurement_zeros: tuple[AxisZero, ...] | None = None
 
     @property
+    def regular_feedthrough(self) -> bool:
+        """Whether D12 and D21 have full rank."""
+        return self.d12_full and self.d21_full
+
+    @property
     def regular(self) -> bool | None:
         """Whether the Riccati equations need no regularisation; None if the zeros are unknown."""
-        if not (self.d12_full and self.d21_full):
+        if not self.regular_feedthrough:
             return False
         if self.control_zeros is None or self.measurement_zeros is None:
             return None
         return not (self.control_zeros or self.measurement_zeros)
+
+    def with_zeros(self, plant: GeneralizedPlant) -> Diagnosis:
+        """Return the diagnosis of the plant with its zeros on the axis, which take longer."""
+        P = plant
+        return replace(
+            self,
+            control_zeros=zeros_on_axis(control.StateSpace(P.A, P.B2, P.C1, P.D12, P.dt)),
+            measurement_zeros=zeros_on_axis(control.StateSpace(P.A, P.B1, P.C2, P.D21, P.dt)),
+        )
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -105,19 +119,8 @@ class Diagnosis:
         return tuple(found)
 
 
-def diagnose(plant: GeneralizedPlant, zeros: bool = False) -> Diagnosis:
-    """Look for what makes an output feedback impossible or singular.
-
-    Parameters
-    ----------
-    plant : GeneralizedPlant
-    zeros : bool
-        Whether to look for zeros on the axis, which takes longer than the rest.
-
-    Returns
-    -------
-    Diagnosis
-    """
+def diagnose(plant: GeneralizedPlant) -> Diagnosis:
+    """Look for what makes an output feedback impossible or singular."""
     scaled = scale_plant(plant)
     P = scaled.plant
     rank12, rank21 = _rank(P.D12), _rank(P.D21)
@@ -125,13 +128,7 @@ def diagnose(plant: GeneralizedPlant, zeros: bool = False) -> Diagnosis:
         *_fixed(P.A, P.B2, plant, scaled.time, "uncontrollable"),
         *_fixed(P.A.T, P.C2.T, plant, scaled.time, "unobservable"),
     ]
-    on_axis: tuple[Any, Any] = (None, None)
-    if zeros:
-        on_axis = (
-            _zeros(plant.A, plant.B2, plant.C1, plant.D12, plant.dt),
-            _zeros(plant.A, plant.B1, plant.C2, plant.D21, plant.dt),
-        )
-    return Diagnosis(tuple(modes), rank12, rank21, rank12 == plant.nu, rank21 == plant.ny, *on_axis)
+    return Diagnosis(tuple(modes), rank12, rank21, rank12 == plant.nu, rank21 == plant.ny)
 
 
 def refuse(modes: Sequence[FixedMode]) -> InfeasibleError:
@@ -227,7 +224,3 @@ def _participation(vectors: Matrix, i: int) -> Matrix:
 def _rank(D: Matrix) -> int:
     """Return the rank in scaled units, counting directions weaker than 1e-6 as absent."""
     return int((np.linalg.svd(D, compute_uv=False) > 1e-6).sum()) if D.size else 0
-
-
-def _zeros(A: Matrix, B: Matrix, C: Matrix, D: Matrix, dt: float | bool) -> tuple[AxisZero, ...]:
-    return zeros_on_axis(control.StateSpace(A, B, C, D, dt))

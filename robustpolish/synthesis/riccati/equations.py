@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from robustpolish.synthesis.problem.balancing import balancing_scale
+from robustpolish.synthesis.problem.matrices import balancing_scale
 
 Matrix = NDArray[Any]
 

@@ -2,18 +2,128 @@
 
 Zhou, Doyle and Glover, "Robust and Optimal Control" (1996), theorem 17.1, for plants with
 D11. D12 must have full column rank, D21 full row rank and no zeros may lie on the axis;
-:mod:`robustpolish.synthesis.problem.regularisation` provides for that.
+:func:`robustpolish.synthesis.problem.matrices.regularise` provides for that.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from robustpolish.synthesis.problem.matrices import Controller, Matrix, PlantMatrices
 from robustpolish.synthesis.riccati.equations import solve_riccati
+
+
+class Attempt(NamedTuple):
+    """The two Riccati solutions at one gamma.
+
+    Attributes
+    ----------
+    feasible : bool
+        X, Y >= 0 exist and rho(XY) < gamma^2.
+    coupling : float or None
+        The square root of rho(XY); None where X or Y does not exist.
+    """
+
+    feasible: bool
+    coupling: float | None
+    X: Matrix | None = None
+    Y: Matrix | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Half:
+    """What one of the two equations needs: that of the controls, or of the measurements transposed.
+
+    Attributes
+    ----------
+    A, B1, B2, C, D11, D12 : ndarray
+        In coordinates in which D12 = [0; I].
+    basis : ndarray or None
+        Where the states of a reduced half lie among those of the plant; None for all of them.
+    """
+
+    A: Matrix
+    B1: Matrix
+    B2: Matrix
+    C: Matrix
+    D11: Matrix
+    D12: Matrix
+    basis: Matrix | None = None
+
+    @property
+    def floor(self) -> float:
+        """The norm that the feedthrough alone forces."""
+        free = self.D11[: self.D11.shape[0] - self.B2.shape[1]]
+        return float(np.linalg.norm(free, 2)) if free.size else 0.0
+
+    def solve(self, gamma: float) -> Matrix | None:
+        """Solve the Riccati equation; None unless its solution exists and is semidefinite.
+
+        With an infinite gamma it is that of the H2 norm.
+        """
+        # Without a bound the disturbances play no part.
+        nw = self.B1.shape[1] if np.isfinite(gamma) else 0
+        A, B, C = self.A, np.hstack([self.B1[:, :nw], self.B2]), self.C
+        D = np.hstack([self.D11[:, :nw], self.D12])
+        n = len(A)
+        R = D.T @ D
+        R[:nw, :nw] -= gamma**2 * np.eye(nw)
+        try:
+            inverse = np.linalg.solve(R, np.hstack([D.T @ C, B.T]))
+        except np.linalg.LinAlgError:
+            return None
+        RDC, RB = inverse[:, :n], inverse[:, n:]
+        quadratic = -B @ RB
+        constant = C.T @ C - (C.T @ D) @ RDC
+        found = solve_riccati(
+            A - B @ RDC, (quadratic + quadratic.T) / 2, (constant + constant.T) / 2
+        )
+        if found is None:
+            return None
+        X = found.X
+        # X >= 0 if and only if the full-information controller stabilises with w = 0; unlike the
+        # eigenvalues of X, which may span many decades, this can be seen in doubles.
+        F = -(RDC + RB @ X)
+        direct = self.D11[len(C) - self.B2.shape[1] :, :nw]
+        feedback = F[nw:] + direct @ F[:nw]
+        if not np.linalg.eigvals(A + self.B2 @ feedback).real.max(initial=-np.inf) < 0:
+            return None
+        return X if self.basis is None else self.basis @ X @ self.basis.T
+
+
+@dataclass(frozen=True, eq=False)
+class TwoHalves:
+    """The pair of equations whose common solvability decides whether a gamma can be reached."""
+
+    control: Half
+    measurement: Half
+
+    @property
+    def states(self) -> int:
+        """Number of states, which the cost of an attempt follows from."""
+        return max(len(self.control.A), len(self.measurement.A))
+
+    @property
+    def floor(self) -> float:
+        """The norm that the feedthrough alone forces."""
+        return max(self.control.floor, self.measurement.floor)
+
+    def attempt(self, gamma: float) -> Attempt:
+        """Solve both equations at `gamma`."""
+        if gamma <= self.floor:
+            return Attempt(False, None)
+        # Overflow makes the equations unsolvable, which is an answer.
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            X = self.control.solve(gamma)
+            Y = None if X is None else self.measurement.solve(gamma)
+            if X is None or Y is None:
+                return Attempt(False, None)
+            coupling = float(np.sqrt(np.abs(np.linalg.eigvals(X @ Y)).max(initial=0.0)))
+        return Attempt(coupling < gamma, coupling, X, Y)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +140,15 @@ class NormalisedPlant:
     plant: PlantMatrices
     control: Matrix
     measurement: Matrix
+
+    @cached_property
+    def halves(self) -> TwoHalves:
+        """Its two Riccati equations."""
+        P = self.plant
+        return TwoHalves(
+            Half(P.A, P.B1, P.B2, P.C1, P.D11, P.D12),
+            Half(P.A.T, P.C1.T, P.C2.T, P.B1.T, P.D11.T, P.D21.T),
+        )
 
     def controller(self, K: Controller) -> Controller:
         """Return the controller in the original u and y."""
@@ -61,77 +180,6 @@ def normalise(plant: PlantMatrices) -> NormalisedPlant:
     return NormalisedPlant(turned, control, measurement)
 
 
-class Attempt(NamedTuple):
-    """The two Riccati solutions at one gamma.
-
-    Attributes
-    ----------
-    feasible : bool
-        X, Y >= 0 exist and rho(XY) < gamma^2.
-    coupling : float or None
-        The square root of rho(XY); None where X or Y does not exist.
-    """
-
-    feasible: bool
-    coupling: float | None
-    X: Matrix | None = None
-    Y: Matrix | None = None
-
-
-def lowest_gamma(normal: NormalisedPlant) -> float:
-    """Return the norm that the feedthrough alone forces."""
-    D = normal.plant.D11
-    free_z, free_w = D.shape[0] - normal.plant.B2.shape[1], D.shape[1] - normal.plant.C2.shape[0]
-    return max(_norm(D[:free_z]), _norm(D[:, :free_w]))
-
-
-def attempt(normal: NormalisedPlant, gamma: float) -> Attempt:
-    """Solve both Riccati equations at `gamma`."""
-    # Overflow makes the equations unsolvable, which is an answer.
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        return _attempt(normal, gamma)
-
-
-def _attempt(normal: NormalisedPlant, gamma: float) -> Attempt:
-    P = normal.plant
-    nw, nz = P.B1.shape[1], P.C1.shape[0]
-    if gamma <= lowest_gamma(normal):
-        return Attempt(False, None)
-    X = _half(P.A, np.hstack([P.B1, P.B2]), P.C1, np.hstack([P.D11, P.D12]), nw, gamma)
-    if X is None:
-        return Attempt(False, None)
-    Y = _half(P.A.T, np.vstack([P.C1, P.C2]).T, P.B1.T, np.vstack([P.D11, P.D21]).T, nz, gamma)
-    if Y is None:
-        return Attempt(False, None)
-    coupling = float(np.sqrt(np.abs(np.linalg.eigvals(X @ Y)).max(initial=0.0)))
-    return Attempt(coupling < gamma, coupling, X, Y)
-
-
-def _half(A: Matrix, B: Matrix, C: Matrix, D: Matrix, nw: int, gamma: float) -> Matrix | None:
-    """Solve one Riccati equation; None unless its solution exists and is semidefinite."""
-    R = D.T @ D
-    R[:nw, :nw] -= gamma**2 * np.eye(nw)
-    try:
-        inverse = np.linalg.solve(R, np.hstack([D.T @ C, B.T]))
-    except np.linalg.LinAlgError:
-        return None
-    n = A.shape[0]
-    RDC, RB = inverse[:, :n], inverse[:, n:]
-    quadratic = -B @ RB
-    constant = C.T @ C - (C.T @ D) @ RDC
-    found = solve_riccati(A - B @ RDC, (quadratic + quadratic.T) / 2, (constant + constant.T) / 2)
-    if found is None:
-        return None
-    X = found.X
-    # X >= 0 if and only if the full-information controller stabilises with w = 0; unlike the
-    # eigenvalues of X, which may span many decades, this can be seen in doubles.
-    F = -(RDC + RB @ X)
-    direct = D[D.shape[0] - F.shape[0] + nw :, :nw]
-    feedback = F[nw:] + direct @ F[:nw]
-    stable = np.linalg.eigvals(A + B[:, nw:] @ feedback).real.max(initial=-np.inf) < 0
-    return X if stable else None
-
-
 def central_controller(normal: NormalisedPlant, gamma: float, X: Matrix, Y: Matrix) -> Controller:
     """Return the central controller of theorem 17.1, in the original u and y."""
     P = normal.plant
@@ -158,7 +206,3 @@ def central_controller(normal: NormalisedPlant, gamma: float, X: Matrix, Y: Matr
     Ck = F2 - Dk @ C2F
     Ak = P.A + B @ F - Bk @ C2F
     return normal.controller(Controller(Ak, Bk, Ck, Dk))
-
-
-def _norm(M: Matrix) -> float:
-    return float(np.linalg.norm(M, 2)) if M.size else 0.0

@@ -5,16 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from robustpolish.synthesis.design.design import Status
-
-# The worst first: the status of the whole is that of its worst part.
-_ORDER: tuple[Status, ...] = ("time_limit", "infimum_not_attained", "suboptimal", "optimal")
-
-
-def worst_status(statuses: Sequence[Status]) -> Status:
-    """Return the status that a whole of several parts has."""
-    found: list[Status] = [status for status in _ORDER if status in statuses]
-    return found[0] if found else "optimal"
+from robustpolish.synthesis.design.status import Status
 
 
 def message(

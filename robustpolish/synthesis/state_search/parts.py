@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.design.design import Status
+from robustpolish.synthesis.design.status import Status
 from robustpolish.synthesis.problem.pole_regions import Disk, PoleRegion
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
 from robustpolish.synthesis.problem.state_feedback_problem import StateFeedbackProblem

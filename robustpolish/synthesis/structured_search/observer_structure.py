@@ -15,11 +15,10 @@ from robustpolish.errors import InfeasibleError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.nonsmooth import ObserverGain
 from robustpolish.synthesis.problem.decoupling import PlantPart
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.regularisation import regularise
+from robustpolish.synthesis.problem.matrices import PlantMatrices, regularise
 from robustpolish.synthesis.problem.static_loop import augmented
-from robustpolish.synthesis.riccati.gamma_search import search_gamma
-from robustpolish.synthesis.riccati.two_riccati import attempt, central_controller, normalise
+from robustpolish.synthesis.riccati.infimum import search_gamma
+from robustpolish.synthesis.riccati.two_riccati import central_controller, normalise
 from robustpolish.synthesis.structured_search.observer_form import observer_form
 from robustpolish.synthesis.structured_search.policy import POLICY
 from robustpolish.synthesis.structured_search.starts import DrawnStarts, regulator
@@ -208,16 +207,14 @@ def _central(plant: PlantMatrices, form: ObserverGain, budget: Budget) -> Iterat
         if budget.over:
             return
         normal = normalise(regularise(plant.without_d22(), epsilon))
-        bracket = search_gamma(normal, gamma, 1e-3, lambda: budget.over)
+        bracket = search_gamma(normal.halves, gamma, 1e-3, budget)
         if bracket is None:
-            budget.spend(riccati)
             continue
-        budget.spend(riccati * bracket.attempts)
         gamma = bracket.upper
         for back_off in POLICY.back_offs:
             # The observer form tries many invariant subspaces.
             budget.spend(riccati + 30 * step_cost(plant.nx))
-            found = attempt(normal, gamma * back_off)
+            found = normal.halves.attempt(gamma * back_off)
             if not found.feasible or found.X is None or found.Y is None:
                 continue
             K = central_controller(normal, gamma * back_off, found.X, found.Y)

@@ -55,7 +55,7 @@ def test_silverbox(shared):
     data = read_measurement(shared / "data/silverbox/SNLS80mV.mat", sampling_rate=1e7 / 2**14)
     first, length = 40585, 8692
     diagnosis = rp.diagnose(model, data.isel(time=slice(first, first + 3 * length)))
-    assert kinds(diagnosis)[:2] == ["cubic_stiffness", "constant_force"]
+    assert kinds(diagnosis) == ["cubic_stiffness", "constant_force"]
     multisines = data.isel(time=slice(first + 3 * length, first + 9 * length))
     arrow = data.isel(time=slice(0, 40400))
     assert rp.compare(diagnosis.model, multisines).outputs["V2"].rmse < 0.36e-3
@@ -120,7 +120,7 @@ def test_positioning_system_from_the_command_line(shared, tmp_path):
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     content = json.loads(found.read_text())
-    assert [e["kind"] for e in content["effects"]][:2] == ["coulomb_friction", "constant_force"]
+    assert [e["kind"] for e in content["effects"]] == ["coulomb_friction", "constant_force"]
     assert any(
         {one["kind"], other["kind"]} == {"constant_force", "coulomb_friction"}
         for one, other in content["indistinguishable"]

@@ -114,7 +114,7 @@ def test_the_proof_does_not_prove_too_much(dt):
         loop = cayley(loop)
     assert prove_hinf(loop, achieved * (1 + 1e-5)) is not None
     assert prove_hinf(loop, achieved * (1 - 1e-9)) is None
-    assert prove_hinf(loop, achieved * (1 - 1e-9), precise=True) is None
+    assert prove_hinf(loop, achieved * (1 - 1e-9), bits=480) is None
 
 
 def test_light_damping_and_wild_units_are_proven():

@@ -12,8 +12,7 @@ import numpy as np
 from scipy import linalg
 
 from robustpolish.synthesis.lmi.affine import symmetric_block
-from robustpolish.synthesis.lmi.options import LmiOptions
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram
+from robustpolish.synthesis.lmi.semidefinite import ProgramSolver, SemidefiniteProgram
 from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
 
 
@@ -26,7 +25,7 @@ class Projected(NamedTuple):
     status: str
 
 
-def solve_projected(plant: PlantMatrices, options: LmiOptions) -> Projected | None:
+def solve_projected(plant: PlantMatrices, solver: ProgramSolver) -> Projected | None:
     """Minimise gamma over R and S."""
     P = plant
     n, nw, nz = P.A.shape[0], P.B1.shape[1], P.C1.shape[0]
@@ -52,7 +51,7 @@ def solve_projected(plant: PlantMatrices, options: LmiOptions) -> Projected | No
     program.positive(-(right.T @ estimate @ right))
     program.positive(symmetric_block([[R, np.eye(n)], [S]]))
     program.minimise(gamma)
-    found = options.solve(program)
+    found = solver.solve(program)
     if found.x is None:
         return None
     return Projected(found.value(R), found.value(S), float(found.value(gamma).item()), found.status)

@@ -8,14 +8,13 @@ import numpy as np
 
 from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.lmi.affine import Affine
-from robustpolish.synthesis.lmi.options import LmiOptions
 from robustpolish.synthesis.lmi.output.inequalities import (
     Unknowns,
     Variables,
     coupling,
     size_of,
 )
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram
+from robustpolish.synthesis.lmi.semidefinite import ProgramSolver, SemidefiniteProgram
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
 
 _ROOM = 1.5
@@ -25,7 +24,7 @@ def conditioned(
     plant: PlantMatrices,
     norm: Norm,
     impose: Callable[[SemidefiniteProgram, Unknowns], None],
-    options: LmiOptions,
+    solver: ProgramSolver,
 ) -> Iterator[Controller]:
     """Yield controllers for a bound that has been backed off from the optimum.
 
@@ -40,14 +39,14 @@ def conditioned(
     norm : {"hinf", "h2"}
     impose : callable
         (program, unknowns): adds the inequalities of the norm.
-    options : LmiOptions
+    solver : ProgramSolver
     """
-    small = _solve(plant, norm, impose, options, None)
+    small = _solve(plant, norm, impose, solver, None)
     if small is None:
         return
     parts = (small.X, small.Y, np.block([[small.A, small.B], [small.C, small.D]]))
     size = max(float(np.linalg.norm(M, 2)) for M in parts)
-    apart = _solve(plant, norm, impose, options, _ROOM * size)
+    apart = _solve(plant, norm, impose, solver, _ROOM * size)
     for found in (apart, small):
         K = None if found is None else reconstruct(plant, found)
         if K is not None:
@@ -58,7 +57,7 @@ def _solve(
     plant: PlantMatrices,
     norm: Norm,
     impose: Callable[[SemidefiniteProgram, Unknowns], None],
-    options: LmiOptions,
+    solver: ProgramSolver,
     largest: float | None,
 ) -> Variables | None:
     program = SemidefiniteProgram()
@@ -73,7 +72,7 @@ def _solve(
         coupling(program, v, beta)
         program.nonnegative(largest - size)
         program.minimise(-beta)
-    found = options.solve(program)
+    found = solver.solve(program)
     return None if found.x is None else v.at(found)
 
 

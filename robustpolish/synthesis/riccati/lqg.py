@@ -1,23 +1,21 @@
-"""H2 output feedback (LQG) by Riccati equations, on regularised plants where need be."""
+"""The H2 optimum by Riccati equations (LQG), and the infimum of singular problems."""
 
 from __future__ import annotations
 
 import warnings
 from typing import NamedTuple
 
+import control
 import numpy as np
 from scipy import linalg
 
+from robustpolish.analysis import h2_norm
 from robustpolish.errors import InfeasibleError
-from robustpolish.synthesis.output_search.candidates import Findings, examine
-from robustpolish.synthesis.problem.deadline import Deadline
-from robustpolish.synthesis.problem.matrices import Controller, Matrix, PlantMatrices
-from robustpolish.synthesis.problem.regularisation import regularise
+from robustpolish.synthesis.problem.matrices import Controller, Matrix, PlantMatrices, close
 from robustpolish.synthesis.riccati.equations import solve_riccati
+from robustpolish.synthesis.riccati.infimum import EXACT, LowerBound, reduced_halves
 
-_EPSILONS = tuple(10.0 ** (-k / 2) for k in range(2, 19))
-_SETTLED = 1e-6
-_FALLING = 0.9
+# How much of D11 may be left, relative, where a static controller cancels it.
 _CANCELLED = 1e-9
 
 
@@ -61,49 +59,34 @@ def no_finite_h2_norm() -> InfeasibleError:
     )
 
 
-def minimise_h2(plant: PlantMatrices, deadline: Deadline) -> Findings:
-    """Minimise the H2 norm of the loop.
+def h2_lower_bound(plant: PlantMatrices) -> LowerBound | None:
+    """Bound the H2 norm of every stabilising controller's loop from below.
 
-    A regular plant needs one pair of Riccati equations. A singular one is regularised less and
-    less, as for the H-infinity norm, until the norm of the true loop settles.
+    Stoorvogel, "The singular H2 control problem", Automatica 28 (1992) 627-631: the square of the
+    infimum is tr(B1' X B1) + tr((A'X + XA + C1'C1) Y), X and Y as for the H-infinity norm with
+    gamma = infinity.
 
     Parameters
     ----------
     plant : PlantMatrices
-        Scaled, without D11 if continuous.
-    deadline : Deadline
+        Scaled, without D22, and without D11 if continuous.
+
+    Returns
+    -------
+    LowerBound or None
+        None where the equations have no solution in double precision.
     """
-    found = Findings("riccati", "scipy")
-    if _try(plant, 0.0, found):
-        found.converged = True
-        return found
-    quiet = 0
-    norms: list[float] = []
-    for epsilon in _EPSILONS:
-        if deadline.expired:
-            found.expired = True
-            break
-        before = found.best
-        if not _try(plant, epsilon, found):
-            continue
-        norms.append(found.best)
-        quiet = quiet + 1 if found.best > before * (1 - _SETTLED) else 0
-        if quiet >= 2:
-            found.converged = True
-            break
-    found.falling = not found.converged and len(norms) > 4 and norms[-1] < _FALLING * norms[-5]
-    return found
-
-
-def _try(plant: PlantMatrices, epsilon: float, found: Findings) -> bool:
-    K = lqg(regularise(plant, epsilon))
-    candidate = None if K is None else examine(plant, K, np.inf, f"riccati, {epsilon:.1e}", "h2")
-    if candidate is None:
-        return False
-    found.candidates.append(candidate)
-    note = {"epsilon": epsilon, "achieved": candidate.achieved, "gain": candidate.gain}
-    found.history.append(note)
-    return True
+    if plant.discrete:
+        K = lqg(plant)
+        if K is None:
+            return None
+        return LowerBound(float(h2_norm(control.StateSpace(*close(plant, K), True))), EXACT)
+    P, halves = plant, reduced_halves(plant)
+    X, Y = halves.control.solve(np.inf), halves.measurement.solve(np.inf)
+    if X is None or Y is None:
+        return None
+    square = np.trace(P.B1.T @ X @ P.B1) + np.trace((P.A.T @ X + X @ P.A + P.C1.T @ P.C1) @ Y)
+    return LowerBound(float(np.sqrt(max(square, 0.0))), EXACT)
 
 
 def lqg(plant: PlantMatrices) -> Controller | None:
@@ -149,11 +132,11 @@ def _inverse(D: Matrix) -> Matrix | None:
 
 def _discrete_lqg(plant: PlantMatrices) -> Controller | None:
     P = plant
-    control = _discrete_regulator(P.A, P.B2, P.C1, P.D12)
+    regulator = _discrete_regulator(P.A, P.B2, P.C1, P.D12)
     estimate = _discrete_regulator(P.A.T, P.C2.T, P.B1.T, P.D21.T)
-    if control is None or estimate is None:
+    if regulator is None or estimate is None:
         return None
-    (X, F, R), (Y, Lt, St) = control, estimate
+    (X, F, R), (Y, Lt, St) = regulator, estimate
     L, S = Lt.T, St.T
     F0 = -np.linalg.solve(R, P.B2.T @ X @ P.B1 + P.D12.T @ P.D11)
     L0 = np.linalg.solve(S.T, (F @ Y @ P.C2.T + F0 @ P.D21.T).T).T
