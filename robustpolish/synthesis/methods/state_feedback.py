@@ -26,6 +26,7 @@ from robustpolish.synthesis.problem.pricing import priced
 from robustpolish.synthesis.state_search.engines import Engine
 from robustpolish.synthesis.state_search.message import message
 from robustpolish.synthesis.state_search.parts import Part, PartAnswer, reference_norm, solve_part
+from robustpolish.threads import same_bits
 from robustpolish.validation import described, invalid, one_of, positive
 
 Matrix = NDArray[np.float64]
@@ -36,6 +37,7 @@ _RELAXATIONS = (1.0, 10.0, 100.0)
 _ROUNDING = 0.3
 
 
+@same_bits
 def state_feedback(
     plant: GeneralizedPlant,
     norm: Literal["hinf", "h2"] = "hinf",
