@@ -40,11 +40,13 @@ from robustpolish.synthesis.riccati.lqg import (
     h2_lower_bound,
     no_finite_h2_norm,
 )
+from robustpolish.threads import same_bits
 from robustpolish.validation import described, invalid, one_of, positive
 
 Method = Literal["auto", "riccati", "lmi", "slycot"]
 
 
+@same_bits
 def output_feedback(
     plant: GeneralizedPlant,
     norm: Norm = "hinf",

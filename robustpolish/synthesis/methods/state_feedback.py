@@ -29,6 +29,7 @@ from robustpolish.synthesis.state_search.engine import StateEngine
 from robustpolish.synthesis.state_search.message import message
 from robustpolish.synthesis.state_search.part_search import solve_parts
 from robustpolish.synthesis.state_search.policy import POLICY
+from robustpolish.threads import same_bits
 from robustpolish.validation import described, invalid, one_of, positive
 
 Matrix = NDArray[np.float64]
@@ -36,6 +37,7 @@ Matrix = NDArray[np.float64]
 ENGINES: Mapping[str, type[StateEngine]] = {"lmi": LmiStateEngine, "riccati": RiccatiStateEngine}
 
 
+@same_bits
 def state_feedback(
     plant: GeneralizedPlant,
     norm: Literal["hinf", "h2"] = "hinf",
