@@ -107,12 +107,13 @@ def matrix(
         If it is not numeric, complex, not two-dimensional, of another shape, or not finite.
     """
     want = "a real matrix" if shape == (None, None) else f"a real matrix of shape {_show(shape)}"
-    if np.iscomplexobj(value):
-        raise invalid(argument, described("complex entries"), want, "Pass real numbers.")
     try:
-        array = np.array(value, dtype=float)
+        given = np.asarray(value)  # rows of different lengths end here
+        array = given.real.astype(float)
     except (TypeError, ValueError):
         raise invalid(argument, value, want, "Pass nested lists or a NumPy array.") from None
+    if np.iscomplexobj(given):
+        raise invalid(argument, described("complex entries"), want, "Pass real numbers.")
     if array.ndim == 0:
         array = array.reshape(1, 1)
     if array.ndim != 2 or any(

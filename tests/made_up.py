@@ -1,7 +1,10 @@
 """Results that no computation made, for tests of what becomes of results."""
 
 import numpy as np
+import xarray as xr
 
+import robustpolish as rp
+from robustpolish.closed_loop import BrushDesign
 from robustpolish.effects import Effect
 from robustpolish.identification import Diagnosis
 from robustpolish.identification.findings.findings import (
@@ -57,3 +60,28 @@ def diagnosis() -> Diagnosis:
         reasons=("The effects explain 99 % of the error above the noise.",),
         time=time,
     )  # fmt: skip
+
+
+def brush_design() -> BrushDesign:
+    """Springs of 1e6 N/m at every mass, under a step of 10 N; no synthesis and no brush."""
+    plant = rp.air_bearing(actuation="force")
+    controller = rp.given_controller(plant, np.kron(np.eye(6), [[-1e6, -20.0]]))
+    forces = {"F_x": 0.0, "F_y": 10.0, "F_z": 10.0, "F_p": 10.0}
+    load = xr.Dataset(
+        {name: ("time", np.full(1001, force), {"units": "N"}) for name, force in forces.items()},
+        {"time": np.arange(1001) / 20e3},
+        {"simulator": "a step"},
+    )
+    return BrushDesign(
+        plant=plant,
+        parameters=rp.AirBearingParameters(),
+        disturbance=load,
+        design=controller,
+        control_weight=None,
+        gain_bound=2e6,
+        open_loop_norm=rp.hinf_norm(plant.open_loop),
+        closed_loop_norm=rp.hinf_norm(plant.state_feedback_loop(controller.controller.D)),
+        comparison=rp.compare_controllers(
+            {"with control": controller}, load, plant=plant, signals=("x", "y", "z")
+        ),
+    )

@@ -2,6 +2,7 @@
 
 import json
 import tempfile
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -130,10 +131,23 @@ def test_inputs_are_never_overwritten(folder):
     assert (folder / "data.csv").read_text() == CSV
 
 
-@settings(max_examples=60, deadline=None)
-@given(st.data())
-def test_damaged_input_ends_in_a_message(data):
+def test_damaged_input_ends_in_a_message():
     """Whatever is done to the files: code 0 or 2, never a traceback, and JSON whole or absent."""
+    codes = Counter()
+
+    @settings(max_examples=60, deadline=None, derandomize=True)
+    @given(st.data())
+    def damaged(data):
+        codes[run_damaged(data)] += 1
+
+    damaged()
+    # Damage to a remark or a digit is harmless, most is not: neither may be the only answer.
+    assert codes[0] >= 6
+    assert codes[2] >= 30
+
+
+def run_damaged(data):
+    """Damage one of the files, check what is said and written, and return the exit code."""
     texts = {"data.csv": CSV, "model.toml": MODEL}
     name = data.draw(st.sampled_from(sorted(texts)))
     text = texts[name]
@@ -154,3 +168,4 @@ def test_damaged_input_ends_in_a_message(data):
             assert not (folder / "out.json").exists()
             assert result.output.startswith("Error: ")
         assert {path.name for path in folder.iterdir()} <= {*texts, "out.json"}
+        return result.exit_code

@@ -2,6 +2,7 @@
 
 import json
 import tempfile
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -118,10 +119,23 @@ def test_bad_input_ends_with_code_2_and_writes_nothing(case, tmp_path):
     assert {path.name for path in folder.iterdir()} == before
 
 
-@settings(max_examples=25, deadline=None)
-@given(st.data())
-def test_damaged_input_ends_in_a_message(data):
+def test_damaged_input_ends_in_a_message():
     """Whatever is done to the files: code 0 or 2, and results whole or absent."""
+    codes = Counter()
+
+    @settings(max_examples=25, deadline=None, derandomize=True)
+    @given(st.data())
+    def damaged(data):
+        codes[run_damaged(data)] += 1
+
+    damaged()
+    # Damage to a remark or a digit is harmless, most is not: neither may be the only answer.
+    assert codes[0] >= 3
+    assert codes[2] >= 12
+
+
+def run_damaged(data):
+    """Damage one of the files, check what is said and written, and return the exit code."""
     texts = {"seen": csv(SEEN.isel(time=slice(0, 200))), "model": MODEL}
     name = data.draw(st.sampled_from(sorted(texts)))
     text = texts[name]
@@ -138,3 +152,4 @@ def test_damaged_input_ends_in_a_message(data):
         assert written == ({"out.json", "refined.toml"} if result.exit_code == 0 else set())
         if result.exit_code == 2:
             assert "Error: " in result.output
+        return result.exit_code

@@ -1,9 +1,11 @@
 """Axes carry names and units with SI prefixes, and follow what is shown."""
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 
-from robustpolish.plotting.style import log_axis, si_axis
+from robustpolish.plotting.style import LINE_STYLES, MARKER_STYLES, log_axis, si_axis
 
 
 @pytest.fixture
@@ -70,3 +72,13 @@ def test_a_short_logarithmic_axis_has_ticks_too(ax):
     ax.plot([1.1, 4.5], [1, 1])
     log_axis(ax, "x", "frequency", "Hz")
     assert "2 Hz" in ticks(ax.xaxis)
+
+
+def _grey(colour):
+    return float(np.dot(to_rgb(colour), (0.299, 0.587, 0.114)))
+
+
+def test_styles_can_be_told_apart_without_colour():
+    lines = [(round(_grey(s["color"]) / 0.25), s["linestyle"]) for s in LINE_STYLES]
+    assert len(set(lines)) == len(lines)
+    assert len({style["marker"] for style in MARKER_STYLES}) == len(MARKER_STYLES)

@@ -1,0 +1,42 @@
+"""How the subcommands read a measurement."""
+
+import numpy as np
+import pytest
+
+import robustpolish as rp
+from robustpolish.cli.measurement import load_data, replaceable
+from robustpolish.errors import InvalidInputError
+
+GROUND = ("x", "ground")
+MODEL = rp.MechanicalModel(
+    [rp.Dof("x", 1.0)], inputs=[rp.Input("F", GROUND)], outputs=[rp.Output("x", GROUND)]
+)
+
+
+@pytest.fixture
+def path(tmp_path):
+    time = np.arange(200) / 100
+    columns = np.column_stack([np.sin(9 * time), np.cos(7 * time), np.full(200, 20.0)])
+    np.savetxt(tmp_path / "a.csv", columns, delimiter=",", header="F,x,T", comments="")
+    return str(tmp_path / "a.csv")
+
+
+def test_only_what_the_model_needs_is_read_in_the_units_given(path):
+    data = load_data(path, MODEL, None, 100.0, ("F=kN", "x=mm"))
+    assert set(data.data_vars) == {"F", "x"}  # the constant temperature is no signal
+    assert float(data["x"][0]) == pytest.approx(1e-3)
+    assert float(abs(data["F"]).max()) == pytest.approx(1e3, rel=1e-2)
+    assert data["time"].values[1] == pytest.approx(0.01)
+
+
+def test_a_unit_without_its_column_is_refused(path):
+    with pytest.raises(InvalidInputError, match=r"--unit: got 'mm', expected COLUMN=UNIT"):
+        load_data(path, MODEL, None, 100.0, ("mm",))
+
+
+def test_only_json_of_an_earlier_run_is_replaced(tmp_path):
+    out, data = str(tmp_path / "out.json"), str(tmp_path / "data.json")
+    assert replaceable(out, data)
+    assert not replaceable(data, data)
+    assert not replaceable(str(tmp_path / "sub" / ".." / "data.json"), data)
+    assert not replaceable(str(tmp_path / "out.csv"), data)

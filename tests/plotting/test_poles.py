@@ -1,0 +1,34 @@
+"""Poles in the plane, with what is forbidden."""
+
+import numpy as np
+
+from robustpolish import plotting
+from tests.plotting.legends import names
+
+
+def test_poles_in_hertz_with_the_forbidden_hatched():
+    poles = np.array([-10 + 200j, -10 - 200j, -30])
+    half_plane = ([[40.0]], [[1.0]])  # real part below -20
+    ax = plotting.plot_poles({"loop": poles}, {"too slow": half_plane})
+    x, y = ax.lines[0].get_data()
+    np.testing.assert_allclose(x, poles.real)
+    np.testing.assert_allclose(y, poles.imag / (2 * np.pi))
+    assert ax.get_xlabel() == "real part [1/s]"
+    assert ax.get_ylabel() == "frequency [Hz]"
+    assert "too slow" in names(ax)
+    hatched, boundary = ax.collections
+    assert hatched.hatches
+    line = np.concatenate([path.vertices for path in boundary.get_paths()])
+    np.testing.assert_allclose(line[:, 0], -20, atol=0.1)
+
+
+def test_poles_of_very_different_speed_are_told_apart():
+    ax = plotting.plot_poles({"loop": np.array([-1.0, -1e3, -1e6])})
+    assert ax.get_xscale() == "symlog"
+
+
+def test_discrete_poles_come_with_the_unit_circle():
+    ax = plotting.plot_poles({"loop": [0.5, 0.9j, -0.9j]}, discrete=True)
+    circle = np.array(ax.lines[1].get_data())
+    np.testing.assert_allclose(np.hypot(*circle), 1.0)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("real part", "imaginary part")
