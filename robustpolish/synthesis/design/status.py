@@ -29,5 +29,4 @@ def worst_status(statuses: Iterable[str]) -> Status:
     'optimal'
     """
     found = set(statuses)
-    words: list[Status] = [status for status in _LEAST_KNOWN_FIRST if status in found]
-    return words[0] if words else "optimal"
+    return next((status for status in _LEAST_KNOWN_FIRST if status in found), "optimal")

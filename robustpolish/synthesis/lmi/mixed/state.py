@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,8 +21,8 @@ from robustpolish.synthesis.lmi.state.inequalities import (
     hinf_inequality,
     region_inequalities,
 )
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
-from robustpolish.synthesis.problem.state_feedback_problem import StateFeedbackProblem
 
 Matrix = NDArray[Any]
 
@@ -84,7 +83,7 @@ def _program(
     level: float | None,
 ) -> tuple[SemidefiniteProgram, Affine, Affine, Affine]:
     """State the inequalities; `level` fixes the square of the minimised norm over `unit`."""
-    problems = [StateFeedbackProblem.of(s.plant) for s in specifications]
+    problems = [PlantMatrices.of(s.plant) for s in specifications]
     program = SemidefiniteProgram()
     n, eye = problems[0].nx, np.eye(problems[0].nx)
     Y, M = program.symmetric(n), program.matrix(problems[0].nu, n)
@@ -93,7 +92,7 @@ def _program(
     for s, p in zip(specifications, problems, strict=True):
         size = unit if s.bound is None else s.bound
         target = square if s.bound is None else Affine.of(1.0)
-        own = replace(p, C=p.C / size, D11=p.D11 / size, D12=p.D12 / size)
+        own = p.replace(C1=p.C1 / size, D11=p.D11 / size, D12=p.D12 / size)
         if s.norm == "hinf":
             hinf_inequality(program, own, Y, M, target, eye)
         else:
