@@ -52,7 +52,8 @@ def quick_norm(A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float = 1e
     -----
     Bruinsma and Steinbuch, Systems & Control Letters 14 (1990) 287-293.
     """
-    A, B, C, D = _balanced(A, B, C, D)
+    scale = state_scale(A, B, C)
+    A, B, C = A * scale / scale[:, None], B / scale[:, None], C * scale
     poles: Any = np.linalg.eigvals(A) if A.size else np.zeros(0, complex)
     norm, where = _highest(A, B, C, D, np.concatenate([_resonances(poles), [np.inf]]))
     if norm == 0 or not np.isfinite(norm) or not A.size:
@@ -78,13 +79,13 @@ def _highest(
     return float(gains[best]), float(frequencies[best])
 
 
-def _balanced(A: Matrix, B: Matrix, C: Matrix, D: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+def state_scale(A: Matrix, B: Matrix, C: Matrix) -> Matrix:
+    """Balance the states by powers of two, with all inputs and all outputs as one more state."""
     n = len(A)
     bordered = np.zeros((n + 1, n + 1))
     bordered[:n, :n] = A
     bordered[:n, n], bordered[n, :n] = np.linalg.norm(B, axis=1), np.linalg.norm(C, axis=0)
-    scale = balancing_scale(bordered)[:n]
-    return A * scale / scale[:, None], B / scale[:, None], C * scale, D
+    return balancing_scale(bordered)[:n]
 
 
 def _resonances(poles: Any) -> NDArray[np.float64]:
