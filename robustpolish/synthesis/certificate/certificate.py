@@ -19,12 +19,14 @@ from robustpolish.display import Card, Displayed, quantities
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_poles
 from robustpolish.synthesis.certificate.achieved_norm import achieved_h2, achieved_hinf
-from robustpolish.synthesis.certificate.controller_system import (
+from robustpolish.synthesis.certificate.loop_balls import (
     GivenController,
     controller_system,
+    enclose_loop,
+    enclosed,
+    rounding_level,
 )
-from robustpolish.synthesis.certificate.loop_balls import enclose_loop, rounding_level
-from robustpolish.synthesis.certificate.norm_proof import NormProof
+from robustpolish.synthesis.certificate.norm_proof import NormProof, prove_computed_norm
 from robustpolish.synthesis.certificate.tightest_proof import TIGHT, tightest_proof
 from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries
 from robustpolish.threads import same_bits
@@ -252,19 +254,26 @@ def certify(
     poles, damping, hertz = _poles(system, plant.dt)
     step = (1.0 if plant.dt is True else float(plant.dt)) if plant.is_discrete else None
     level = rounding_level(loop)
-    stable = bool(stability(system))
-    achieved, peak = np.inf, None
-    if not stable:
-        reasons.append(f"the loop is unstable: {_worst(poles, plant.is_discrete)}")
-    elif norm == "hinf":
-        achieved, peak = achieved_hinf(system, rounded, level, reasons)
-    else:
-        achieved = achieved_h2(system, reasons)
-    proof, bound = None, np.inf
-    if stable and np.isfinite(achieved):
-        proof, achieved, peak = tightest_proof(
-            lambda bits: enclose_loop(plant, K, bits), norm, achieved, peak, claimed, step
-        )
+    proof, achieved, peak, bound = None, np.inf, None, np.inf
+    stable = _all_inside(poles, plant.is_discrete)
+    proven = None
+    if norm == "hinf" and stable:
+        proven = prove_computed_norm(loop, enclosed(rounded), level, step)
+    if proven is None:
+        # Doubles and a first proof leave doubt: everything is computed once more, with care.
+        stable = bool(stability(system))
+        if not stable:
+            reasons.append(f"the loop is unstable: {_worst(poles, plant.is_discrete)}")
+        elif norm == "hinf":
+            achieved, peak = achieved_hinf(system, rounded, level, reasons)
+        else:
+            achieved = achieved_h2(system, reasons)
+        if np.isfinite(achieved):
+            proven = tightest_proof(
+                lambda bits: enclose_loop(plant, K, bits), norm, achieved, peak, claimed, step
+            )
+    if proven is not None:
+        proof, achieved, peak = proven
         if proof is not None and np.isfinite(proof.bound) and achieved <= level:
             # All that double precision can say of such a norm is that it is below a bound.
             achieved = proof.bound
@@ -312,6 +321,11 @@ def _poles(
     damping = np.where(np.isinf(size), 1.0, damping)
     order = np.argsort(size, kind="stable")
     return poles[order], damping[order], size[order] / (2 * np.pi)
+
+
+def _all_inside(poles: NDArray[np.complex128], discrete: bool) -> bool:
+    """Tell whether all poles, as doubles see them, are stable."""
+    return bool((np.abs(poles) < 1).all() if discrete else (poles.real < 0).all())
 
 
 def _worst(poles: NDArray[np.complex128], discrete: bool) -> str:

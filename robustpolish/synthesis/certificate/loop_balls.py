@@ -1,20 +1,29 @@
-"""The closed loop in ball arithmetic: an enclosure of the exact interconnection."""
+"""The closed loop of a plant and any controller, in ball arithmetic: an enclosure of the exact one.
+
+It offers what proofs ask of a loop: its gain at a frequency, the terms of its bounded-real Riccati
+equation, its image in continuous time.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
+import control
 import flint
 import numpy as np
-from numpy.typing import NDArray
+from control.exception import ControlMIMONotImplemented
+from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.exact import balls
 from robustpolish.exact.balls import Ball
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.certificate.quick_norm import state_scale
+from robustpolish.validation import described, invalid
 
 Matrix = NDArray[Any]
+GivenController = control.StateSpace | control.TransferFunction | ArrayLike
 BITS = 240
 """Precision of the balls; more where that does not suffice for a proof."""
 
@@ -33,6 +42,51 @@ class LoopBalls:
     def doubles(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
         """The centres as doubles."""
         return tuple(balls.midpoint(M) for M in (self.A, self.B, self.C, self.D))  # type: ignore[return-value]
+
+    def gain_at(self, frequency: float) -> float:
+        """Return the largest singular value at a frequency in rad/s, with the bits in force."""
+        A, B, C, D = (flint.acb_mat(M) for M in (self.A, self.B, self.C, self.D))
+        response = D
+        if math.isfinite(frequency) and A.nrows():
+            resolvent = -A
+            for i in range(A.nrows()):
+                resolvent[i, i] += flint.acb(0, frequency)
+            try:
+                response = D + C * resolvent.solve(B)
+            except ZeroDivisionError:
+                return math.inf
+        return float(np.linalg.norm(balls.midpoint(response), 2))
+
+    def riccati_terms(self, alpha: float = 0.0, output: float = 1.0) -> tuple[Ball, Ball, Ball]:
+        """Return A, R and Q of the bounded-real equation A'P + PA + PRP + Q = 0 at gamma = 1.
+
+        The poles are shifted by `alpha` to the right and a little output is added.
+        """
+        A, B, C, D = self.A, self.B, self.C, self.D
+        n = A.nrows()
+        shift = balls.identity(n) * flint.arb(float(alpha))
+        extra = shift * flint.arb(float(0.1 * output))
+        if B.ncols() == 0:
+            return A + shift, balls.zeros(n, n), C.transpose() * C + extra
+        inner = (balls.identity(B.ncols()) - D.transpose() * D).inv()
+        outer = balls.identity(C.nrows()) + D * inner * D.transpose()
+        return (
+            A + B * inner * D.transpose() * C + shift,
+            B * inner * B.transpose(),
+            C.transpose() * outer * C + extra,
+        )
+
+    @property
+    def output_size(self) -> float:
+        """How large C'C is beside A, which P is likely to be."""
+        A, _, C, _ = self.doubles
+        return float(np.linalg.norm(C) ** 2 / np.linalg.norm(A)) or 1.0
+
+
+def enclosed(system: control.StateSpace) -> LoopBalls:
+    """Enclose a system, which has been connected before, as it is."""
+    A, B, C, D = (balls.ball(np.asarray(M)) for M in (system.A, system.B, system.C, system.D))
+    return LoopBalls(A, B, C, D, np.ones(A.nrows()))
 
 
 def enclose_loop(plant: GeneralizedPlant, controller: Any, bits: int = BITS) -> LoopBalls:
@@ -101,6 +155,16 @@ def cayley(loop: LoopBalls, bits: int = BITS) -> LoopBalls:
         )
 
 
+def angle(frequency: float, step: float | None) -> float:
+    """Return where a frequency in rad/s lies on the axis of the loop that :func:`cayley` gives."""
+    return frequency if step is None else math.tan(min(frequency * step, math.pi) / 2)
+
+
+def rate(angle: float, step: float | None) -> float:
+    """Return the frequency in rad/s that lies there."""
+    return angle if step is None else 2 * math.atan(angle) / step
+
+
 def rounding_level(loop: LoopBalls) -> float:
     """Return the size of a norm that rounding errors in doubles can feign.
 
@@ -112,3 +176,72 @@ def rounding_level(loop: LoopBalls) -> float:
     slowest = poles.min() if poles.size else 0.0
     gain = np.linalg.norm(B) * np.linalg.norm(C) / slowest if slowest > 0 else 0.0
     return float(10 * np.finfo(float).eps * max(A.shape[0], 1) * (gain + np.linalg.norm(D)))
+
+
+def controller_system(plant: GeneralizedPlant, controller: GivenController) -> control.StateSpace:
+    """Return K of u = K y as a system.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+    controller : control.StateSpace, control.TransferFunction or array_like, shape (nu, ny)
+        A system comes back as it is. A transfer function is realised; its states have no meaning.
+        One of several inputs or outputs takes slycot, which realises it with the fewest states.
+
+    Returns
+    -------
+    control.StateSpace
+
+    Raises
+    ------
+    InvalidInputError
+        If it is of another kind, improper or of another shape than the plant needs.
+    """
+    if isinstance(controller, control.StateSpace):
+        return controller
+    if isinstance(controller, control.TransferFunction):
+        return _realised(plant, controller)
+    if isinstance(controller, control.InputOutputSystem | control.LTI):
+        raise invalid(
+            "controller",
+            described(type(controller).__name__),
+            "a control.StateSpace, a control.TransferFunction or a gain",
+            "Fit or linearise it first.",
+        )
+    return plant.static_controller(controller)
+
+
+def _realised(plant: GeneralizedPlant, K: control.TransferFunction) -> control.StateSpace:
+    if (K.noutputs, K.ninputs) != (plant.nu, plant.ny):
+        raise invalid(
+            "controller",
+            described(f"a TransferFunction with {K.noutputs} outputs and {K.ninputs} inputs"),
+            f"one with {plant.nu} outputs and {plant.ny} inputs",
+            "It leads from the measurements y to the controls u.",
+        )
+    pairs = zip(K.num_list, K.den_list, strict=True)
+    if any(n.size > d.size for row in pairs for n, d in zip(*row, strict=True)):
+        raise invalid(
+            "controller",
+            described("an improper TransferFunction"),
+            "one with no more zeros than poles",
+            "Add a lag to its derivative action.",
+        )
+    # A transfer function without a sampling time takes that of the plant.
+    timed = control.TransferFunction(K.num_list, K.den_list, plant.dt if K.dt is None else K.dt)
+    single = K.ninputs == K.noutputs == 1
+    try:
+        realised: Any = control.ss(
+            timed,
+            method="scipy" if single else None,
+            inputs=list(plant.measurement_names),
+            outputs=list(plant.control_names),
+        )
+    except (ControlMIMONotImplemented, ImportError):
+        raise invalid(
+            "controller",
+            described("a TransferFunction of several inputs or outputs, and slycot is missing"),
+            "a control.StateSpace",
+            "Install slycot, or pass a state-space realisation.",
+        ) from None
+    return realised

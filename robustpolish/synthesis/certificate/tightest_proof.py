@@ -2,39 +2,36 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator
-from typing import Literal, NamedTuple
+from typing import Literal
 
-from robustpolish.synthesis.certificate.loop_balls import BITS, LoopBalls, cayley, rounding_level
+from robustpolish.synthesis.certificate.long_arithmetic import precise_peak
+from robustpolish.synthesis.certificate.loop_balls import (
+    BITS,
+    LoopBalls,
+    angle,
+    cayley,
+    rate,
+    rounding_level,
+)
 from robustpolish.synthesis.certificate.norm_proof import (
+    SLACK,
     NormProof,
+    Proven,
     prove_h2,
     prove_hinf,
     prove_stability,
+    slacks,
 )
-from robustpolish.synthesis.certificate.precise_peak import precise_peak
 
 TIGHT = 1e-3
 """How far above the computed norm, relative, the proven bound of a valid certificate may lie."""
-# How far above it the bounds lie that are tried, in this order.
-_SLACK = (1e-5, 2e-4, 9e-4)
-# From so many states on the tightest is left out, because a trial takes long.
-_LARGE = 60
 _MOST_BITS = 1920
 # The square of the bits times the third power of the states, which sets the time of a precise
 # proof: some seconds for 24 states with all the bits, 40 states with 480, or 100 with 240.
 _MOST_WORK = 240**2 * 100**3
 
 Enclose = Callable[[int], LoopBalls]
-
-
-class Proven(NamedTuple):
-    """A proof, and the norm with the frequency of its peak in rad/s, computed again if need be."""
-
-    proof: NormProof | None
-    achieved: float
-    frequency: float | None
 
 
 def tightest_proof(
@@ -75,17 +72,17 @@ def tightest_proof(
     states, discrete = loop.A.nrows(), step is not None
     precisions = list(_precisions(states))
     if norm == "h2":
-        found = _first(prove_h2(enclose(BITS), discrete, slack) for slack in _SLACK)
+        found = _first(prove_h2(enclose(BITS), discrete, slack) for slack in SLACK)
         if found is None or found.bound > achieved * (1 + TIGHT):
             found = _first(prove_h2(enclose(b), discrete, bits=b) for b in precisions) or found
     else:
-        tried = _SLACK[states > _LARGE :]
+        tried = slacks(loop)
         found = _first(prove_hinf(loop, achieved * (1 + slack), slack) for slack in tried)
         if found is None and precisions:
-            gain, where = precise_peak(loop, _angle(frequency or 0.0, step))
+            gain, where = precise_peak(loop, angle(frequency or 0.0, step))
             if gain > achieved:
-                achieved, frequency = gain, _rate(where, step)
-            bound = achieved * (1 + _SLACK[-1])
+                achieved, frequency = gain, rate(where, step)
+            bound = achieved * (1 + SLACK[-1])
             found = _first(prove_hinf(flow(bits), bound, bits=bits) for bits in precisions)
         found = found or _first(_looser(loop, achieved, claimed))
     if found is None:
@@ -107,18 +104,9 @@ def _precisions(states: int) -> Iterator[int]:
 
 def _looser(loop: LoopBalls, achieved: float, claimed: float | None) -> Iterator[NormProof | None]:
     """Try the bound that was claimed, and those below which doubles see nothing but rounding."""
-    if claimed is not None and claimed > achieved * (1 + _SLACK[-1]):
+    if claimed is not None and claimed > achieved * (1 + SLACK[-1]):
         yield prove_hinf(loop, claimed, min(0.1, claimed / achieved - 1) if achieved else 0.1)
     level = rounding_level(loop)
     if achieved <= level:
         for factor in (1.0, 1e3):
             yield prove_hinf(loop, level * factor, 0.1)
-
-
-def _angle(frequency: float, step: float | None) -> float:
-    """Return where a frequency in rad/s lies on the axis of the mapped loop."""
-    return frequency if step is None else math.tan(min(frequency * step, math.pi) / 2)
-
-
-def _rate(angle: float, step: float | None) -> float:
-    return angle if step is None else 2 * math.atan(angle) / step

@@ -8,7 +8,7 @@ from typing import Literal
 from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.certificate.certificate import certify
-from robustpolish.synthesis.certificate.controller_system import (
+from robustpolish.synthesis.certificate.loop_balls import (
     GivenController,
     controller_system,
 )
