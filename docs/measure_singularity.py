@@ -14,7 +14,7 @@ from robustpolish.synthesis.lmi.mixed.output import (
 )
 from robustpolish.synthesis.nonsmooth import HinfMeasure, Loop, augmented
 from robustpolish.synthesis.problem.decoupling import decoupled_parts
-from robustpolish.synthesis.problem.pricing import noisy, priced
+from robustpolish.synthesis.problem.preflight import noisy, priced
 from robustpolish.synthesis.problem.scaling import scale_plant
 
 

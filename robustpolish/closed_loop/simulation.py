@@ -9,7 +9,7 @@ import xarray as xr
 from robustpolish.models import GeneralizedPlant
 from robustpolish.simulation import linear_response
 from robustpolish.synthesis.design.design import Design
-from robustpolish.synthesis.problem.pricing import NOISE_PREFIX
+from robustpolish.synthesis.problem.preflight import NOISE_PREFIX
 from robustpolish.validation import described, invalid
 
 

@@ -14,11 +14,11 @@ from robustpolish.analysis.norms.singular_values import singular_values
 from robustpolish.analysis.poles.exact_poles import count_poles
 from robustpolish.analysis.poles.stability import Stability, stability_of
 from robustpolish.analysis.scaling.parts import parts
+from robustpolish.budget import same_bits
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.exact.rational import ExactModel
 from robustpolish.exact.realisation import Realisation, realisation, rescaled
 from robustpolish.plotting import plot_gains
-from robustpolish.threads import same_bits
 from robustpolish.validation import invalid, positive, source_of
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from robustpolish.models.mechanical.parts import (
     Spring,
     imposed_by,
 )
-from robustpolish.models.plant.systems import named_system
+from robustpolish.models.plant.blocks import named_system
 
 Matrix = NDArray[np.float64]
 

@@ -13,10 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robustpolish.display import Card, Displayed, quantities
-from robustpolish.models.plant.blocks import Matrix, PlantBlocks
+from robustpolish.models.plant.blocks import (
+    Matrix,
+    PlantBlocks,
+    closed_loop,
+    named_system,
+    static_controller,
+)
 from robustpolish.models.plant.file import plant_arguments, plant_content
-from robustpolish.models.plant.loop import closed_loop, static_controller
-from robustpolish.models.plant.systems import named_system
 from robustpolish.saved_file import read_saved, write_saved
 from robustpolish.validation import invalid, matrix, state_space
 

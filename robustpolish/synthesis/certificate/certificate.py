@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.analysis import stability
+from robustpolish.budget import same_bits
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_poles
@@ -29,7 +30,6 @@ from robustpolish.synthesis.certificate.loop_balls import (
 from robustpolish.synthesis.certificate.norm_proof import NormProof, prove_computed_norm
 from robustpolish.synthesis.certificate.tightest_proof import TIGHT, tightest_proof
 from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries
-from robustpolish.threads import same_bits
 from robustpolish.validation import described, invalid, one_of, positive
 
 if TYPE_CHECKING:

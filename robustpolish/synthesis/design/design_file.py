@@ -14,8 +14,12 @@ import control
 import numpy as np
 
 from robustpolish.models import GeneralizedPlant
-from robustpolish.models.plant.file import plant_arguments, plant_content
-from robustpolish.models.plant.systems import system_content, system_from
+from robustpolish.models.plant.file import (
+    plant_arguments,
+    plant_content,
+    system_content,
+    system_from,
+)
 from robustpolish.saved_file import Fields, plain
 from robustpolish.synthesis.certificate.certificate import certify
 from robustpolish.synthesis.design.status import Status

@@ -22,7 +22,7 @@ from robustpolish.synthesis.methods.structured_design import (
 from robustpolish.synthesis.problem.channels import Channel, channel
 from robustpolish.synthesis.problem.decoupling import decoupled_parts, undivided
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
-from robustpolish.synthesis.problem.pricing import noisy, priced
+from robustpolish.synthesis.problem.preflight import noisy, priced
 from robustpolish.synthesis.structured_search.mixed_structure import MixedStructure
 from robustpolish.validation import described, invalid, one_of, positive
 

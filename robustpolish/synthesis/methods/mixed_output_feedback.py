@@ -7,13 +7,13 @@ from typing import Literal
 
 from numpy.typing import ArrayLike
 
+from robustpolish.budget import same_bits
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.methods.mixed_design import MixedSpecifications, design_mixed
 from robustpolish.synthesis.problem.channels import Channel
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.structured_search.policy import TIME_LIMIT
-from robustpolish.threads import same_bits
 
 
 @same_bits

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
+from robustpolish.budget import same_bits
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.methods.structured_design import (
@@ -12,11 +13,10 @@ from robustpolish.synthesis.methods.structured_design import (
     design_structured,
 )
 from robustpolish.synthesis.problem.decoupling import decoupled_parts
-from robustpolish.synthesis.problem.pricing import noisy, priced
+from robustpolish.synthesis.problem.preflight import noisy, priced
 from robustpolish.synthesis.structured_search.observer_structure import ObserverStructure
 from robustpolish.synthesis.structured_search.policy import TIME_LIMIT
 from robustpolish.synthesis.structured_search.structure import Norm
-from robustpolish.threads import same_bits
 
 
 @same_bits

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robustpolish.analysis import h2_norm, hinf_norm
-from robustpolish.budget import Budget
+from robustpolish.budget import Budget, same_bits
 from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.progress import working
@@ -31,8 +31,7 @@ from robustpolish.synthesis.problem.decoupling import (
 )
 from robustpolish.synthesis.problem.fixed_modes import refuse_unstable
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.preflight import Diagnosis, diagnose, refuse
-from robustpolish.synthesis.problem.pricing import noisy, priced
+from robustpolish.synthesis.problem.preflight import Diagnosis, diagnose, noisy, priced, refuse
 from robustpolish.synthesis.problem.scaling import SolverPlant
 from robustpolish.synthesis.riccati.infimum import lower_bound
 from robustpolish.synthesis.riccati.lqg import (
@@ -40,7 +39,6 @@ from robustpolish.synthesis.riccati.lqg import (
     h2_lower_bound,
     no_finite_h2_norm,
 )
-from robustpolish.threads import same_bits
 from robustpolish.validation import described, invalid, one_of, positive
 
 Method = Literal["auto", "riccati", "lmi", "slycot"]

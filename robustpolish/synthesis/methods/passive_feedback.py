@@ -7,12 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robustpolish.budget import same_bits
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.methods.structured_design import Orders, design_structured
 from robustpolish.synthesis.problem.decoupling import decoupled_parts
 from robustpolish.synthesis.problem.passive_element import Place
-from robustpolish.synthesis.problem.pricing import priced
+from robustpolish.synthesis.problem.preflight import priced
 from robustpolish.synthesis.structured_search.passive_structure import (
     GROUND,
     Mechanics,
@@ -20,7 +21,6 @@ from robustpolish.synthesis.structured_search.passive_structure import (
 )
 from robustpolish.synthesis.structured_search.policy import TIME_LIMIT
 from robustpolish.synthesis.structured_search.structure import Norm
-from robustpolish.threads import same_bits
 from robustpolish.validation import described, invalid, positive
 
 

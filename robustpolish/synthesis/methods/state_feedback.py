@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.analysis import controllability, h2_norm, hinf_norm
-from robustpolish.budget import Budget
+from robustpolish.budget import Budget, same_bits
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.progress import working
@@ -23,13 +23,12 @@ from robustpolish.synthesis.lmi.semidefinite import BACKENDS
 from robustpolish.synthesis.lmi.state.engine import LmiStateEngine
 from robustpolish.synthesis.problem.decoupling import PlantPart, decoupled_parts, undivided
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
-from robustpolish.synthesis.problem.pricing import priced
+from robustpolish.synthesis.problem.preflight import priced
 from robustpolish.synthesis.riccati.state import RiccatiStateEngine
 from robustpolish.synthesis.state_search.engine import StateEngine
 from robustpolish.synthesis.state_search.message import message
 from robustpolish.synthesis.state_search.part_search import solve_parts
 from robustpolish.synthesis.state_search.policy import POLICY
-from robustpolish.threads import same_bits
 from robustpolish.validation import described, invalid, one_of, positive
 
 Matrix = NDArray[np.float64]

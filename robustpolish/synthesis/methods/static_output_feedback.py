@@ -6,6 +6,7 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from robustpolish.budget import same_bits
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.methods.structured_design import (
@@ -14,11 +15,10 @@ from robustpolish.synthesis.methods.structured_design import (
     design_structured,
 )
 from robustpolish.synthesis.problem.decoupling import decoupled_parts, undivided
-from robustpolish.synthesis.problem.pricing import noisy, priced
+from robustpolish.synthesis.problem.preflight import noisy, priced
 from robustpolish.synthesis.structured_search.policy import TIME_LIMIT
 from robustpolish.synthesis.structured_search.static_structure import StaticStructure
 from robustpolish.synthesis.structured_search.structure import Norm
-from robustpolish.threads import same_bits
 from robustpolish.validation import described, invalid
 
 

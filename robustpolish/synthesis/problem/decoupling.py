@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robustpolish.analysis import decoupled_blocks
 from robustpolish.models import GeneralizedPlant
-from robustpolish.models.plant.systems import named_system
+from robustpolish.models.plant.blocks import named_system
 
 Matrix = NDArray[Any]
 

@@ -1,4 +1,4 @@
-"""What is known about a plant: whether it can be stabilised, and whether it is regular."""
+"""Whether a plant can be stabilised and is regular; price and noise, which make it regular."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ from typing import Any
 
 import control
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.analysis import AxisZero, controllability, observability, zeros_on_axis
 from robustpolish.analysis.poles.pbh_distance import EXACT_STATES
 from robustpolish.errors import InfeasibleError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.problem.scaling import scale_plant
+from robustpolish.validation import described, invalid
 
 Matrix = NDArray[Any]
+NOISE_PREFIX = "noise_"
+"""What the names of added measurement noise begin with."""
 _SUSPECT = 1e-7
 
 
@@ -224,3 +227,89 @@ def _participation(vectors: Matrix, i: int) -> Matrix:
 def _rank(D: Matrix) -> int:
     """Return the rank in scaled units, counting directions weaker than 1e-6 as absent."""
     return int((np.linalg.svd(D, compute_uv=False) > 1e-6).sum()) if D.size else 0
+
+
+def priced(plant: GeneralizedPlant, weight: ArrayLike | None) -> GeneralizedPlant:
+    """Append weighted controls to the performance outputs.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+    weight : float or array_like, shape (nu,), or None
+        Units of z per unit of u; controls with weight 0 add no output.
+
+    Returns
+    -------
+    GeneralizedPlant
+        The plant itself if all weights are zero; otherwise z = (z, weight u), with
+        outputs named ``price_`` and the name of the control.
+
+    Raises
+    ------
+    InvalidInputError
+        If the shape does not fit or a weight is negative or not finite.
+    """
+    weights = _weights("control_weight", weight, plant.nu, "units of z per unit of u")
+    paid = np.flatnonzero(weights)
+    if not paid.size:
+        return plant
+    price = np.zeros((paid.size, plant.nu))
+    price[np.arange(paid.size), paid] = weights[paid]
+    return plant.replace(
+        C1=np.vstack([plant.C1, np.zeros((paid.size, plant.nx))]),
+        D11=np.vstack([plant.D11, np.zeros((paid.size, plant.nw))]),
+        D12=np.vstack([plant.D12, price]),
+        performance=[*plant.performance_names, *(f"price_{plant.control_names[i]}" for i in paid)],
+    )
+
+
+def noisy(plant: GeneralizedPlant, noise: ArrayLike | None) -> GeneralizedPlant:
+    """Append noise on the measurements to the disturbances.
+
+    Without it a controller may amplify a small y without limit, so a price on u alone does
+    not keep the gain finite.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+    noise : float or array_like, shape (ny,), or None
+        Units of y per unit of w; measurements with noise 0 get no disturbance.
+
+    Returns
+    -------
+    GeneralizedPlant
+        The plant itself if all are zero; otherwise w = (w, noise), with disturbances named
+        ``noise_`` and the name of the measurement.
+
+    Raises
+    ------
+    InvalidInputError
+        If the shape does not fit or a size is negative or not finite.
+    """
+    sizes = _weights("measurement_noise", noise, plant.ny, "units of y per unit of w")
+    heard = np.flatnonzero(sizes)
+    if not heard.size:
+        return plant
+    size = np.zeros((plant.ny, heard.size))
+    size[heard, np.arange(heard.size)] = sizes[heard]
+    names = [NOISE_PREFIX + plant.measurement_names[i] for i in heard]
+    return plant.replace(
+        B1=np.hstack([plant.B1, np.zeros((plant.nx, heard.size))]),
+        D11=np.hstack([plant.D11, np.zeros((plant.nz, heard.size))]),
+        D21=np.hstack([plant.D21, size]),
+        disturbances=[*plant.disturbance_names, *names],
+    )
+
+
+def _weights(argument: str, weight: ArrayLike | None, count: int, unit: str) -> NDArray[np.float64]:
+    if weight is None:
+        return np.zeros(count)
+    expected = f"a number of at least 0, or {count} of them, in {unit}"
+    try:
+        weights = np.array(np.broadcast_to(np.asarray(weight, dtype=float), (count,)))
+    except (TypeError, ValueError):
+        shown = described(f"shape {np.shape(weight)}")
+        raise invalid(argument, shown, expected, "Pass one number per signal.") from None
+    if not np.isfinite(weights).all() or (weights < 0).any():
+        raise invalid(argument, weight, expected, "Check its sign.")
+    return weights
