@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Literal
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -142,15 +141,7 @@ def state_feedback(
     pieces = decoupled_parts(whole) if split else (_as_part(whole),)
     with working("Designing a state feedback"):
         F, certificate, status, history = _certified(whole, pieces, engine, regions, gain_bound)
-    controller = control.StateSpace(
-        [],
-        [],
-        [],
-        F,
-        whole.dt,
-        inputs=list(whole.measurement_names),
-        outputs=list(whole.control_names),
-    )
+    controller = whole.static_controller(F)
     size = float(np.linalg.norm(F, 2))
     return Design(
         plant=whole,
