@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.analysis import controllability, h2_norm, hinf_norm
+from robustpolish.budget import Budget
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.progress import working
@@ -19,20 +20,20 @@ from robustpolish.synthesis.certificate.certificate import Certificate, certify
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.design.status import Status, worst_status
 from robustpolish.synthesis.lmi.semidefinite import BACKENDS
-from robustpolish.synthesis.problem.decoupling import PlantPart, decoupled_parts
+from robustpolish.synthesis.lmi.state.engine import LmiStateEngine
+from robustpolish.synthesis.problem.decoupling import PlantPart, decoupled_parts, undivided
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.problem.pricing import priced
-from robustpolish.synthesis.state_search.engines import Engine
+from robustpolish.synthesis.riccati.state import RiccatiStateEngine
+from robustpolish.synthesis.state_search.engine import StateEngine
 from robustpolish.synthesis.state_search.message import message
-from robustpolish.synthesis.state_search.parts import Part, PartAnswer, reference_norm, solve_part
+from robustpolish.synthesis.state_search.part_search import solve_parts
+from robustpolish.synthesis.state_search.policy import POLICY
 from robustpolish.validation import described, invalid, one_of, positive
 
 Matrix = NDArray[np.float64]
 
-# Gains next to the optimum can be too large to certify; then more of the norm is given away.
-_RELAXATIONS = (1.0, 10.0, 100.0)
-# Share of the tolerance by which a claim may be missed in the plant's own units.
-_ROUNDING = 0.3
+ENGINES: Mapping[str, type[StateEngine]] = {"lmi": LmiStateEngine, "riccati": RiccatiStateEngine}
 
 
 def state_feedback(
@@ -47,7 +48,7 @@ def state_feedback(
     solver: str | None = None,
     split: bool = True,
     tolerance: float = 1e-4,
-    time_limit: float = 60.0,
+    time_limit: float = 300.0,
 ) -> Design:
     r"""Design u = F x that minimises the norm from w to z.
 
@@ -82,13 +83,15 @@ def state_feedback(
         Relative. A fifth of it is given away for a smaller gain, because the gain often
         grows without limit towards the optimum.
     time_limit : float, optional
-        Seconds, for the search; a single step is not interrupted.
+        Seconds: a safety net for the search, which normally ends with its work long before, so
+        that every machine finds the same gain. That it was reached is said in status and message.
 
     Returns
     -------
     Design
         ``gain`` is F; ``plant`` and ``closed_loop`` have the prices among their outputs;
-        ``details["performance_norm"]`` is the norm to the original z. Without price, bound or
+        ``details["performance_norm"]`` is the norm to the original z. "optimal" is what comes
+        within `tolerance` of ``lower_bound``, which no gain falls below. Without price, bound or
         region the infimum is often zero and not attained: the status says so, and the design
         is one of small norm and moderate gain.
 
@@ -125,41 +128,43 @@ def state_feedback(
     >>> bool((design.closed_loop.poles().real < 0).all())
     True
     """
-    start = time.perf_counter()
     regions = _checked(plant, norm, method, backend, gain_bound, pole_region)
     tolerance, time_limit = positive("tolerance", tolerance), positive("time_limit", time_limit)
+    budget = Budget(POLICY.work, time_limit)
     whole = priced(plant, control_weight).with_full_state()
     _refuse_infeasible(whole, norm)
-    engine = Engine(
-        norm=norm,
-        method=method,
-        backend=backend,
-        solver=solver,
-        tolerance=tolerance,
-        remaining=lambda: time_limit - (time.perf_counter() - start),
-    )
-    pieces = decoupled_parts(whole) if split else (_as_part(whole),)
+    pieces = decoupled_parts(whole) if split else (undivided(whole),)
+    engine = ENGINES[method](norm, tolerance, regions, backend, solver)
     with working("Designing a state feedback"):
-        F, certificate, status, history = _certified(whole, pieces, engine, regions, gain_bound)
-    controller = whole.static_controller(F)
-    size = float(np.linalg.norm(F, 2))
+        found = _certified(whole, pieces, engine, gain_bound, budget)
+    size = float(np.linalg.norm(found.F, 2))
+    controller = whole.static_controller(found.F)
     return Design(
         plant=whole,
         controller=controller,
         closed_loop=whole.closed_loop(controller),
         norm=norm,
-        status=status,
+        status=found.status,
         message=message(
-            status, certificate.achieved, size, tolerance, gain_bound, bool(regions), history
+            found.status,
+            found.certificate.achieved,
+            found.lower_bound,
+            size,
+            tolerance,
+            gain_bound,
+            bool(regions),
+            budget.exhausted,
+            found.history,
         ),
-        certificate=certificate,
+        certificate=found.certificate,
         method=method,
         backend=backend if method == "lmi" else "scipy",
-        elapsed=time.perf_counter() - start,
-        history=history,
+        elapsed=budget.elapsed,
+        history=found.history,
+        lower_bound=found.lower_bound if found.lower_bound > 0 else None,
         details=MappingProxyType(
             {
-                "performance_norm": _performance_norm(plant, F, norm),
+                "performance_norm": _performance_norm(plant, found.F, norm),
                 "largest_singular_value": size,
                 "parts": tuple(piece.plant.states for piece in pieces),
                 "pole_regions": regions,
@@ -188,7 +193,7 @@ def _checked(
         if count == 0:
             raise invalid("plant", described(f"no {what}"), f"a plant with {what}", "Add some.")
     one_of("norm", norm, ("hinf", "h2"))
-    one_of("method", method, ("lmi", "riccati"))
+    one_of("method", method, tuple(ENGINES))
     one_of("backend", backend, BACKENDS)
     if gain_bound is not None:
         positive("gain_bound", gain_bound)
@@ -227,62 +232,62 @@ def _refuse_infeasible(plant: GeneralizedPlant, norm: str) -> None:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """A certified gain for the whole plant."""
+
+    F: Matrix
+    certificate: Certificate
+    lower_bound: float
+    status: Status
+    history: tuple[Mapping[str, Any], ...]
+
+
 def _certified(
     whole: GeneralizedPlant,
     pieces: Sequence[PlantPart],
-    engine: Engine,
-    regions: Sequence[PoleRegion],
+    engine: StateEngine,
     gain_bound: float | None,
-) -> tuple[Matrix, Certificate, Status, tuple[Mapping[str, Any], ...]]:
+    budget: Budget,
+) -> _Found:
     """Solve the parts and certify the whole, with a relaxed tolerance where it fails."""
     reasons: tuple[str, ...] = ()
-    for relaxation in _RELAXATIONS:
-        relaxed, tolerance = engine.relaxed(relaxation), engine.tolerance
-        answers = _solve_parts(pieces, relaxed, regions, gain_bound)
+    for relaxation in POLICY.relaxations:
+        relaxed = engine.coarser(relaxation * engine.tolerance)
+        plants = [piece.plant for piece in pieces]
+        gains = solve_parts(plants, relaxed, engine.tolerance, gain_bound, budget)
+        late = budget.late
         F = np.zeros((whole.nu, whole.nx))
-        for piece, answer in zip(pieces, answers, strict=True):
-            F[np.ix_(piece.controls, piece.states)] = answer.F
-        claims = [answer.claimed for answer in answers]
-        claimed = max(claims) if engine.norm == "hinf" else math.hypot(*claims)
-        certificate = certify(whole, F, engine.norm, claimed)  # type: ignore[arg-type]
-        reasons = certificate.reasons + _broken(F, certificate, regions, gain_bound)
-        if not reasons and certificate.gap is not None and certificate.gap < -_ROUNDING * tolerance:
+        for piece, gain in zip(pieces, gains, strict=True):
+            F[np.ix_(piece.controls, piece.states)] = gain.F
+        together = max if engine.norm == "hinf" else math.hypot
+        claimed = together(*(gain.claimed for gain in gains), 0.0)
+        certificate = certify(whole, F, engine.norm, claimed)
+        least = together(*(gain.lower_bound for gain in gains), 0.0)
+        lower_bound = min(least, certificate.achieved)
+        reasons = certificate.reasons + _broken(F, certificate, engine.regions, gain_bound)
+        slip = -POLICY.rounding * engine.tolerance
+        if not reasons and certificate.gap is not None and certificate.gap < slip:
             reasons = ("the gain is so large that rounding changes the norm",)
         if not reasons:
-            status = worst_status([answer.status for answer in answers])
-            if engine.remaining() <= 0:
+            status = worst_status([gain.status for gain in gains])
+            near = certificate.achieved <= lower_bound * (1 + engine.tolerance)
+            if late:
                 status = "time_limit"
-            elif relaxation > 1 and status == "optimal":
+            elif status == "optimal" and not near:
                 status = "suboptimal"
             history = tuple(
                 MappingProxyType({"part": number, **entry})
-                for number, answer in enumerate(answers)
-                for entry in answer.history
+                for number, gain in enumerate(gains)
+                for entry in gain.history
             )
-            return F, certificate, status, history
-        if engine.remaining() <= 0:
+            return _Found(F, certificate, lower_bound, status, history)
+        if budget.over:
             break
     raise SolverError(
         f"A gain was found, but its certificate fails: {'; '.join(reasons)}. "
         "Try the other method or backend, a larger control_weight or a gain_bound."
     )
-
-
-def _solve_parts(
-    pieces: Sequence[PlantPart],
-    engine: Engine,
-    regions: Sequence[PoleRegion],
-    gain_bound: float | None,
-) -> list[PartAnswer]:
-    parts = [Part.of(piece.plant, regions) for piece in pieces]
-    references = [reference_norm(part, engine) for part in parts]
-    reference = max(references) if engine.norm == "hinf" else math.hypot(*references)
-    # Machines are symmetric: equal parts are solved once.
-    known: dict[bytes, PartAnswer] = {}
-    for part in parts:
-        if part.fingerprint not in known:
-            known[part.fingerprint] = solve_part(part, engine, reference, gain_bound)
-    return [known[part.fingerprint] for part in parts]
 
 
 def _broken(
@@ -304,11 +309,6 @@ def _broken(
 def _performance_norm(plant: GeneralizedPlant, F: Matrix, norm: str) -> float:
     loop = plant.state_feedback_loop(F)
     return float(hinf_norm(loop) if norm == "hinf" else h2_norm(loop))
-
-
-def _as_part(plant: GeneralizedPlant) -> PlantPart:
-    counts = (plant.nx, plant.nw, plant.nu, plant.nz, plant.ny)
-    return PlantPart(plant, *(tuple(range(count)) for count in counts))
 
 
 def _shown(value: complex) -> str:

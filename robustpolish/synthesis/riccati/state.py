@@ -3,26 +3,67 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from robustpolish.synthesis.problem.state_feedback_problem import StateFeedbackProblem
-from robustpolish.synthesis.riccati.equations import solve_lyapunov, solve_riccati
+from robustpolish.budget import Budget
+from robustpolish.synthesis.problem.full_state import (
+    is_regular,
+    measuring_states,
+    state_gain_norm,
+)
+from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.riccati.equations import (
+    solve_lyapunov,
+    solve_riccati,
+    symplectic_scaling,
+)
+from robustpolish.synthesis.riccati.infimum import EXACT, lower_bound
+from robustpolish.synthesis.state_search.engine import StateEngine, StateGain
+from robustpolish.synthesis.state_search.policy import POLICY
 
 Matrix = NDArray[np.float64]
 
-_NEWTON_STEPS = 3
+
+class RiccatiStateEngine(StateEngine):
+    """The linear-quadratic regulator for the H2 norm, a bisection on gamma for H-infinity.
+
+    Regions do not fit into a Riccati equation and are not looked at.
+    """
+
+    def search(self, plant: PlantMatrices, budget: Budget) -> StateGain | None:
+        """Minimise the norm; see :class:`StateEngine`."""
+        if self.norm == "h2":
+            budget.spend(POLICY.gain_work(plant.nx))
+            F = lqr_gain(plant)
+            achieved = state_gain_norm(plant, F, "h2")
+            if F is None or not math.isfinite(achieved):
+                return None
+            step = {"step": "linear-quadratic regulator", "achieved": achieved}
+            return StateGain(F, achieved, achieved, history=(step,))
+        best, upper, lower = minimise_hinf(plant, POLICY.bracket * self.slack, budget)
+        if best is None:
+            return None
+        history = ({"step": "bisection on gamma", "achieved": upper, "no_gain_found_at": lower},)
+        # The gain often grows without limit towards the optimum, so a little is given away.
+        for retreat in POLICY.retreats:
+            claim = upper * (1 + retreat * self.slack)
+            smaller = game_gain(plant, claim)
+            achieved = state_gain_norm(plant, smaller, "hinf")
+            if smaller is not None and achieved <= claim * (1 + 1e-9):
+                return StateGain(smaller, max(claim, achieved), achieved, history=history)
+        return StateGain(best, upper, state_gain_norm(plant, best, "hinf"), history=history)
 
 
-def lqr_gain(problem: StateFeedbackProblem) -> Matrix | None:
+def lqr_gain(plant: PlantMatrices) -> Matrix | None:
     """Return the gain that minimises the H2 norm; D12 needs full column rank."""
-    return game_gain(problem, math.inf)
+    return game_gain(plant, math.inf)
 
 
-def game_gain(problem: StateFeedbackProblem, gamma: float) -> Matrix | None:
+def game_gain(plant: PlantMatrices, gamma: float) -> Matrix | None:
     r"""Return the central state feedback for an H-infinity norm below `gamma`, or None.
 
     With W = (gamma^2 I - D11' D11)^-1 and N = I + D11 W D11' the worst disturbance is
@@ -33,39 +74,57 @@ def game_gain(problem: StateFeedbackProblem, gamma: float) -> Matrix | None:
 
     after Zhou, Doyle, Glover, "Robust and Optimal Control", 1996, section 16.4.
     """
-    p = problem
-    if p.nu == 0:
-        return np.zeros((0, p.nx))
-    if p.discrete:
-        return _discrete_game_gain(p, gamma)
-    if math.isinf(gamma):
-        W = np.zeros((p.B1.shape[1],) * 2)
-    else:
-        gap = gamma**2 * np.eye(p.B1.shape[1]) - p.D11.T @ p.D11
-        if np.linalg.eigvalsh(gap).min(initial=math.inf) <= 0:
-            return None
-        W = np.linalg.inv(gap)
-    N = np.eye(p.C.shape[0]) + p.D11 @ W @ p.D11.T
-    worst = p.B1 @ W @ p.D11.T
-    A, B = p.A + worst @ p.C, p.B2 + worst @ p.D12
-    R, S = p.D12.T @ N @ p.D12, p.D12.T @ N @ p.C
-    try:
-        factor = linalg.cho_factor(R)
-    except linalg.LinAlgError:
+    if plant.nu == 0:
+        return np.zeros((0, plant.nx))
+    if plant.discrete:
+        return _discrete_game_gain(plant, gamma)
+    game = _Game.of(plant, gamma)
+    if game is None:
         return None
-    RinvS, RinvB = linalg.cho_solve(factor, S), linalg.cho_solve(factor, B.T)
-    drift, quadratic = A - B @ RinvS, p.B1 @ W @ p.B1.T - B @ RinvB
-    constant = p.C.T @ N @ p.C - S.T @ RinvS
-    solution = solve_riccati(drift, quadratic, constant)
+    solution = solve_riccati(game.A, game.R, game.Q)
     if solution is None:
         return None
-    return -(RinvB @ _refined(drift, quadratic, constant, solution.X) + RinvS)
+    return -(game.per_x @ _refined(game.A, game.R, game.Q, solution.X) + game.rest)
+
+
+class _Game(NamedTuple):
+    """A'X + XA + XRX + Q = 0, and F = -(per_x X + rest)."""
+
+    A: Matrix
+    R: Matrix
+    Q: Matrix
+    per_x: Matrix
+    rest: Matrix
+
+    @classmethod
+    def of(cls, plant: PlantMatrices, gamma: float) -> _Game | None:
+        """Return the equation; None up to the norm of D11, and where a control has no price."""
+        p = plant
+        if math.isinf(gamma):
+            W = np.zeros((p.nw,) * 2)
+        else:
+            gap = gamma**2 * np.eye(p.nw) - p.D11.T @ p.D11
+            if np.linalg.eigvalsh(gap).min(initial=math.inf) <= 0:
+                return None
+            W = np.linalg.inv(gap)
+        N = np.eye(p.nz) + p.D11 @ W @ p.D11.T
+        worst = p.B1 @ W @ p.D11.T
+        A, B = p.A + worst @ p.C1, p.B2 + worst @ p.D12
+        R, S = p.D12.T @ N @ p.D12, p.D12.T @ N @ p.C1
+        try:
+            factor = linalg.cho_factor(R)
+        except linalg.LinAlgError:
+            return None
+        RinvS, RinvB = linalg.cho_solve(factor, S), linalg.cho_solve(factor, B.T)
+        drift, quadratic = A - B @ RinvS, p.B1 @ W @ p.B1.T - B @ RinvB
+        constant = p.C1.T @ N @ p.C1 - S.T @ RinvS
+        return cls(drift, quadratic, constant, RinvB, RinvS)
 
 
 def _refined(A: Matrix, R: Matrix, Q: Matrix, X: Matrix) -> Matrix:
     """Return the solution of A'X + XA + XRX + Q = 0 after Newton steps that help."""
     size = math.inf
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(POLICY.newton_steps):
         closed = A + R @ X
         residual = A.T @ X + X @ closed + Q
         residual = (residual + residual.T) / 2
@@ -81,37 +140,35 @@ def _refined(A: Matrix, R: Matrix, Q: Matrix, X: Matrix) -> Matrix:
     return X
 
 
-def _discrete_game_gain(p: StateFeedbackProblem, gamma: float) -> Matrix | None:
-    nw = 0 if math.isinf(gamma) else p.B1.shape[1]
+def _discrete_game_gain(p: PlantMatrices, gamma: float) -> Matrix | None:
+    nw = 0 if math.isinf(gamma) else p.nw
     B1, D11 = p.B1[:, :nw], p.D11[:, :nw]
     B, D = np.hstack([p.B2, B1]), np.hstack([p.D12, D11])
     R = D.T @ D
     R[p.nu :, p.nu :] -= gamma**2 * np.eye(nw) if nw else 0.0
     try:
-        X = linalg.solve_discrete_are(p.A, B, p.C.T @ p.C, (R + R.T) / 2, s=p.C.T @ D)
+        X = linalg.solve_discrete_are(p.A, B, p.C1.T @ p.C1, (R + R.T) / 2, s=p.C1.T @ D)
         quadratic = R + B.T @ X @ B
         if nw and np.linalg.eigvalsh(quadratic[p.nu :, p.nu :])[-1] >= 0:
             return None
-        return -np.linalg.solve(quadratic, B.T @ X @ p.A + D.T @ p.C)[: p.nu]
+        return -np.linalg.solve(quadratic, B.T @ X @ p.A + D.T @ p.C1)[: p.nu]
     except (linalg.LinAlgError, ValueError):
         return None
 
 
 def minimise_hinf(
-    problem: StateFeedbackProblem,
-    tolerance: float,
-    out_of_time: Callable[[], bool],
+    plant: PlantMatrices, tolerance: float, budget: Budget
 ) -> tuple[Matrix | None, float, float]:
     """Bisect on gamma, believing only the norms of loops.
 
     Parameters
     ----------
-    problem : StateFeedbackProblem
+    plant : PlantMatrices
         D12 with full column rank.
     tolerance : float
         Relative width of the final bracket.
-    out_of_time : callable
-        Ends the search early when it returns true.
+    budget : Budget
+        The bisection ends when it is over.
 
     Returns
     -------
@@ -120,18 +177,19 @@ def minimise_hinf(
     upper, lower : float
         Norm achieved by F, and the largest gamma at which no gain was found.
     """
-    best = game_gain(problem, math.inf)
-    upper = problem.achieved(best, "hinf")
-    lower = float(np.linalg.norm(problem.D11, 2)) if problem.D11.size else 0.0
+    best = game_gain(plant, math.inf)
+    upper = state_gain_norm(plant, best, "hinf")
+    lower = float(np.linalg.norm(plant.D11, 2)) if plant.D11.size else 0.0
     if not math.isfinite(upper):
         return None, upper, lower
     step = 2.0
-    while upper > lower * (1 + tolerance) and not out_of_time():
+    while upper > lower * (1 + tolerance) and not budget.over:
         # Downwards in growing steps until the first failure, then halving the bracket.
         gamma = math.sqrt(upper * lower) if lower > upper / step else upper / step
         step = step**2 if step < 1e8 else step
-        F = game_gain(problem, gamma)
-        achieved = problem.achieved(F, "hinf")
+        budget.spend(POLICY.gain_work(plant.nx))
+        F = game_gain(plant, gamma)
+        achieved = state_gain_norm(plant, F, "hinf")
         # Next to the optimum rounding errors of X can leave a better gain a little above gamma.
         if achieved < upper * (1 - 0.1 * tolerance):
             best, upper = F, achieved
@@ -141,3 +199,85 @@ def minimise_hinf(
             lower = gamma
             step = math.inf
     return best, upper, lower
+
+
+def least_state_norm(
+    plant: PlantMatrices, norm: str, achieved: float, tolerance: float, budget: Budget
+) -> float:
+    """Return a norm that no stabilising state feedback falls below.
+
+    For the H2 norm it is that of the regulator; for the H-infinity norm a gamma at which the
+    Riccati equation has no solution X >= 0, beyond doubt, as near below `achieved` as can be told.
+    Where a control has no price, the equation is reduced to the states that none sets at will; the
+    H2 norm and discrete time have D11 alone, which no feedback changes.
+
+    Parameters
+    ----------
+    plant : PlantMatrices
+    norm : {"hinf", "h2"}
+    achieved : float
+        The norm of the best gain known.
+    tolerance : float
+        Relative: a bound this near is looked for first.
+    budget : Budget
+
+    Returns
+    -------
+    float
+    """
+    direct = plant.D11 if norm == "hinf" or plant.discrete else np.zeros((0, 0))
+    least = float(np.linalg.norm(direct, 2 if norm == "hinf" else None)) if direct.size else 0.0
+    least = min(least, achieved)
+    if not math.isfinite(achieved):
+        return least
+    if not is_regular(plant):
+        if norm == "hinf" and not plant.discrete:
+            found = lower_bound(measuring_states(plant), POLICY.bracket * tolerance, budget)
+            if found is not None and found.how == EXACT:
+                return min(max(least, found.value), achieved)
+        return least
+    budget.spend(POLICY.gain_work(plant.nx))
+    if norm == "h2":
+        optimum = state_gain_norm(plant, lqr_gain(plant), "h2")
+        return min(optimum, achieved) if math.isfinite(optimum) else least
+    # Zeros on the axis leave every gamma without a solution.
+    share = math.inf if _no_gain_at(plant, 2 * achieved) else POLICY.nearest_bound * tolerance
+    while share < 1:
+        gamma = achieved * (1 - share)
+        if gamma <= least:
+            break
+        budget.spend(POLICY.gain_work(plant.nx))
+        if _no_gain_at(plant, gamma):
+            return gamma
+        share *= POLICY.bound_step
+    return least
+
+
+def _no_gain_at(plant: PlantMatrices, gamma: float) -> bool:
+    """Return whether there is no X >= 0, and rounding errors leave no doubt about it.
+
+    With the stable subspace of the Hamiltonian matrix spanned by [U; V], X = V inv(U) is positive
+    if and only if U'V is, also where U is singular and X infinite.
+    """
+    if plant.discrete:
+        F = _discrete_game_gain(plant, gamma)
+        return not state_gain_norm(plant, F, "hinf") <= gamma
+    game = _Game.of(plant, gamma)
+    if game is None:
+        return False
+    n = plant.nx
+    scale, weight = symplectic_scaling(game.A, game.R, game.Q)
+    A, R = game.A * scale / scale[:, None], game.R / scale / scale[:, None]
+    H = np.block([[A, R * weight], [-(game.Q * scale * scale[:, None]) / weight, -A.T]])
+    if not np.isfinite(H).all():
+        return False
+    schur: Any = linalg.schur(H, output="complex", sort="lhp")
+    values: Any = np.diag(schur[0])
+    basis, stable = schur[1:]
+    level = POLICY.axis * np.abs(values) + n * np.finfo(float).eps * np.linalg.norm(H)
+    if stable != n or (np.abs(values.real) < level).any():
+        return True
+    product = basis[:n, :n].conj().T @ basis[n:, :n]
+    error = float(np.abs(product - product.conj().T).max())
+    least = np.linalg.eigvalsh(product + product.conj().T)[0] / 2
+    return bool(least < -POLICY.doubt * max(error, np.finfo(float).eps))

@@ -17,13 +17,8 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from robustpolish.budget import Budget
-from robustpolish.synthesis.lmi.state.frames import Frame
-from robustpolish.synthesis.lmi.state.programs import (
-    EASED_TOLERANCE,
-    Demand,
-    LmiOptions,
-    solve_once,
-)
+from robustpolish.synthesis.lmi.state.coordinates import Coordinates
+from robustpolish.synthesis.lmi.state.program import Demand, SolvedProgram, StatePrograms
 from robustpolish.synthesis.nonsmooth import (
     GainMeasure,
     H2Measure,
@@ -33,32 +28,21 @@ from robustpolish.synthesis.nonsmooth import (
     Requirement,
     minimax,
 )
+from robustpolish.synthesis.problem.full_state import (
+    compressed,
+    in_states,
+    is_regular,
+    state_gain_norm,
+    with_noise,
+    with_price,
+)
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.state_feedback_problem import StateFeedbackProblem
 from robustpolish.synthesis.riccati.equations import solve_lyapunov
-from robustpolish.synthesis.state_search.engines import Answer, Engine, minimise
+from robustpolish.synthesis.riccati.state import RiccatiStateEngine
+from robustpolish.synthesis.state_search.engine import StateEngine, StateGain
+from robustpolish.synthesis.state_search.policy import POLICY
 
 Matrix = NDArray[np.float64]
-
-_PRICES = tuple(10.0**k for k in range(4, -10, -1))
-# Tolerance of the designs that only serve as starts.
-_COARSE = 0.5
-_STARTS = 2
-_ROUNDS = 15
-_DESCENTS = 3
-# Iterations, not seconds, end a descent, so that a design can be repeated; seconds only bound it.
-_ITERATIONS = 150
-_SECONDS = 15.0
-# Starts below this share of the bound count as small.
-_SMALL = 0.5
-# Share by which a descent from a small gain has to be better to be preferred.
-_WORTHWHILE = 1e-3
-# A step that gains less than this share ends a search.
-_GAINED = 1e-5
-# The bound is kept by this share, so that rounding does not break it.
-_MARGIN = 1e-9
-# States that w hardly reaches are still given this share of the disturbance.
-_NOISE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,182 +65,170 @@ class GainBound:
 
     def inside(self, F: Matrix) -> Matrix:
         """Return F, shrunk to the bound if it is larger."""
-        size, limit = self.size(F), self.bound * (1 - _MARGIN)
+        size, limit = self.size(F), self.bound * (1 - POLICY.bound_margin)
         return F * (limit / size) if size > limit else F
 
 
 def minimise_bounded(
-    engine: Engine, problem: StateFeedbackProblem, gain: GainBound, regular: bool
-) -> tuple[Answer | None, bool]:
+    engine: StateEngine, plant: PlantMatrices, bound: GainBound, budget: Budget
+) -> StateGain | None:
     """Minimise the norm over the gains within a bound.
 
     Parameters
     ----------
-    engine : Engine
-    problem : StateFeedbackProblem
+    engine : StateEngine
+    plant : PlantMatrices
         Scaled.
-    gain : GainBound
-    regular : bool
-        Whether the problem has an optimum without the bound.
+    bound : GainBound
+    budget : Budget
 
     Returns
     -------
-    answer : Answer or None
-        None if no gain within the bound was found that stabilises.
-    free : bool
-        Whether the bound does not matter, so that the answer is the optimum.
+    StateGain or None
+        A local optimum, or the optimum without the bound if that is within it; None if no gain
+        within the bound was found that stabilises.
     """
-    if regular:
-        answer = minimise(engine, problem)
-        if answer is not None and gain.size(answer.F) <= gain.bound:
-            return answer, True
-    history: list[dict[str, Any]] = []
-    starts = _starts(engine, problem, gain, history)
-    best: Matrix | None = None
-    value = math.inf
-    for start in starts[:_STARTS]:
-        F = _by_inequalities(engine, problem, start, gain, history)
-        achieved = problem.achieved(F, engine.norm)
-        if achieved < value:
-            best, value = F, achieved
-    # Small gains that cancel a disturbance are found from small gains only.
-    small = [F for F in starts if 0 < gain.size(F) < _SMALL * gain.bound]
-    for start in small[:_STARTS]:
-        F = _descended(engine, problem, start, gain, history, balanced=False)
-        achieved = problem.achieved(F, engine.norm)
-        if achieved < value * (1 - _WORTHWHILE):
-            best, value = F, achieved
-    if best is None or not math.isfinite(value):
-        return None, False
-    best = _descended(engine, problem, best, gain, history)
-    value = problem.achieved(best, engine.norm)
-    return Answer(best, value, value, tuple(history)), False
+    if is_regular(plant):
+        free = engine.search(plant, budget)
+        if free is not None and bound.size(free.F) <= bound.bound:
+            return free
+    return _BoundedSearch(engine, plant, bound, budget).run()
 
 
-def _starts(
-    engine: Engine, problem: StateFeedbackProblem, gain: GainBound, history: list[dict[str, Any]]
-) -> list[Matrix]:
-    """Return stabilising gains within the bound, the best first.
+class _BoundedSearch:
+    """The search from several starts, and its history."""
 
-    They come from Riccati equations whatever the method: they are quick, and only starts.
-    """
-    quick = replace(engine, method="riccati", tolerance=max(engine.tolerance, _COARSE))
-    idle = np.zeros((problem.nu, problem.nx))
-    found: list[tuple[float, Matrix]] = [(problem.achieved(idle, engine.norm), idle)]
-    for price in _PRICES:
-        if engine.remaining() <= 0:
-            break
-        answer = minimise(quick, problem.with_price(price))
-        if answer is None:
-            continue
-        F = gain.inside(answer.F)
-        achieved = problem.achieved(F, engine.norm)
-        history.append(
-            {"step": "price", "price": price, "achieved": achieved, "gain": gain.size(answer.F)}
-        )
-        found.append((achieved, F))
-    return [F for value, F in sorted(found, key=lambda pair: pair[0]) if math.isfinite(value)]
+    def __init__(
+        self, engine: StateEngine, plant: PlantMatrices, bound: GainBound, budget: Budget
+    ) -> None:
+        self.engine, self.plant, self.bound, self.budget = engine, plant, bound, budget
+        self.history: list[dict[str, Any]] = []
 
+    def run(self) -> StateGain | None:
+        """Search from the best starts, then from small ones, and descend from the best end."""
+        starts = self.starts()
+        best: Matrix | None = None
+        value = math.inf
+        for start in starts[: POLICY.bound_starts]:
+            F = self.by_inequalities(start)
+            achieved = self.norm(F)
+            if achieved < value:
+                best, value = F, achieved
+        # Small gains that cancel a disturbance are found from small gains only.
+        limit = POLICY.small_start * self.bound.bound
+        small = [F for F in starts if 0 < self.bound.size(F) < limit]
+        for start in small[: POLICY.bound_starts]:
+            F = self.descended(start, balanced=False)
+            achieved = self.norm(F)
+            if achieved < value * (1 - POLICY.worthwhile):
+                best, value = F, achieved
+        if best is None or not math.isfinite(value):
+            return None
+        best = self.descended(best)
+        value = self.norm(best)
+        return StateGain(best, value, value, history=tuple(self.history))
 
-def _by_inequalities(
-    engine: Engine,
-    problem: StateFeedbackProblem,
-    start: Matrix,
-    gain: GainBound,
-    history: list[dict[str, Any]],
-) -> Matrix:
-    """Solve the bounded inequalities around the Lyapunov matrix of the last gain, repeatedly."""
-    p = problem.compressed()
-    options = LmiOptions(engine.norm, engine.backend, engine.solver, remaining=engine.remaining)
-    held = (gain.left / gain.bound, gain.right)
-    F, value = start, p.achieved(start, engine.norm)
-    for _ in range(_ROUNDS):
-        if engine.remaining() <= 0 or not value > 0:
-            break
-        frame = Frame.plain(p, value)
-        for _ in range(2):
-            solved = _solve_either(p, options, frame, Demand(noise=_NOISE, fixed=F), history)
+    def norm(self, F: Matrix) -> float:
+        """Return the norm that a gain achieves."""
+        return state_gain_norm(self.plant, F, self.engine.norm)
+
+    def starts(self) -> list[Matrix]:
+        """Return stabilising gains within the bound, the best first.
+
+        They come from Riccati equations whatever the method: they are quick, and only starts.
+        """
+        tolerance = max(self.engine.tolerance, POLICY.coarse)
+        quick = RiccatiStateEngine(self.engine.norm, tolerance)
+        idle = np.zeros((self.plant.nu, self.plant.nx))
+        found: list[tuple[float, Matrix]] = [(self.norm(idle), idle)]
+        for price in POLICY.starting_prices:
+            if self.budget.over:
+                break
+            answer = quick.search(with_price(self.plant, price), self.budget)
+            if answer is None:
+                continue
+            F, size = self.bound.inside(answer.F), self.bound.size(answer.F)
+            achieved = self.norm(F)
+            told = {"step": "price", "price": price, "achieved": achieved, "gain": size}
+            self.history.append(told)
+            found.append((achieved, F))
+        ranked = sorted(found, key=lambda pair: pair[0])
+        return [F for value, F in ranked if math.isfinite(value)]
+
+    def by_inequalities(self, start: Matrix) -> Matrix:
+        """Solve the bounded inequalities about the Lyapunov matrix of the last gain, repeatedly."""
+        p = compressed(self.plant)
+        programs = StatePrograms(p, self.engine, self.budget, self.history)
+        held = (self.bound.left / self.bound.bound, self.bound.right)
+        F, value = start, programs.judged(start)
+        for _ in range(POLICY.bound_rounds):
+            if self.budget.over or not value > 0:
+                break
+            coordinates = Coordinates.plain(p, value)
+            for _ in range(2):
+                about = Demand(noise=POLICY.bound_noise, fixed=F)
+                solved = _solved_either(programs, coordinates, about, "Lyapunov matrix of a gain")
+                if solved is None:
+                    return F
+                coordinates = replace(solved.next, unit=value)
+            within = Demand(noise=POLICY.bound_noise, held=held)
+            solved = _solved_either(programs, coordinates, within, "inequalities with the bound")
             if solved is None:
-                return F
-            frame = replace(solved[1], unit=value)
-        solved = _solve_either(p, options, frame, Demand(noise=_NOISE, held=held), history)
-        if solved is None:
-            break
-        new = gain.inside(solved[0].F)
-        achieved = p.achieved(new, engine.norm)
-        history[-1]["step"] = "inequalities with the bound"
-        if not achieved < value:
-            break
-        gained = 1 - achieved / value
-        F, value = new, achieved
-        if gained < _GAINED:
-            break
-    return F
+                break
+            new = self.bound.inside(solved.gain.F)
+            achieved = programs.judged(new)
+            if not achieved < value:
+                break
+            gained = 1 - achieved / value
+            F, value = new, achieved
+            if gained < POLICY.gained:
+                break
+        return F
+
+    def descended(self, start: Matrix, balanced: bool = True) -> Matrix:
+        """Descend on the true norm, if asked in states in which the last loop is balanced."""
+        p, bound = self.plant, self.bound
+        F, value = start, self.norm(start)
+        for _ in range(POLICY.descents):
+            if self.budget.over:
+                break
+            T, V = _coordinates(p, F) if balanced else (np.eye(p.nx), np.eye(p.nu))
+            q = in_states(p, T)
+            loop = q.replace(B2=q.B2 @ V, D12=q.D12 @ V)
+            measure = HinfMeasure(loop) if self.engine.norm == "hinf" else H2Measure(loop)
+            back = np.linalg.inv(T)
+            held = Requirement(GainMeasure(bound.left @ V, back @ bound.right), bound.bound)
+            gains = MaskedGain(np.ones(F.shape, dtype=bool))
+            theta = gains.coordinates(np.linalg.solve(V, F @ T))
+            problem = Problem(gains, measure, (held,))
+            descent = minimax(problem, theta, self.budget, POLICY.iterations)
+            new = bound.inside(V @ gains.gain(descent.point) @ back)
+            achieved = self.norm(new)
+            ended = descent.reason
+            told = {"step": "descent on the true norm", "achieved": achieved, "ended": ended}
+            self.history.append(told)
+            if not achieved < value:
+                break
+            gained = 1 - achieved / value
+            F, value = new, achieved
+            if gained < POLICY.gained:
+                break
+        return F
 
 
-def _solve_either(
-    p: StateFeedbackProblem,
-    options: LmiOptions,
-    frame: Frame,
-    demand: Demand,
-    history: list[dict[str, Any]],
-) -> tuple[Any, Frame] | None:
-    solved = solve_once(p, options, frame, demand, history)
+def _solved_either(
+    programs: StatePrograms, coordinates: Coordinates, demand: Demand, step: str
+) -> SolvedProgram | None:
+    solved = programs.solve(coordinates, demand, step)
     if solved is None:
-        plain = frame.without_congruence()
-        solved = solve_once(p, options, plain, demand, history, EASED_TOLERANCE)
+        plain = coordinates.without_congruence()
+        solved = programs.solve(plain, demand, step, POLICY.eased_tolerance)
     return solved
 
 
-def _descended(
-    engine: Engine,
-    problem: StateFeedbackProblem,
-    start: Matrix,
-    gain: GainBound,
-    history: list[dict[str, Any]],
-    balanced: bool = True,
-) -> Matrix:
-    """Descend on the true norm, if asked in states in which the last loop is balanced."""
-    F, value = start, problem.achieved(start, engine.norm)
-    budget = Budget(seconds=min(_SECONDS, max(engine.remaining(), 0.0)))
-    for _ in range(_DESCENTS):
-        T, V = _coordinates(problem, F) if balanced else (np.eye(problem.nx), np.eye(problem.nu))
-        q = problem.in_states(T)
-        loop = PlantMatrices(
-            A=q.A,
-            B1=q.B1,
-            B2=q.B2 @ V,
-            C1=q.C,
-            C2=np.eye(q.nx),
-            D11=q.D11,
-            D12=q.D12 @ V,
-            D21=np.zeros((q.nx, q.B1.shape[1])),
-            D22=np.zeros((q.nx, q.nu)),
-            discrete=q.discrete,
-        )
-        measure = HinfMeasure(loop) if engine.norm == "hinf" else H2Measure(loop)
-        back = np.linalg.inv(T)
-        held = Requirement(GainMeasure(gain.left @ V, back @ gain.right), gain.bound)
-        gains = MaskedGain(np.ones(F.shape, dtype=bool))
-        theta = gains.coordinates(np.linalg.solve(V, F @ T))
-        descent = minimax(Problem(gains, measure, (held,)), theta, budget, _ITERATIONS)
-        new = gain.inside(V @ gains.gain(descent.point) @ back)
-        achieved = problem.achieved(new, engine.norm)
-        history.append(
-            {"step": "descent on the true norm", "achieved": achieved, "ended": descent.reason}
-        )
-        if not achieved < value:
-            break
-        gained = 1 - achieved / value
-        F, value = new, achieved
-        if gained < _GAINED or budget.late:
-            break
-    return F
-
-
-def _coordinates(p: StateFeedbackProblem, F: Matrix) -> tuple[Matrix, Matrix]:
+def _coordinates(p: PlantMatrices, F: Matrix) -> tuple[Matrix, Matrix]:
     """Return states of equal variance under white noise, and controls of order one."""
-    noisy = p.with_noise(_NOISE)
+    noisy = with_noise(p, POLICY.bound_noise)
     W, closed = noisy.B1 @ noisy.B1.T, p.A + p.B2 @ F
     X = linalg.solve_discrete_lyapunov(closed, W) if p.discrete else solve_lyapunov(closed.T, W)
     if X is None:

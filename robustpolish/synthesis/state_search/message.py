@@ -11,10 +11,12 @@ from robustpolish.synthesis.design.status import Status
 def message(
     status: Status,
     achieved: float,
+    lower_bound: float,
     gain: float,
     tolerance: float,
     gain_bound: float | None,
     has_region: bool,
+    exhausted: bool,
     history: Sequence[Mapping[str, Any]],
 ) -> str:
     """Say what happened and what to try next.
@@ -22,25 +24,35 @@ def message(
     Parameters
     ----------
     status : str
-    achieved, gain : float
-        Norm of the loop and largest singular value of F, in the plant's units.
+    achieved, lower_bound, gain : float
+        Norm of the loop, what none falls below, and largest singular value of F, in the plant's
+        units.
     tolerance : float
     gain_bound : float or None
     has_region : bool
+    exhausted : bool
+        Whether the search ended with its work and not by itself.
     history : sequence of mapping
         The trade-off is read from the entries with a price.
     """
     found = f"Norm {achieved:.6g} with a gain of {gain:.4g} (largest singular value)."
+    if lower_bound > 0:
+        found += f" No state feedback has a norm below {lower_bound:.6g}."
     if status == "optimal":
-        return f"{found} No state feedback has a norm smaller by more than {tolerance:.0e} of it."
+        return f"{found} That is within {tolerance:.0e} of it: the design is optimal."
     if status == "time_limit":
-        return f"{found} Time ran out; raise time_limit for a better one."
+        return (
+            f"{found} Time ran out before the search ended: another run may find another gain. "
+            "Raise time_limit for a better one."
+        )
     if status == "infimum_not_attained":
         return (
             f"{found} The infimum is not attained: smaller norms need ever larger gains"
             f"{_trade_off(history)}. Set control_weight, gain_bound or pole_region to ask for a "
             "problem that has an optimum."
         )
+    if exhausted:
+        return f"{found} The search ended with its work, because the plant is large."
     if gain_bound is not None:
         return (
             f"{found} The bound {gain_bound:.6g} on the gain is kept. It makes the problem "
@@ -52,8 +64,9 @@ def message(
             "which is sufficient but not necessary: a better gain is not ruled out."
         )
     return (
-        f"{found} It could not be shown to be within {tolerance:.0e} of the optimum, "
-        "because gains next to the optimum are too large to certify. Try the other method."
+        f"{found} It could not be shown to be within {tolerance:.0e} of the optimum: gains next to "
+        "it are too large to compute with, or a control has no price. Try the other method, or set "
+        "control_weight."
     )
 
 

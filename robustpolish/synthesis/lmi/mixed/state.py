@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,14 +15,14 @@ from numpy.typing import NDArray
 
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
 from robustpolish.synthesis.lmi.mixed.output import Specification
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram, Solve
+from robustpolish.synthesis.lmi.semidefinite import ProgramSolver, SemidefiniteProgram
 from robustpolish.synthesis.lmi.state.inequalities import (
     h2_inequality,
     hinf_inequality,
     region_inequalities,
 )
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
-from robustpolish.synthesis.problem.state_feedback_problem import StateFeedbackProblem
 
 Matrix = NDArray[Any]
 
@@ -34,7 +33,7 @@ _ROUNDS = 2
 def mixed_state_start(
     specifications: Sequence[Specification],
     regions: Sequence[PoleRegion],
-    solve: Solve,
+    solver: ProgramSolver,
     back_off: float,
 ) -> Matrix | None:
     """Return F of u = F x that meets the inequalities, as far as a solver can tell.
@@ -45,8 +44,7 @@ def mixed_state_start(
         All on the same A and B2; exactly one is minimised.
     regions : sequence of PoleRegion
         In the unit of time of the scaled plant.
-    solve : callable
-        Solves a program, within its budget.
+    solver : ProgramSolver
     back_off : float
         How far the norm backs off from its optimum before the controller is made small.
 
@@ -59,7 +57,7 @@ def mixed_state_start(
     for _ in range(_ROUNDS):
         program, _, _, square = _program(specifications, regions, unit, None)
         program.minimise(square)
-        first = solve(program)
+        first = solver.solve(program)
         if first.x is None:
             return F
         unit *= math.sqrt(max(float(first.value(square).item()), 1e-16))
@@ -67,7 +65,7 @@ def mixed_state_start(
         effort = program.symmetric(M.shape[0])
         program.positive(symmetric_block([[effort, M], [Y]]))
         program.minimise(effort.trace)
-        second = solve(program)
+        second = solver.solve(program)
         if second.x is None:
             return F
         try:
@@ -84,7 +82,7 @@ def _program(
     level: float | None,
 ) -> tuple[SemidefiniteProgram, Affine, Affine, Affine]:
     """State the inequalities; `level` fixes the square of the minimised norm over `unit`."""
-    problems = [StateFeedbackProblem.of(s.plant) for s in specifications]
+    problems = [PlantMatrices.of(s.plant) for s in specifications]
     program = SemidefiniteProgram()
     n, eye = problems[0].nx, np.eye(problems[0].nx)
     Y, M = program.symmetric(n), program.matrix(problems[0].nu, n)
@@ -93,7 +91,7 @@ def _program(
     for s, p in zip(specifications, problems, strict=True):
         size = unit if s.bound is None else s.bound
         target = square if s.bound is None else Affine.of(1.0)
-        own = replace(p, C=p.C / size, D11=p.D11 / size, D12=p.D12 / size)
+        own = p.replace(C1=p.C1 / size, D11=p.D11 / size, D12=p.D12 / size)
         if s.norm == "hinf":
             hinf_inequality(program, own, Y, M, target, eye)
         else:

@@ -8,7 +8,6 @@ regions and a bound on the gain. Everything is normalised so that the norm sough
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,19 +16,16 @@ from scipy import linalg
 
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
 from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
-from robustpolish.synthesis.problem.state_feedback_problem import StateFeedbackProblem
+from robustpolish.synthesis.state_search.policy import POLICY
 
 Matrix = NDArray[np.float64]
-
-# Poles are asked to lie inside their region by this share of its size, so that
-# rounding errors of the solver leave them inside.
-_REGION_MARGIN = 1e-6
 
 
 def hinf_inequality(
     program: SemidefiniteProgram,
-    p: StateFeedbackProblem,
+    p: PlantMatrices,
     Y: Affine,
     M: Affine,
     square: Affine,
@@ -40,8 +36,8 @@ def hinf_inequality(
     `congruence` multiplies the rows and columns of the states; it changes the numbers
     that the solver sees, not the set of solutions.
     """
-    S, Z = p.A @ Y + p.B2 @ M, p.C @ Y + p.D12 @ M
-    nw, nz = p.B1.shape[1], p.C.shape[0]
+    S, Z = p.A @ Y + p.B2 @ M, p.C1 @ Y + p.D12 @ M
+    nw, nz = p.nw, p.nz
     E = congruence
     bound = square.times(np.eye(nw))
     if p.discrete:
@@ -63,7 +59,7 @@ def hinf_inequality(
 
 def h2_inequality(
     program: SemidefiniteProgram,
-    p: StateFeedbackProblem,
+    p: PlantMatrices,
     Y: Affine,
     M: Affine,
     congruence: Matrix,
@@ -71,9 +67,9 @@ def h2_inequality(
     """Return a scalar expression that is at least the squared H2 norm."""
     S, E = p.A @ Y + p.B2 @ M, congruence
     paid, free = _split_by_price(p)
-    nw = p.B1.shape[1]
-    Z = paid.C @ Y + paid.D12 @ M
-    W = program.symmetric(paid.C.shape[0])
+    nw = p.nw
+    Z = paid.C1 @ Y + paid.D12 @ M
+    W = program.symmetric(paid.nz)
     if p.discrete:
         program.positive(
             symmetric_block([[E.T @ Y @ E, E.T @ S, E.T @ p.B1], [Y, None], [np.eye(nw)]])
@@ -83,13 +79,13 @@ def h2_inequality(
         lyapunov = -(E.T @ (S + S.T) @ E)
         program.positive(symmetric_block([[lyapunov, E.T @ p.B1], [np.eye(nw)]]))
         program.positive(symmetric_block([[W, Z], [Y]]))
-    rest = (free.C @ Y @ free.C.T).trace + np.trace(free.D11 @ free.D11.T)
+    rest = (free.C1 @ Y @ free.C1.T).trace + np.trace(free.D11 @ free.D11.T)
     return W.trace + rest
 
 
 def _split_by_price(
-    p: StateFeedbackProblem,
-) -> tuple[StateFeedbackProblem, StateFeedbackProblem]:
+    p: PlantMatrices,
+) -> tuple[PlantMatrices, PlantMatrices]:
     """Turn z so that u reaches only its first part: the rest of the trace is linear in Y.
 
     The condition stays (10.28); the solver has fewer and better scaled variables.
@@ -97,17 +93,17 @@ def _split_by_price(
     factors: Any = linalg.qr(p.D12, pivoting=True)
     Q, size = factors[0], np.abs(np.diag(factors[1]))
     rank = int(np.sum(size > np.finfo(float).eps * max(p.D12.shape) * size.max(initial=0.0)))
-    turned = replace(p, C=Q.T @ p.C, D11=Q.T @ p.D11, D12=Q.T @ p.D12)
+    turned = p.replace(C1=Q.T @ p.C1, D11=Q.T @ p.D11, D12=Q.T @ p.D12)
 
-    def rows(part: slice) -> StateFeedbackProblem:
-        return replace(turned, C=turned.C[part], D11=turned.D11[part], D12=turned.D12[part])
+    def rows(part: slice) -> PlantMatrices:
+        return turned.replace(C1=turned.C1[part], D11=turned.D11[part], D12=turned.D12[part])
 
     return rows(slice(0, rank)), rows(slice(rank, None))
 
 
 def region_inequalities(
     program: SemidefiniteProgram,
-    p: StateFeedbackProblem,
+    p: PlantMatrices,
     Y: Affine,
     M: Affine,
     regions: Sequence[PoleRegion],
@@ -115,7 +111,7 @@ def region_inequalities(
     """Require the poles to lie in every one of `regions`, given in the problem's unit of time."""
     S = p.A @ Y + p.B2 @ M
     for region in regions:
-        L = region.L + _REGION_MARGIN * np.linalg.norm(region.L, 2) * np.eye(len(region.L))
+        L = region.L + POLICY.region_margin * np.linalg.norm(region.L, 2) * np.eye(len(region.L))
         blocks = [
             [-(Y * L[i, j] + S * region.M[i, j] + S.T * region.M[j, i]) for j in range(i, len(L))]
             for i in range(len(L))

@@ -9,16 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from robustpolish.synthesis.problem.state_feedback_problem import StateFeedbackProblem
+from robustpolish.synthesis.problem.full_state import in_states
+from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.state_search.policy import POLICY
 
 Matrix = NDArray[np.float64]
 
-# Eigenvalues of Y below this share of the largest are rounding errors of the solver.
-_SMALLEST_SHARE = 1e-13
-
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class Coordinates:
     """Coordinates: x = T x_new, u = V u_new, Lyapunov rows times E, norms over `unit`.
 
     Attributes
@@ -37,23 +36,22 @@ class Frame:
     unit: float
 
     @classmethod
-    def plain(cls, p: StateFeedbackProblem, unit: float) -> Frame:
+    def plain(cls, p: PlantMatrices, unit: float) -> Coordinates:
         """Return the coordinates of the problem itself."""
         return cls(np.eye(p.nx), np.eye(p.nu), np.eye(p.nx), unit)
 
-    def without_congruence(self) -> Frame:
-        """Return the frame with E = I."""
+    def without_congruence(self) -> Coordinates:
+        """Return the coordinates with E = I."""
         return replace(self, E=np.eye(self.T.shape[0]))
 
-    def apply(self, p: StateFeedbackProblem) -> StateFeedbackProblem:
+    def apply(self, p: PlantMatrices) -> PlantMatrices:
         """Return the problem in these coordinates, where its norm is about one."""
-        q = p.in_states(self.T)
+        q = in_states(p, self.T)
         root = math.sqrt(self.unit)
-        return replace(
-            q,
+        return q.replace(
             B1=q.B1 / root,
             B2=q.B2 @ self.V,
-            C=q.C / root,
+            C1=q.C1 / root,
             D11=q.D11 / self.unit,
             D12=q.D12 @ self.V / root,
         )
@@ -62,15 +60,15 @@ class Frame:
         """Return F = M inv(Y) in the problem's coordinates."""
         return self.V @ np.linalg.solve(Y, M.T).T @ np.linalg.inv(self.T)
 
-    def next(self, q: StateFeedbackProblem, Y: Matrix, M: Matrix, even_out: bool) -> Frame:
-        """Return the frame in which Y is the identity and the gain of order one.
+    def next(self, q: PlantMatrices, Y: Matrix, M: Matrix, even_out: bool) -> Coordinates:
+        """Return the coordinates in which Y is the identity and the gain of order one.
 
         Parameters
         ----------
-        q : StateFeedbackProblem
-            In this frame.
+        q : PlantMatrices
+            In these coordinates.
         Y, M : ndarray
-            A solution in this frame.
+            A solution in these coordinates.
         even_out : bool
             Whether E is to make the Lyapunov inequality the identity. Not for the H2 norm: there
             the inequality is tight at the optimum.
@@ -83,7 +81,7 @@ class Frame:
         values, vectors = np.linalg.eigh((Y + Y.T) / 2)
         if not values[-1] > 0:
             raise linalg.LinAlgError("Y is not positive")
-        values = np.maximum(values, values[-1] * _SMALLEST_SHARE)
+        values = np.maximum(values, values[-1] * POLICY.smallest_share)
         step = vectors * np.sqrt(values)
         back = (vectors / np.sqrt(values)).T
         gains = np.linalg.norm(M @ back.T, axis=1)
@@ -92,6 +90,6 @@ class Frame:
         if even_out and not q.discrete:
             S = back @ (q.A @ Y + q.B2 @ M) @ back.T
             rates, directions = np.linalg.eigh(-(S + S.T))
-            rates = np.maximum(rates, np.abs(rates).max() * _SMALLEST_SHARE)
+            rates = np.maximum(rates, np.abs(rates).max() * POLICY.smallest_share)
             E = directions / np.sqrt(rates)
-        return Frame(self.T @ step, self.V * size, E, self.unit)
+        return Coordinates(self.T @ step, self.V * size, E, self.unit)

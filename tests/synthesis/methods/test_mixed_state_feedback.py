@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_mixed_output_feedback import oscillator
+from small_plants import oscillator
 
 import robustpolish as rp
 from robustpolish.synthesis.problem.channels import channel
