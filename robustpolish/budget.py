@@ -48,7 +48,7 @@ class Budget:
     seconds: float = math.inf
     spent: float = field(default=0.0, init=False)
     _parent: Budget | None = field(default=None, init=False, repr=False)
-    _start: float = field(default_factory=time.monotonic, init=False, repr=False)
+    _start: float = field(default_factory=lambda: time.monotonic(), init=False, repr=False)
     _late: bool = field(default=False, init=False, repr=False)
 
     def spend(self, work: float = 1.0) -> None:
@@ -77,10 +77,19 @@ class Budget:
     @property
     def late(self) -> bool:
         """Whether the safety net was reached; once it was, that stays so."""
+        self.look()
+        return self._late
+
+    def look(self) -> None:
+        """Look at the clock, after a call that ends with the safety net by itself."""
+        reached: Budget | None = self
         if not self._late and self.elapsed >= self.seconds:
-            self._late = True
-            if self._parent is not None:
-                self._parent._late = True
+            while reached is not None:
+                reached._late, reached = True, reached._parent
+
+    @property
+    def stopped(self) -> bool:
+        """Whether a search has seen that it was late, and so may have ended for that reason."""
         return self._late
 
     @property

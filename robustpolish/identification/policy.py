@@ -1,6 +1,6 @@
-"""The numbers that steer fits and decisions, each with its reason and the case that needs it.
+"""The numbers that steer fits and decisions, each with its reason and a case that it is for.
 
-Cases in quotation marks are those of docs/hidden_effects.md.
+Cases in quotation marks are those of docs/hidden_effects.md: examples of what a number decides.
 """
 
 from __future__ import annotations

@@ -18,6 +18,7 @@ from robustpolish.display import Card, Displayed, quantities
 from robustpolish.exact.rational import ExactModel
 from robustpolish.exact.realisation import Realisation, realisation, rescaled
 from robustpolish.plotting import plot_gains
+from robustpolish.threads import same_bits
 from robustpolish.validation import invalid, positive, source_of
 
 if TYPE_CHECKING:
@@ -111,6 +112,7 @@ class H2Norm(Displayed):
         return Card("H2 norm", (quantities(*rows),), (self.reason,))
 
 
+@same_bits
 def h2_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> H2Norm:
     r"""Compute the H2 norm, the root of trace(C X C'), with X the controllability Gramian.
 

@@ -18,6 +18,7 @@ from robustpolish.display import Card, Displayed, quantities
 from robustpolish.exact.rational import ExactModel, to_float
 from robustpolish.exact.realisation import Realisation, realisation, rescaled
 from robustpolish.plotting import plot_gains
+from robustpolish.threads import same_bits
 from robustpolish.validation import invalid, positive, source_of
 
 if TYPE_CHECKING:
@@ -108,6 +109,7 @@ class HinfNorm(Displayed):
         return Card("H-infinity norm", (quantities(*rows),), (self.reason,))
 
 
+@same_bits
 def hinf_norm(
     system: control.StateSpace, *, tolerance: float = 1e-9, exact: bool = True
 ) -> HinfNorm:

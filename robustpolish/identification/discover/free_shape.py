@@ -15,7 +15,7 @@ from robustpolish.identification.discover.candidates import places
 from robustpolish.identification.discover.filtered import FilteredRecord
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.ports import port_pairs, port_rows
+from robustpolish.models.mechanical.ports import port_row
 
 Array = NDArray[np.float64]
 
@@ -33,8 +33,7 @@ def better_shape(model: MechanicalModel, prepared: PreparedRecord) -> str | None
     motion = prepared.motion(model, record)
     seen = [FilteredRecord(model, prepared, record, level, motion) for level in policy.shape_levels]
     for at in _places(model):
-        effect = Effect("cubic_stiffness", at)
-        rows, pairs = port_rows(model, effect), port_pairs(effect)
+        rows, pairs = port_row(model, at)[None], [at]
         for name, signal in (("displacement", rows @ motion.q), ("velocity", rows @ motion.v)):
             columns = _hinges(signal[0])
             if any(_explains(f, rows, pairs, columns, noise) for f in seen):

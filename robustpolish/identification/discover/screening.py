@@ -168,12 +168,13 @@ def _try(
         return bad, c
     samples = len(f.errors)
     scores = f.scores(rest, len(c), orders)
-    if entry.kind.kind == "sensor_gain":
+    if entry.kind.domain == "output":
         # scaling the data down makes every error smaller: the density of the data pays for it
-        if abs(c[0]) > f.policy.sensor_gain:
+        effect = Effect(entry.kind.kind, entry.at, entry.shape.values(c))
+        gain, _ = entry.kind.signal_slope(effect.values)
+        if abs(1 - 1 / gain) > f.policy.sensor_gain:
             return bad, c
-        jacobian = -2 * samples * np.log(1.0 - float(c[0]))
-        scores = {order: score + jacobian for order, score in scores.items()}
+        scores = {order: score + 2 * samples * np.log(gain) for order, score in scores.items()}
     return scores, c
 
 

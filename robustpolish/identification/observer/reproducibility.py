@@ -92,7 +92,8 @@ def reproducibility(
     beyond = np.flatnonzero(~(change <= max(_noise(record, size), _VISIBLE)))
     growth = float(np.max(change) / _TINY) if np.isfinite(change).all() else np.inf
     if not beyond.size:
-        return Reproducibility(True, growth, None, "" if span else _drift_note(run, record))
+        reason = _drift_note(run, record) if span is None else ""
+        return Reproducibility(True, growth, None, reason)
     after = float(beyond[0] * record.dt)
     advice = "look ahead" if ahead else f"compare in windows shorter than {after:.3g} s"
     return Reproducibility(

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import control
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.signal import tf2ss
 
 from robustpolish.effects import Effect
@@ -61,21 +62,16 @@ def linear_effects(
     """
     placed, ports, G, H, motion = effect_ports(model)
     rest = _rest(model, placed, ports, operating_point)
-    np_, nz = G.shape[1], sum(effect.definition.states for effect in placed)
-    f_slopes = [np.zeros((np_, np_)), np.zeros((np_, np_)), np.zeros((np_, nz))]
-    z_slopes = [np.zeros((nz, np_)), np.zeros((nz, np_)), np.zeros((nz, nz))]
-    states: list[str] = []
-    port = state = 0
-    for i, (effect, here) in enumerate(zip(placed, ports, strict=True)):
-        p, z = slice(port, port + len(here)), slice(state, state + effect.definition.states)
-        by_f, by_z = _slopes(model, effect, here @ rest)
-        for whole, part, column in zip(f_slopes, by_f, (p, p, z), strict=True):
-            whole[p, column] = part
-        for whole, part, column in zip(z_slopes, by_z, (p, p, z), strict=True):
-            whole[z, column] = part
-        states += [f"{effect.kind}_{i + 1}_{k + 1}" for k in range(effect.definition.states)]
-        port, state = p.stop, z.stop
-    return LinearEffects(G, H, motion, *f_slopes, *z_slopes, states=tuple(states))
+    slopes = [[np.zeros((0, 0))] * 6]
+    for effect, here in zip(placed, ports, strict=True):
+        slopes.append(_slopes(model, effect, here @ rest))
+    whole: list[Array] = [np.array(block_diag(*parts)) for parts in zip(*slopes, strict=True)]
+    states = [
+        f"{effect.kind}_{i}_{k + 1}"
+        for i, effect in enumerate(placed, 1)
+        for k in range(effect.definition.states)
+    ]
+    return LinearEffects(G, H, motion, *whole, states=tuple(states))
 
 
 def _rest(
@@ -98,7 +94,7 @@ def _rest(
         force, slope = -(m.K @ q), -m.K.copy()
         for effect, here in zip(effects, ports, strict=True):
             force += here.T @ _mean_force(model, effect, here @ q)
-            slope += here.T @ _slopes(model, effect, here @ q, warn=False)[0][0] @ here
+            slope += here.T @ _slopes(model, effect, here @ q, warn=False)[0] @ here
         pull = force[free]
         typical = np.max(np.abs(m.K @ q), initial=0.0)
         if not pull.any() or np.max(np.abs(pull)) <= 1e-12 * typical:
@@ -132,10 +128,8 @@ def _mean_force(model: MechanicalData, effect: Effect, q: Array) -> Array:
     return np.mean([_law(model, effect, t, q, zero, z)[0] for t in _times(model)], axis=0)
 
 
-def _slopes(
-    model: MechanicalData, effect: Effect, rest: Array, warn: bool = True
-) -> tuple[list[Array], list[Array]]:
-    """Return the slopes of force and internal rates by displacement, velocity, internal state."""
+def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = True) -> list[Array]:
+    """Return the slopes Fq, Fv, Fz of the force and Dq, Dv, Dz of the internal rates."""
     kind = effect.definition
     point = np.concatenate([rest, np.zeros(rest.size), np.zeros(kind.states)])
     n = rest.size
@@ -164,8 +158,7 @@ def _slopes(
         table[:, j] = np.where(jumps, 0.0, wide)
     table[~np.isfinite(table)] = 0.0
     columns = (slice(0, n), slice(n, 2 * n), slice(2 * n, None))
-    f, dz = table[: kind.ports], table[kind.ports :]
-    return [f[:, c] for c in columns], [dz[:, c] for c in columns]
+    return [part[:, c] for part in (table[: kind.ports], table[kind.ports :]) for c in columns]
 
 
 def _difference(function: Callable[[Array], Array], point: Array, j: int, step: float) -> Array:

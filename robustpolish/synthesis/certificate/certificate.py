@@ -27,6 +27,7 @@ from robustpolish.synthesis.certificate.loop_balls import enclose_loop, rounding
 from robustpolish.synthesis.certificate.norm_proof import NormProof
 from robustpolish.synthesis.certificate.tightest_proof import TIGHT, tightest_proof
 from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries
+from robustpolish.threads import same_bits
 from robustpolish.validation import described, invalid, one_of, positive
 
 if TYPE_CHECKING:
@@ -171,6 +172,7 @@ class Certificate(Displayed):
         return replace(self, claimed=claimed, gap=_gap(claimed, self.achieved))
 
 
+@same_bits
 def certify(
     plant: GeneralizedPlant,
     controller: GivenController,

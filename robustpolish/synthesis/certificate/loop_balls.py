@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from robustpolish.exact import balls
 from robustpolish.exact.balls import Ball
 from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.problem.matrices import balancing_scale
+from robustpolish.synthesis.certificate.quick_norm import state_scale
 
 Matrix = NDArray[Any]
 BITS = 240
@@ -73,20 +73,9 @@ def enclose_loop(plant: GeneralizedPlant, controller: Any, bits: int = BITS) -> 
         Bl = balls.block([[B1 + B2 * on_w], [Bk * (D21 + D22 * on_w)]])
         Cl = balls.block([[C1 + D12 * on_x, D12 * on_k]])
         Dl = D11 + D12 * on_w
-        scale = _state_scale(*(balls.midpoint(M) for M in (Al, Bl, Cl)))
+        scale = state_scale(*(balls.midpoint(M) for M in (Al, Bl, Cl)))
         into, out = balls.ball(np.diag(1 / scale)), balls.ball(np.diag(scale))
         return LoopBalls(into * Al * out, into * Bl, Cl * out, Dl, scale)
-
-
-def _state_scale(A: Matrix, B: Matrix, C: Matrix) -> Matrix:
-    """Balance the states by powers of two, with all inputs and all outputs as one more state."""
-    n = A.shape[0]
-    if n == 0:
-        return np.ones(0)
-    bordered = np.zeros((n + 1, n + 1))
-    bordered[:n, :n] = A
-    bordered[:n, n], bordered[n, :n] = np.linalg.norm(B, axis=1), np.linalg.norm(C, axis=0)
-    return balancing_scale(bordered)[:n]
 
 
 def cayley(loop: LoopBalls, bits: int = BITS) -> LoopBalls:

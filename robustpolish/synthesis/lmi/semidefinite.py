@@ -101,7 +101,7 @@ class SemidefiniteProgram:
 
     @property
     def unknowns(self) -> int:
-        """Number of variables."""
+        """Number of scalar variables declared so far."""
         return self._count
 
     def matrix(self, rows: int, columns: int, pattern: ArrayLike | None = None) -> Affine:
@@ -208,9 +208,6 @@ class SemidefiniteProgram:
         return Affine(shape, np.zeros(size), linear)
 
 
-Solve = Callable[[SemidefiniteProgram], SemidefiniteSolution]
-
-
 @dataclass(frozen=True)
 class ProgramSolver:
     """Who solves the programs of one search, and how much work they may be.
@@ -234,12 +231,14 @@ class ProgramSolver:
         if self.budget.over:
             return SemidefiniteSolution(None, "no work left", 0.0)
         self.budget.spend(_WORK * (1 + (program.unknowns / _ALL_OVERHEAD) ** 3))
-        return program.solve(
+        found = program.solve(
             self.backend,
             solver=self.solver,
             tolerance=self.accuracy,
             time_limit=self.budget.seconds_left,
         )
+        self.budget.look()
+        return found
 
 
 Run = Callable[[ConicForm, str | None, float, float | None], tuple[Matrix | None, str]]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from robustpolish.synthesis.lmi.affine import symmetric_block
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram, Solve
+from robustpolish.synthesis.lmi.semidefinite import ProgramSolver, SemidefiniteProgram
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 
 Matrix = NDArray[Any]
@@ -24,7 +24,7 @@ Matrix = NDArray[Any]
 def stabilising_gain(
     loop: PlantMatrices,
     mask: NDArray[np.bool_],
-    solve: Solve,
+    solver: ProgramSolver,
     decay: float = 1e-3,
     iterations: int = 15,
 ) -> Matrix | None:
@@ -36,8 +36,7 @@ def stabilising_gain(
         Scaled.
     mask : ndarray of bool, shape (nu, ny)
         Entries of K that are free; the last program alone respects it.
-    solve : callable
-        Solves a program, within its budget.
+    solver : ProgramSolver
     decay : float
         Decay rate asked for, relative to the unit of time; in discrete time the poles are
         asked into a disk of radius 1 - decay.
@@ -66,11 +65,11 @@ def stabilising_gain(
             S = right.T @ (P @ A) @ right
             program.positive(-(S + S.T) - np.eye(right.shape[1]) * 1e-3)
         program.minimise((P @ Q0).trace + (Q @ P0).trace)
-        solution = solve(program)
+        solution = solver.solve(program)
         if solution.x is None:
             break
         P0, Q0 = solution.value(P), solution.value(Q)
-        gain = _gain(A, B, C, P0, mask, solve)
+        gain = _gain(A, B, C, P0, mask, solver)
         if gain is not None and np.linalg.eigvals(A + B @ gain @ C).real.max() < 0:
             break
     return None if gain is None else _behind(gain, D, mask)
@@ -82,7 +81,7 @@ def _gain(
     C: Matrix,
     P: Matrix,
     mask: NDArray[np.bool_],
-    solve: Solve,
+    solver: ProgramSolver,
 ) -> Matrix | None:
     """Return the K that makes A'P + PA + PBKC + (PBKC)' as negative as it can be."""
     size = float(np.linalg.norm(P, 2))
@@ -101,7 +100,7 @@ def _gain(
     eyes = np.eye(rows), np.eye(columns)
     program.positive(symmetric_block([[bound.times(eyes[0]), K], [bound.times(eyes[1])]]))
     program.minimise(t + bound * 1e-4)
-    solution = solve(program)
+    solution = solver.solve(program)
     return None if solution.x is None else solution.value(K)
 
 

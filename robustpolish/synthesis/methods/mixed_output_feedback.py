@@ -13,8 +13,10 @@ from robustpolish.synthesis.methods.mixed_design import MixedSpecifications, des
 from robustpolish.synthesis.problem.channels import Channel
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.structured_search.policy import TIME_LIMIT
+from robustpolish.threads import same_bits
 
 
+@same_bits
 def mixed_output_feedback(
     plant: GeneralizedPlant,
     minimise: Literal["hinf", "h2"] = "hinf",

@@ -16,8 +16,10 @@ from robustpolish.synthesis.problem.pricing import noisy, priced
 from robustpolish.synthesis.structured_search.observer_structure import ObserverStructure
 from robustpolish.synthesis.structured_search.policy import TIME_LIMIT
 from robustpolish.synthesis.structured_search.structure import Norm
+from robustpolish.threads import same_bits
 
 
+@same_bits
 def observer_feedback(
     plant: GeneralizedPlant,
     norm: Norm = "hinf",

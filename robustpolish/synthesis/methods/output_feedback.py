@@ -40,11 +40,13 @@ from robustpolish.synthesis.riccati.lqg import (
     h2_lower_bound,
     no_finite_h2_norm,
 )
+from robustpolish.threads import same_bits
 from robustpolish.validation import described, invalid, one_of, positive
 
 Method = Literal["auto", "riccati", "lmi", "slycot"]
 
 
+@same_bits
 def output_feedback(
     plant: GeneralizedPlant,
     norm: Norm = "hinf",
@@ -305,8 +307,8 @@ def _search(
     part = SolverPlant.of(plant, mapped=norm == "hinf")
     matrices, search = part.matrices, budget.share(POLICY.search_share)
     feedback = None
+    accuracy = POLICY.bound_accuracy * min(settings.tolerance, 1e-2)
     if norm == "hinf":
-        accuracy = POLICY.bound_accuracy * min(settings.tolerance, 1e-2)
         bound = lower_bound(matrices, accuracy, search)
     else:
         matrices, feedback = cancel_feedthrough(matrices)
@@ -320,8 +322,8 @@ def _search(
         searches[-1].remarks.append("The work allowed was spent; allow more with effort.")
     best = min(found.best for found in searches)
     if bound is not None and best < bound.value * (1 - POLICY.spoilt):
-        # Rounding has spoilt the bound: the loop itself proves that.
-        problem = replace(problem, bound=None)
+        again = lower_bound(matrices, accuracy, budget, best) if norm == "hinf" else None
+        problem = replace(problem, bound=again)
     if feedback is not None and feedback.any():
         problem = replace(problem, plant=part.matrices)
         for found in searches:
@@ -348,7 +350,7 @@ def _choose(search: PartSearch, diagnosis: Diagnosis, enough: float) -> Chosen:
 
 def _more(budget: Budget) -> str:
     """Say that the safety net was reached, if it was, and what to do about it."""
-    if not budget.late:
+    if not budget.stopped:
         return ""
     return (
         f" The safety net of {budget.seconds:g} s stopped the search, so that another machine "
@@ -397,7 +399,7 @@ def _overall(
     done: Sequence[Chosen], certificate: Certificate, bound: float, tolerance: float, budget: Budget
 ) -> Status:
     """Return the status of the whole: that of the parts that decide its norm."""
-    if budget.late:
+    if budget.stopped:
         return "time_limit"
     if certificate.achieved <= bound * (1 + tolerance):
         return "optimal"

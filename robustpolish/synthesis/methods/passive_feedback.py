@@ -20,9 +20,11 @@ from robustpolish.synthesis.structured_search.passive_structure import (
 )
 from robustpolish.synthesis.structured_search.policy import TIME_LIMIT
 from robustpolish.synthesis.structured_search.structure import Norm
+from robustpolish.threads import same_bits
 from robustpolish.validation import described, invalid, positive
 
 
+@same_bits
 def passive_feedback(
     plant: GeneralizedPlant,
     springs: Sequence[Place] = (),

@@ -29,6 +29,7 @@ from robustpolish.synthesis.state_search.engine import StateEngine
 from robustpolish.synthesis.state_search.message import message
 from robustpolish.synthesis.state_search.part_search import solve_parts
 from robustpolish.synthesis.state_search.policy import POLICY
+from robustpolish.threads import same_bits
 from robustpolish.validation import described, invalid, one_of, positive
 
 Matrix = NDArray[np.float64]
@@ -36,6 +37,7 @@ Matrix = NDArray[np.float64]
 ENGINES: Mapping[str, type[StateEngine]] = {"lmi": LmiStateEngine, "riccati": RiccatiStateEngine}
 
 
+@same_bits
 def state_feedback(
     plant: GeneralizedPlant,
     norm: Literal["hinf", "h2"] = "hinf",
@@ -90,9 +92,8 @@ def state_feedback(
     -------
     Design
         ``gain`` is F; ``plant`` and ``closed_loop`` have the prices among their outputs;
-        ``details["performance_norm"]`` is the norm to the original z;
-        ``details["lower_bound"]`` a norm that no gain falls below, computed in doubles:
-        "optimal" is what comes within `tolerance` of it. Without price, bound or
+        ``details["performance_norm"]`` is the norm to the original z. "optimal" is what comes
+        within `tolerance` of ``lower_bound``, which no gain falls below. Without price, bound or
         region the infimum is often zero and not attained: the status says so, and the design
         is one of small norm and moderate gain.
 
@@ -162,10 +163,10 @@ def state_feedback(
         backend=backend if method == "lmi" else "scipy",
         elapsed=budget.elapsed,
         history=found.history,
+        lower_bound=found.lower_bound if found.lower_bound > 0 else None,
         details=MappingProxyType(
             {
                 "performance_norm": _performance_norm(plant, found.F, norm),
-                "lower_bound": found.lower_bound,
                 "largest_singular_value": size,
                 "parts": tuple(piece.plant.states for piece in pieces),
                 "pole_regions": regions,

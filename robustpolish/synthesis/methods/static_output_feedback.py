@@ -18,9 +18,11 @@ from robustpolish.synthesis.problem.pricing import noisy, priced
 from robustpolish.synthesis.structured_search.policy import TIME_LIMIT
 from robustpolish.synthesis.structured_search.static_structure import StaticStructure
 from robustpolish.synthesis.structured_search.structure import Norm
+from robustpolish.threads import same_bits
 from robustpolish.validation import described, invalid
 
 
+@same_bits
 def static_output_feedback(
     plant: GeneralizedPlant,
     norm: Norm = "hinf",

@@ -130,6 +130,7 @@ def design_structured(
                 **details,
             }
         ),
+        lower_bound=0.0 if certificate.achieved == 0 else None,
     )
 
 

@@ -24,6 +24,7 @@ from robustpolish.synthesis.riccati.infimum import GammaBracket, search_gamma
 from robustpolish.synthesis.riccati.two_riccati import (
     NormalisedPlant,
     central_controller,
+    has_full_rank,
     normalise,
 )
 
@@ -99,7 +100,7 @@ class _Descent:
 
     def _solve_regular(self) -> bool:
         """Solve a plant as it is, if D12 and D21 have full rank; tell whether that worked."""
-        if not self.problem.regular:
+        if not has_full_rank(self.plant):
             return False
         normal = normalise(self.plant)
         bracket = search_gamma(normal.halves, 1.0, self.settled, self.budget)

@@ -30,6 +30,7 @@ class Slycot(Engine):
         )
         routine = "SB10AD" if problem.norm == "hinf" else "SB10HD"
         answer = synthesise(routine, (P.nx, P.nu, P.ny), whole, budget.seconds_left)
+        budget.look()
         if answer.controller is None:
             found.remarks.append(f"{answer.message}.")
             return found

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from robustpolish.errors import InfeasibleError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.preflight import FixedMode
 from robustpolish.synthesis.problem.static_loop import close_static
 
 # A mode that random gains move by less than this share of the state matrix is fixed.
@@ -18,24 +18,11 @@ _MOVED = 1e-7
 _GAINS = 5
 
 
-@dataclass(frozen=True)
-class FixedMode:
-    """An eigenvalue that stays where it is for all gains of a structure.
-
-    Attributes
-    ----------
-    value : complex
-        In the units of the loop it was found in.
-    state : str
-        The state that takes most part in it.
-    """
-
-    value: complex
-    state: str
-
-
 def unstable_fixed_modes(
-    loop: PlantMatrices, mask: NDArray[np.bool_], states: Sequence[str]
+    loop: PlantMatrices,
+    mask: NDArray[np.bool_],
+    states: Sequence[str],
+    unit_of_time: float = 1.0,
 ) -> tuple[FixedMode, ...]:
     """Find unstable eigenvalues of A + B2 K C2 common to all K with the given pattern.
 
@@ -51,11 +38,13 @@ def unstable_fixed_modes(
         True where K is free.
     states : sequence of str
         Names of x.
+    unit_of_time : float
+        Unit of the loop's time in s.
 
     Returns
     -------
     tuple of FixedMode
-        One of each complex pair.
+        One of each complex pair; what it lacks is a gain of the structure that moves it.
     """
     found = np.linalg.eig(loop.A)
     values, vectors = np.asarray(found[0], complex), np.asarray(found[1])
@@ -73,7 +62,13 @@ def unstable_fixed_modes(
             continue
         suspects = [i for i in suspects if np.abs(closed.poles - values[i]).min() <= _MOVED * size]
     return tuple(
-        FixedMode(complex(values[i]), states[int(np.argmax(np.abs(vectors[:, i])))])
+        FixedMode(
+            eigenvalue=complex(values[i] / unit_of_time),
+            state=states[int(np.argmax(np.abs(vectors[:, i])))],
+            lack="immovable",
+            distance=0.0,
+            exact=True,
+        )
         for i in suspects
     )
 
@@ -89,17 +84,15 @@ def refuse_fixed_modes(
 
     Parameters
     ----------
-    loop, mask, states
+    loop, mask, states, unit_of_time
         As in :func:`unstable_fixed_modes`.
-    unit_of_time : float
-        Unit of the loop's time in s.
     what : str
         What is designed, for the message.
     """
-    found = unstable_fixed_modes(loop, mask, states)
+    found = unstable_fixed_modes(loop, mask, states, unit_of_time)
     if not found:
         return
-    modes = [mode.value / unit_of_time for mode in found]
+    modes = [mode.eigenvalue for mode in found]
     unit = "" if loop.discrete else " rad/s"
     named = ", ".join(
         f"{_shown(value)}{unit} (state {mode.state})"

@@ -22,7 +22,7 @@ _SUSPECT = 1e-7
 
 @dataclass(frozen=True)
 class FixedMode:
-    """An unstable mode that the controls do not move or the measurements do not see.
+    """An unstable mode that the controls do not move, the measurements do not see or no gain moves.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class FixedMode:
         In rad/s, or of the discrete-time state matrix.
     state : str
         The state with the largest part in the mode.
-    lack : {"uncontrollable", "unobservable"}
+    lack : {"uncontrollable", "unobservable", "immovable"}
     distance : float
         Relative change of the scaled matrices that would make the mode fixed exactly.
     exact : bool

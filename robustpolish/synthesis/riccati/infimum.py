@@ -19,7 +19,13 @@ import numpy as np
 
 from robustpolish.budget import Budget, step_cost
 from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices, regularise
-from robustpolish.synthesis.riccati.two_riccati import Attempt, Half, TwoHalves
+from robustpolish.synthesis.riccati.two_riccati import (
+    Attempt,
+    Half,
+    TwoHalves,
+    has_full_rank,
+    normalise,
+)
 
 
 @dataclass(frozen=True)
@@ -83,7 +89,9 @@ class LowerBound(NamedTuple):
     how: str
 
 
-def lower_bound(plant: PlantMatrices, tolerance: float, budget: Budget) -> LowerBound | None:
+def lower_bound(
+    plant: PlantMatrices, tolerance: float, budget: Budget, below: float = np.inf
+) -> LowerBound | None:
     """Bound the H-infinity norm of every stabilising controller's loop from below.
 
     Parameters
@@ -93,21 +101,25 @@ def lower_bound(plant: PlantMatrices, tolerance: float, budget: Budget) -> Lower
     tolerance : float
         How much of the infimum, relative, may be given away.
     budget : Budget
+    below : float
+        A norm that was reached: larger bounds are spoilt by rounding, and left out.
 
     Returns
     -------
     LowerBound or None
         None where the equations have no solution in double precision for any gamma.
     """
-    bracket = search_gamma(reduced_halves(plant), 1.0, tolerance, budget)
-    if bracket is not None:
-        return LowerBound(bracket.lower, EXACT)
-    epsilon = _POLICY.hardly
-    bracket = search_gamma(reduced_halves(regularise(plant, epsilon)), 1.0, tolerance, budget)
-    if bracket is None:
-        return None
-    how = f"estimated by Riccati equations of a plant with a price and a noise of {epsilon:.0e}"
-    return LowerBound(bracket.lower, how)
+    hardly = regularise(plant, _POLICY.hardly)
+    size = f"{_POLICY.hardly:.0e}"
+    estimated = f"estimated by Riccati equations of a plant with a price and a noise of {size}"
+    ways = [(EXACT, reduced_halves(plant)), (estimated, reduced_halves(hardly))]
+    if has_full_rank(plant):
+        ways.insert(0, (EXACT, normalise(plant).halves))
+    for how, halves in ways:
+        bracket = search_gamma(halves, 1.0, tolerance, budget)
+        if bracket is not None and bracket.lower <= below:
+            return LowerBound(bracket.lower, how)
+    return None
 
 
 def reduced_halves(plant: PlantMatrices) -> TwoHalves:

@@ -10,13 +10,18 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from robustpolish.budget import Budget
-from robustpolish.synthesis.problem.full_state import is_regular, state_gain_norm
+from robustpolish.synthesis.problem.full_state import (
+    is_regular,
+    measuring_states,
+    state_gain_norm,
+)
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.riccati.equations import (
     solve_lyapunov,
     solve_riccati,
     symplectic_scaling,
 )
+from robustpolish.synthesis.riccati.infimum import EXACT, lower_bound
 from robustpolish.synthesis.state_search.engine import StateEngine, StateGain
 from robustpolish.synthesis.state_search.policy import POLICY
 
@@ -196,14 +201,15 @@ def minimise_hinf(
     return best, upper, lower
 
 
-def lower_bound(
+def least_state_norm(
     plant: PlantMatrices, norm: str, achieved: float, tolerance: float, budget: Budget
 ) -> float:
     """Return a norm that no stabilising state feedback falls below.
 
     For the H2 norm it is that of the regulator; for the H-infinity norm a gamma at which the
     Riccati equation has no solution X >= 0, beyond doubt, as near below `achieved` as can be told.
-    Where a control has no price they say nothing; D11 alone is left, which no feedback changes.
+    Where a control has no price, the equation is reduced to the states that none sets at will; the
+    H2 norm and discrete time have D11 alone, which no feedback changes.
 
     Parameters
     ----------
@@ -222,7 +228,13 @@ def lower_bound(
     direct = plant.D11 if norm == "hinf" or plant.discrete else np.zeros((0, 0))
     least = float(np.linalg.norm(direct, 2 if norm == "hinf" else None)) if direct.size else 0.0
     least = min(least, achieved)
-    if not is_regular(plant) or not math.isfinite(achieved):
+    if not math.isfinite(achieved):
+        return least
+    if not is_regular(plant):
+        if norm == "hinf" and not plant.discrete:
+            found = lower_bound(measuring_states(plant), POLICY.bracket * tolerance, budget)
+            if found is not None and found.how == EXACT:
+                return min(max(least, found.value), achieved)
         return least
     budget.spend(POLICY.gain_work(plant.nx))
     if norm == "h2":

@@ -156,6 +156,18 @@ class NormalisedPlant:
         return Controller(K.A, K.B @ Y, U @ K.C, U @ K.D @ Y)
 
 
+def has_full_rank(plant: PlantMatrices) -> bool:
+    """Tell whether D12 and D21 have full column and row rank, whatever the sizes of signals."""
+    return _full_rank(plant.D12) and _full_rank(plant.D21.T)
+
+
+def _full_rank(D: Matrix) -> bool:
+    size = np.linalg.norm(D, axis=0)
+    if D.shape[0] < D.shape[1] or not size.all():
+        return False
+    return bool(np.linalg.svd(D / size, compute_uv=False)[-1] > 1e-8)
+
+
 def normalise(plant: PlantMatrices) -> NormalisedPlant:
     """Rotate w and z and rescale u and y so that D12 and D21 are as the formulas want."""
     nz, nu = plant.D12.shape

@@ -22,7 +22,7 @@ from robustpolish.synthesis.problem.full_state import (
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.pole_regions import Disk
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
-from robustpolish.synthesis.riccati.state import lower_bound
+from robustpolish.synthesis.riccati.state import least_state_norm
 from robustpolish.synthesis.state_search.engine import StateEngine, StateGain
 from robustpolish.synthesis.state_search.gain_bound import GainBound, minimise_bounded
 from robustpolish.synthesis.state_search.policy import POLICY
@@ -142,7 +142,7 @@ class _Part:
             found = self.engine.search(p, self.budget) if self.is_direct else None
             found = self.singular(reference) if found is None else found
         norm = self.engine.norm
-        least = lower_bound(p, norm, found.achieved, tolerance, self.budget)
+        least = least_state_norm(p, norm, found.achieved, tolerance, self.budget)
         # With regions it says no more than that the region costs nothing visible.
         if found.achieved <= least * (1 + tolerance) and not self.engine.regions:
             found = replace(found, status="optimal")

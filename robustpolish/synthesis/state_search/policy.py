@@ -18,7 +18,7 @@ class StatePolicy:
     work : float
         Steps that one design may take, a few milliseconds each. A bound on the gain of the brush's
         plant takes 13 000 of them, everything else on it less than 1 000, and one program for 40
-        states 36 000.
+        states 15 000.
     given_away : float
         Share of the tolerance that is given away for a smaller gain: the gain often grows without
         limit towards the optimum (force actuation, H-infinity: 1.7e8 at 2e-5 from the optimum).
@@ -160,11 +160,6 @@ class StatePolicy:
     def gain_work(states: int) -> float:
         """Return the work of one Riccati equation and the norm of its loop."""
         return step_cost(2 * states)
-
-    @staticmethod
-    def program_work(unknowns: int) -> float:
-        """Return the work of one semidefinite program: 25 sparse factorisations."""
-        return 25.0 * step_cost(unknowns // 4)
 
 
 POLICY = StatePolicy()

@@ -12,6 +12,7 @@ from robustpolish.budget import Budget
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.lmi.mixed.output import Specification, mixed_start
 from robustpolish.synthesis.lmi.mixed.state import mixed_state_start
+from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
 from robustpolish.synthesis.nonsmooth import (
     MaskedGain,
     ObserverGain,
@@ -28,7 +29,6 @@ from robustpolish.synthesis.structured_search.policy import POLICY
 from robustpolish.synthesis.structured_search.starts import (
     DrawnStarts,
     KnownStarts,
-    ProgramSolver,
     RegulatorStart,
 )
 from robustpolish.synthesis.structured_search.static_structure import free_gain, resting
@@ -103,7 +103,8 @@ class MixedStructure(Structure):
         demands.extend(Requirement(_region(loop, region), None) for region in regions)
 
         starts: list[StartProposal] = []
-        if not plant.is_discrete and (order or _measures_the_state(plant)):
+        small = plant.nx <= POLICY.shared_states
+        if small and not plant.is_discrete and (order or _measures_the_state(plant)):
             starts.append(
                 InequalityStart(
                     specifications, regions, order, self.backend, self.solver, free.coordinates
@@ -157,14 +158,14 @@ class InequalityStart:
     def propose(
         self, earlier: Sequence[Vector], budget: Budget, rng: np.random.Generator
     ) -> Iterator[Vector]:
-        """Propose the one controller, if the programs fit into the work for starts."""
+        """Propose the one controller, if a solver finds any."""
         own = budget.share(POLICY.start_share)
         if self.order:
-            solve = ProgramSolver(own, self.backend, self.solver, tolerance=1e-8)
-            K = mixed_start(self.specifications, self.regions, solve, POLICY.output_back_off)
+            solver = ProgramSolver(self.backend, self.solver, own, accuracy=1e-8)
+            K = mixed_start(self.specifications, self.regions, solver, POLICY.output_back_off)
         else:
-            solve = ProgramSolver(own, self.backend, self.solver)
-            K = mixed_state_start(self.specifications, self.regions, solve, POLICY.state_back_off)
+            solver = ProgramSolver(self.backend, self.solver, own)
+            K = mixed_state_start(self.specifications, self.regions, solver, POLICY.state_back_off)
         if K is not None:
             yield self.coordinates(K)
 

@@ -152,12 +152,12 @@ def _rounded(problem: Problem, point: Vector) -> Vector:
 
 
 def _failure(part: PartProblem, result: SearchResult, budget: Budget) -> str:
-    tried = f"{len(result.history)} descents" + (" before time ran out" if budget.late else "")
+    tried = f"{len(result.history)} descents"
+    more = "try another seed"
+    if budget.late:
+        tried, more = f"{tried} before time ran out", "raise time_limit"
     if part.demands and any("value" in entry for entry in result.history):
-        return (
-            f"No {part.what} that meets {part.demands} was found by {tried}. "
-            "Relax it or try another seed."
-        )
+        return f"No {part.what} that meets {part.demands} was found by {tried}. Relax it or {more}."
     reached = (
         f"; the lowest spectral abscissa was {result.instability:.3g} of the plant's size"
         if np.isfinite(result.instability)
@@ -165,5 +165,5 @@ def _failure(part: PartProblem, result: SearchResult, budget: Budget) -> str:
     )
     return (
         f"No stabilising {part.what} was found by {tried}{reached}. None is proven not to "
-        "exist. Raise order=, try another seed, or use output_feedback."
+        f"exist. Raise order=, {more}, or use output_feedback."
     )

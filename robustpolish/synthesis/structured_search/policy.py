@@ -74,6 +74,10 @@ class StructuredPolicy:
         So many of the Riccati designs are descended from, the best first.
     modest : float
         Riccati designs with entries above this share of the first ceiling are no starts.
+    stabilising_states, shared_states : int
+        Semidefinite programs for plants with more states take longer than the descents that they
+        would start: at 24 states one of up to fifteen takes seconds, at 14 the change of variables
+        of a full-order controller has as many unknowns.
     decay : float
         Decay rate asked of a stabilising gain, relative to the plant's size.
     linearisations : int
@@ -109,6 +113,8 @@ class StructuredPolicy:
     back_offs: tuple[float, ...] = (1.001, 1.005, 1.02, 1.2)
     proposals: int = 6
     modest: float = 0.3
+    stabilising_states: int = 24
+    shared_states: int = 14
     decay: float = 1e-3
     linearisations: int = 15
     output_back_off: float = 1.05

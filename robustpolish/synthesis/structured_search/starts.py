@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from robustpolish.budget import Budget, step_cost
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram, SemidefiniteSolution
+from robustpolish.budget import Budget
+from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
 from robustpolish.synthesis.lmi.stabilising_gain import stabilising_gain
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.structured_search.policy import POLICY
@@ -84,9 +84,11 @@ class StabilisingStart:
     def propose(
         self, earlier: Sequence[Vector], budget: Budget, rng: np.random.Generator
     ) -> Iterator[Vector]:
-        """Propose the one gain, if the programs fit into the work for starts."""
-        solve = ProgramSolver(budget.share(POLICY.start_share), tolerance=1e-7)
-        gain = stabilising_gain(self.loop, self.mask, solve, POLICY.decay, POLICY.linearisations)
+        """Propose the one gain, unless the programs are too large."""
+        if self.loop.nx > POLICY.stabilising_states:
+            return
+        solver = ProgramSolver("cvxpy", None, budget.share(POLICY.start_share), accuracy=1e-7)
+        gain = stabilising_gain(self.loop, self.mask, solver, POLICY.decay, POLICY.linearisations)
         if gain is not None:
             yield self.coordinates(gain)
 
@@ -127,27 +129,3 @@ def regulator(
     except (np.linalg.LinAlgError, ValueError):
         return None
     return F if np.isfinite(F).all() else None
-
-
-@dataclass(frozen=True)
-class ProgramSolver:
-    """Solves semidefinite programs as long as their work fits into a budget."""
-
-    budget: Budget
-    backend: str = "cvxpy"
-    solver: str | None = None
-    tolerance: float = 1e-9
-
-    def __call__(self, program: SemidefiniteProgram) -> SemidefiniteSolution:
-        """Solve a program; without an answer its x is None."""
-        # Some 25 iterations, each with a factorisation of a quarter of this size.
-        work = 25 * step_cost(program.unknowns // 4)
-        if work > self.budget.work_left or self.budget.late:
-            return SemidefiniteSolution(None, "no work left", 0.0)
-        self.budget.spend(work)
-        return program.solve(
-            self.backend,
-            solver=self.solver,
-            tolerance=self.tolerance,
-            time_limit=self.budget.seconds_left,
-        )

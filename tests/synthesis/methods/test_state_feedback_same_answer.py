@@ -32,7 +32,7 @@ PLANTS = {"axis": force_axis(), **{f"drawn {seed}": drawn(seed) for seed in (1, 
 def designed(A, B1, B2, C1, weight, norm, method):
     plant = rp.GeneralizedPlant.from_matrices(A, B1, B2, C1, np.eye(len(A)))
     design = rp.state_feedback(plant, norm, method, control_weight=weight, tolerance=TOLERANCE)
-    bound = design.details["lower_bound"]
+    bound = design.lower_bound
     assert bound <= design.certificate.achieved
     within = design.certificate.achieved <= bound * (1 + TOLERANCE)
     assert (design.status == "optimal") == within
@@ -65,7 +65,7 @@ def test_realisation_units_and_order_do_not_change_the_norm(name, norm, method):
     )
     factor = 1.0 if norm == "hinf" else time**-0.5
     norms = first.certificate.achieved, factor * second.certificate.achieved
-    bounds = first.details["lower_bound"], factor * second.details["lower_bound"]
+    bounds = first.lower_bound, factor * second.lower_bound
     # Whatever was found in one form bounds what can be found in the other.
     assert max(bounds) <= min(norms) * (1 + 1e-6)
     if first.status == second.status == "optimal":
@@ -94,15 +94,20 @@ def test_a_limit_of_gains_is_not_called_optimal_far_above_it():
     ]
     least = min(design.certificate.achieved for design in designs)
     for design in designs:
-        assert design.details["lower_bound"] <= least
+        assert design.lower_bound <= least
         if design.status == "optimal":
             assert design.certificate.achieved <= least * (1 + TOLERANCE)
 
 
 DESIGN = """
+import numpy as np
 import robustpolish as rp
-plant = rp.air_bearing(actuation="force")
-for options in ({"control_weight": 1e-7}, {}, {"gain_bound": 1000.0}):
+rng = np.random.default_rng(4)
+A, B1, B2 = rng.normal(size=(4, 4)), rng.normal(size=(4, 2)), rng.normal(size=(4, 2))
+small = rp.GeneralizedPlant.from_matrices(A, B1, B2, rng.normal(size=(2, 4)), np.eye(4))
+bearing = rp.air_bearing(actuation="force")
+calls = ((bearing, {"control_weight": 1e-7}), (bearing, {}), (small, {"gain_bound": 6.0}))
+for plant, options in calls:
     design = rp.state_feedback(plant, **options)
     print(design.status, design.certificate.achieved.hex(), design.gain.tobytes().hex())
 """

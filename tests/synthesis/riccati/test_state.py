@@ -7,7 +7,7 @@ import robustpolish as rp
 from robustpolish.budget import Budget
 from robustpolish.synthesis.problem.full_state import measuring_states, state_gain_norm
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.riccati.state import RiccatiStateEngine, lower_bound
+from robustpolish.synthesis.riccati.state import RiccatiStateEngine, least_state_norm
 
 # x' = x + w + u, z = (x, u).
 SCALAR = PlantMatrices.of(
@@ -44,7 +44,7 @@ def test_no_gain_near_the_best_is_below_the_bound(seed, discrete, norm):
     budget = Budget(1e5)
     best = RiccatiStateEngine(norm).search(plant, budget)
     assert best is not None
-    bound = lower_bound(plant, norm, best.achieved, 1e-4, budget)
+    bound = least_state_norm(plant, norm, best.achieved, 1e-4, budget)
     assert best.achieved * 0.99 < bound <= best.achieved
     rng = np.random.default_rng(seed)
     for size in np.logspace(-6, 0, 60):
@@ -56,7 +56,7 @@ def test_a_bound_is_found_where_the_infimum_is_a_limit_of_gains():
     # With u = F x the norm sqrt(1 + F^2) / |1 + F| falls towards 1 as F goes to minus infinity.
     for gain in (-1e3, -1e5, -1e7):
         achieved = state_gain_norm(SCALAR, np.array([[gain]]), "hinf")
-        bound = lower_bound(SCALAR, "hinf", achieved, 1e-4, Budget(1e5))
+        bound = least_state_norm(SCALAR, "hinf", achieved, 1e-4, Budget(1e5))
         assert bound < 1
         assert bound > 1 - 3e-3
     assert bound > 1 - 1e-4
@@ -65,14 +65,14 @@ def test_a_bound_is_found_where_the_infimum_is_a_limit_of_gains():
 def test_a_bad_gain_gets_no_near_bound():
     achieved = state_gain_norm(SCALAR, np.array([[-3.0]]), "hinf")
     assert achieved > 1.5
-    bound = lower_bound(SCALAR, "hinf", achieved, 1e-4, Budget(1e5))
+    bound = least_state_norm(SCALAR, "hinf", achieved, 1e-4, Budget(1e5))
     assert 0.5 < bound < 1
 
 
 def test_controls_without_price_leave_the_feedthrough_only():
     free = SCALAR.replace(D12=np.zeros((2, 1)), D11=np.array([[0.0], [0.25]]))
-    assert lower_bound(free, "hinf", 7.0, 1e-4, Budget(1e5)) == 0.25
-    assert lower_bound(free.replace(D11=np.zeros((2, 1))), "h2", 7.0, 1e-4, Budget(1e5)) == 0.0
+    assert least_state_norm(free, "hinf", 7.0, 1e-4, Budget(1e5)) == 0.25
+    assert least_state_norm(free.replace(D11=np.zeros((2, 1))), "h2", 7.0, 1e-4, Budget(1e5)) == 0.0
 
 
 def test_zeros_on_the_axis_prove_nothing():
@@ -85,4 +85,4 @@ def test_zeros_on_the_axis_prove_nothing():
         np.eye(3),
         D12=[[0.0], [1.0]],
     )
-    assert lower_bound(PlantMatrices.of(plant), "hinf", 5.0, 1e-4, Budget(1e5)) == 0.0
+    assert least_state_norm(PlantMatrices.of(plant), "hinf", 5.0, 1e-4, Budget(1e5)) == 0.0

@@ -18,7 +18,11 @@ from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
 from robustpolish.synthesis.lmi.output.inequalities import Variables, stacked
 from robustpolish.synthesis.lmi.output.reconstruction import reconstruct
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram, SemidefiniteSolution, Solve
+from robustpolish.synthesis.lmi.semidefinite import (
+    ProgramSolver,
+    SemidefiniteProgram,
+    SemidefiniteSolution,
+)
 from robustpolish.synthesis.problem.matrices import PlantMatrices, shift
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 
@@ -53,7 +57,7 @@ class _Variables(NamedTuple):
 def mixed_start(
     specifications: Sequence[Specification],
     regions: Sequence[PoleRegion],
-    solve: Solve,
+    solver: ProgramSolver,
     back_off: float,
 ) -> Matrix | None:
     """Return [[Ak, Bk], [Ck, Dk]] that meets the inequalities, as far as a solver can tell.
@@ -64,8 +68,7 @@ def mixed_start(
         All on the same A, B2, C2 and D22; exactly one is minimised.
     regions : sequence of PoleRegion
         In the unit of time of the scaled plant.
-    solve : callable
-        Solves a program, within its budget.
+    solver : ProgramSolver
     back_off : float
         How far the norm backs off from its optimum before the controller is made small.
 
@@ -78,7 +81,7 @@ def mixed_start(
 
     program, variables, level = mixed_program(specifications, regions, None)
     program.minimise(level)
-    first = solve(program)
+    first = solver.solve(program)
     if first.x is None:
         return None
     best = float(first.value(level).item())
@@ -86,7 +89,7 @@ def mixed_start(
     program, variables, _ = mixed_program(specifications, regions, max(best, 0.0) * back_off**2)
     size = _size(program, variables)
     program.minimise(size)
-    second = solve(program)
+    second = solver.solve(program)
     if second.x is None:
         return None
     smallest = float(second.value(size).item())
@@ -96,7 +99,7 @@ def mixed_start(
     eye = beta.times(np.eye(P.nx))
     program.positive(symmetric_block([[variables.Y, eye], [variables.X]]))
     program.minimise(-beta)
-    third = solve(program)
+    third = solver.solve(program)
     return None if third.x is None else reconstructed(P, variables, third)
 
 

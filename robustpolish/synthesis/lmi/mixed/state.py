@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
 from robustpolish.synthesis.lmi.mixed.output import Specification
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram, Solve
+from robustpolish.synthesis.lmi.semidefinite import ProgramSolver, SemidefiniteProgram
 from robustpolish.synthesis.lmi.state.inequalities import (
     h2_inequality,
     hinf_inequality,
@@ -33,7 +33,7 @@ _ROUNDS = 2
 def mixed_state_start(
     specifications: Sequence[Specification],
     regions: Sequence[PoleRegion],
-    solve: Solve,
+    solver: ProgramSolver,
     back_off: float,
 ) -> Matrix | None:
     """Return F of u = F x that meets the inequalities, as far as a solver can tell.
@@ -44,8 +44,7 @@ def mixed_state_start(
         All on the same A and B2; exactly one is minimised.
     regions : sequence of PoleRegion
         In the unit of time of the scaled plant.
-    solve : callable
-        Solves a program, within its budget.
+    solver : ProgramSolver
     back_off : float
         How far the norm backs off from its optimum before the controller is made small.
 
@@ -58,7 +57,7 @@ def mixed_state_start(
     for _ in range(_ROUNDS):
         program, _, _, square = _program(specifications, regions, unit, None)
         program.minimise(square)
-        first = solve(program)
+        first = solver.solve(program)
         if first.x is None:
             return F
         unit *= math.sqrt(max(float(first.value(square).item()), 1e-16))
@@ -66,7 +65,7 @@ def mixed_state_start(
         effort = program.symmetric(M.shape[0])
         program.positive(symmetric_block([[effort, M], [Y]]))
         program.minimise(effort.trace)
-        second = solve(program)
+        second = solver.solve(program)
         if second.x is None:
             return F
         try:

@@ -12,7 +12,7 @@ from scipy import linalg
 
 from robustpolish.budget import Budget
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram
+from robustpolish.synthesis.lmi.semidefinite import ProgramSolver, SemidefiniteProgram
 from robustpolish.synthesis.lmi.state.coordinates import Coordinates
 from robustpolish.synthesis.lmi.state.inequalities import (
     gain_inequality,
@@ -141,14 +141,8 @@ class StatePrograms:
             left, right = demand.held[0] @ c.V, np.linalg.inv(c.T) @ demand.held[1]
             gain_inequality(program, Y, M, Affine.of(1.0), left, right)
         program.minimise(square if limit is None else _smallness(program, Y, M, c, demand.gain))
-        self.budget.spend(POLICY.program_work(program.unknowns))
-        seconds = self.budget.seconds_left
-        solution = program.solve(
-            engine.backend,
-            solver=engine.solver,
-            tolerance=tolerance,
-            time_limit=seconds if math.isfinite(seconds) else None,
-        )
+        solver = ProgramSolver(engine.backend, engine.solver, self.budget, tolerance)
+        solution = solver.solve(program)
         told = {"step": step, "solver_status": solution.status, "seconds": solution.elapsed}
         self.history.append(told)
         if solution.x is None:

@@ -5,31 +5,13 @@ import time
 import control
 import numpy as np
 import pytest
+from small_plants import regular_plant
 
 from robustpolish.analysis import h2_norm, hinf_norm
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.models import GeneralizedPlant, air_bearing
 from robustpolish.synthesis.methods.observer_feedback import observer_feedback
-from robustpolish.synthesis.structured_search.observer_form import observer_form
 from robustpolish.synthesis.structured_search.observer_structure import observer_controller
-
-
-def regular_plant(n=3, seed=0, d22=0.0):
-    """Random, with price on u and noise on y, so that LQG is the H2 optimum."""
-    rng = np.random.default_rng(seed)
-    A = rng.normal(size=(n, n))
-    B1 = np.hstack([rng.normal(size=(n, 2)), np.zeros((n, 1))])
-    C1 = np.vstack([rng.normal(size=(2, n)), np.zeros((1, n))])
-    return GeneralizedPlant.from_matrices(
-        A,
-        B1,
-        rng.normal(size=(n, 1)),
-        C1,
-        rng.normal(size=(1, n)),
-        D12=[[0.0], [0.0], [1.0]],
-        D21=[[0.0, 0.0, 1.0]],
-        D22=[[d22]],
-    )
 
 
 def lqg_norm(plant):
@@ -58,18 +40,6 @@ def test_h2_is_the_lqg_optimum(d22):
         design = observer_feedback(plant, "h2", time_limit=5)
         assert design.certificate.valid
         assert design.certificate.achieved == pytest.approx(lqg_norm(plant), rel=1e-4)
-
-
-def test_any_strictly_proper_controller_is_an_observer():
-    plant = regular_plant(4, seed=2, d22=0.3)
-    F, L = np.ones((1, 4)), np.ones((4, 1))
-    K = observer_controller(plant, F, L)
-    T = np.random.default_rng(0).normal(size=(4, 4))
-    Ak, Bk, Ck = np.linalg.solve(T, K.A @ T), np.linalg.solve(T, K.B), K.C @ T
-    form = observer_form(plant.A, plant.B2, plant.C2, plant.D22, Ak, Bk, Ck)
-    again = observer_controller(plant, form.F, form.L)
-    for s in (0.1j, 1j, 10j):
-        assert again(s) == pytest.approx(K(s), rel=1e-6)
 
 
 def test_hinf_is_near_the_infimum_of_full_order_control():

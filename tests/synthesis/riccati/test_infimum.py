@@ -1,0 +1,124 @@
+"""The infimum of regular and singular problems, from Riccati equations alone."""
+
+import numpy as np
+import pytest
+
+import robustpolish as rp
+from robustpolish.budget import Budget
+from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.scaling import scale_plant
+from robustpolish.synthesis.riccati.infimum import EXACT, lower_bound, reduced_halves
+from robustpolish.synthesis.riccati.lqg import h2_lower_bound
+
+# Infima of the full-order H-infinity norm of COMPleib plants, most of them singular.
+INFIMUM = {
+    "AC1": 0.0,
+    "AC4": 0.557292,
+    "AC8": 1.61648,
+    "HE1": 0.0736154,
+    "NN2": 1.76438,
+    "ROC6": 21.5279,
+}
+
+
+def bound_of(plant, tolerance=1e-4, below=np.inf):
+    scaled = scale_plant(plant)
+    found = lower_bound(PlantMatrices.of(scaled.plant), tolerance, Budget(), below)
+    assert found is not None
+    return scaled.norm(found.value), found.how
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("name", INFIMUM)
+def test_infimum_of_singular_plants(shared, name):
+    data = np.load(shared / "data" / "compleib" / "compleib24.npz")
+    keys = ("A", "B1", "B", "C1", "C", "D11", "D12", "D21")
+    plant = rp.GeneralizedPlant.from_matrices(*(data[f"{name}/{key}"] for key in keys))
+    value, how = bound_of(plant)
+    assert value == pytest.approx(INFIMUM[name], rel=2e-4)
+    assert how == EXACT
+
+
+def test_a_measurement_without_noise_takes_its_states_out_of_the_equation():
+    # Position and velocity of a mass; the position is known exactly, so is then the velocity.
+    plant = rp.GeneralizedPlant.from_matrices(
+        [[0.0, 1.0], [0.0, 0.0]],
+        [[0.0], [1.0]],
+        [[0.0], [1.0]],
+        [[1.0, 0.0], [0.0, 0.0]],
+        [[1.0, 0.0]],
+        D12=[[0.0], [1.0]],
+    )
+    halves = reduced_halves(PlantMatrices.of(plant))
+    assert len(halves.measurement.A) == 0
+    assert len(halves.control.A) == 2
+    # What is left is the state feedback.
+    state = rp.state_feedback(plant)
+    assert bound_of(plant)[0] == pytest.approx(state.certificate.achieved, rel=5e-3)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_infimum_does_not_depend_on_coordinates(seed):
+    rng = np.random.default_rng(seed)
+    draw = rng.standard_normal
+    A, B1, B2, C1, C2 = draw((4, 4)), draw((4, 3)), draw((4, 2)), draw((3, 4)), draw((2, 4))
+    D12 = np.outer(draw(3), [1.0, 0.0])  # the second control has no price
+    D21 = np.outer([0.0, 1.0], draw(3))  # the first measurement has no noise
+    T = draw((4, 4))
+    turned = (
+        np.linalg.solve(T, A @ T),
+        np.linalg.solve(T, B1),
+        np.linalg.solve(T, B2),
+        C1 @ T,
+        C2 @ T,
+    )
+    first = bound_of(rp.GeneralizedPlant.from_matrices(A, B1, B2, C1, C2, D12=D12, D21=D21))
+    second = bound_of(rp.GeneralizedPlant.from_matrices(*turned, D12=D12, D21=D21))
+    assert first[1] == second[1] == EXACT
+    assert first[0] == pytest.approx(second[0], rel=2e-4)
+
+
+def test_no_controller_comes_below_the_bound_and_one_comes_near():
+    rng = np.random.default_rng(3)
+    draw = rng.standard_normal
+    plant = rp.GeneralizedPlant.from_matrices(
+        draw((4, 4)), draw((4, 2)), draw((4, 1)), draw((2, 4)), draw((1, 4)), D12=draw((2, 1))
+    )
+    value, _ = bound_of(plant)
+    design = rp.output_feedback(plant)
+    assert value <= design.certificate.achieved <= value * 1.004
+    assert design.lower_bound == pytest.approx(value, rel=2e-4)
+
+
+def test_a_bound_above_a_norm_that_was_reached_is_left_out():
+    plant = rp.GeneralizedPlant.from_matrices(
+        [[1.0]],
+        [[1.0, 0.0]],
+        [[1.0]],
+        [[1.0], [0.0]],
+        [[1.0]],
+        D12=[[0.0], [1.0]],
+        D21=[[0.0, 1.0]],
+    )
+    value, _ = bound_of(plant)
+    scaled = scale_plant(plant)
+    spoilt = lower_bound(
+        PlantMatrices.of(scaled.plant), 1e-4, Budget(), 0.5 * scaled.scaled_norm(value)
+    )
+    assert spoilt is None
+
+
+def test_the_singular_h2_infimum_is_the_limit_of_vanishing_price_and_noise():
+    rng = np.random.default_rng(0)
+    draw = rng.standard_normal
+    parts = draw((3, 3)), draw((3, 2)), draw((3, 1)), draw((2, 3)), draw((1, 3))
+    singular = PlantMatrices.of(rp.GeneralizedPlant.from_matrices(*parts))
+    bound = h2_lower_bound(singular)
+    assert bound is not None
+    norms = []
+    for size in (1e-2, 1e-3, 1e-4):
+        plant = rp.GeneralizedPlant.from_matrices(*parts)
+        design = rp.output_feedback(plant, "h2", control_weight=size, measurement_noise=size)
+        norms.append(design.certificate.achieved)
+    assert norms[0] > norms[1] > norms[2] > bound.value
+    assert norms[2] == pytest.approx(bound.value, rel=0.05)
