@@ -6,28 +6,19 @@ arithmetic, with as many bits as it takes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from flint import acb, acb_mat, arb, arb_mat, ctx, fmpq, fmpq_mat, fmpz, fmpz_mat, nmod, nmod_mat
+from flint import acb, acb_mat, arb, arb_mat, fmpq, fmpq_mat, fmpz, fmpz_mat, nmod, nmod_mat
 from numpy.typing import NDArray
 
+from robustpolish.exact.balls import precision
 from robustpolish.exact.realisation import Realisation
 
 _PRIME = 4611686018427387847  # the largest below 2^62
 
-
-@contextmanager
-def precision(bits: int) -> Iterator[None]:
-    """Work with the given number of bits, then go back."""
-    before = ctx.prec
-    ctx.prec = bits
-    try:
-        yield
-    finally:
-        ctx.prec = before
+EXACT_STATES = 60
+"""Up to so many coupled states exact arithmetic finds eigenvalues, hidden modes and energies."""
 
 
 def fraction(value: float) -> fmpq:

@@ -13,7 +13,8 @@ from flint import arb, arb_mat
 from numpy.typing import NDArray
 
 from robustpolish.analysis.poles.eigen import EPS
-from robustpolish.exact.rational import ExactModel, identity, precision
+from robustpolish.exact.balls import precision
+from robustpolish.exact.rational import ExactModel, identity
 from robustpolish.exact.realisation import Realisation
 
 

@@ -11,7 +11,8 @@ from typing import Any
 
 from flint import acb, arb, fmpq_mat, fmpz_poly
 
-from robustpolish.exact.rational import precision, reachable
+from robustpolish.exact.balls import precision
+from robustpolish.exact.rational import reachable
 
 
 @dataclass(frozen=True)
