@@ -109,7 +109,7 @@ def matrix(
     """
     want = "a real matrix" if shape == (None, None) else f"a real matrix of shape {_show(shape)}"
     try:
-        given = np.asarray(value)  # rows of different lengths end here
+        given: Any = np.asarray(value)  # rows of different lengths end here
         array = given.real.astype(float)
     except (TypeError, ValueError):
         raise invalid(argument, value, want, "Pass nested lists or a NumPy array.") from None
