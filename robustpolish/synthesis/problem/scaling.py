@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.blocks import named_system
 from robustpolish.synthesis.problem.bilinear import to_continuous, to_discrete
 from robustpolish.synthesis.problem.decoupling import named_controller
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, balanced, shift
@@ -120,16 +121,10 @@ def scale_plant(plant: GeneralizedPlant) -> ScaledPlant:
     )
     left, right = _balance(S, nx, nw, nz)
     scaled = S * left[:, None] * right
-    system = control.StateSpace(
-        scaled[:nx, :nx],
-        scaled[:nx, nx:],
-        scaled[nx:, :nx],
-        scaled[nx:, nx:],
-        plant.dt,
-        inputs=plant.system.input_labels,
-        outputs=plant.system.output_labels,
-        states=plant.system.state_labels,
-    )
+    matrices = (scaled[:nx, :nx], scaled[:nx, nx:], scaled[nx:, :nx], scaled[nx:, nx:])
+    whole = plant.system
+    names = (whole.input_labels, whole.output_labels, whole.state_labels)
+    system = named_system(matrices, plant.dt, *names)
     return ScaledPlant(
         original=plant,
         plant=GeneralizedPlant(system, ny, nu),

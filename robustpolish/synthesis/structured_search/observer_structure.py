@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from robustpolish.budget import Budget, step_cost
 from robustpolish.errors import InfeasibleError
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.blocks import named_system
 from robustpolish.synthesis.nonsmooth import ObserverGain
 from robustpolish.synthesis.problem.decoupling import PlantPart
 from robustpolish.synthesis.problem.matrices import PlantMatrices, regularise
@@ -124,17 +125,10 @@ def observer_controller(plant: GeneralizedPlant, F: ArrayLike, L: ArrayLike) -> 
     """
     F = matrix("F", F, (plant.nu, plant.nx))
     L = matrix("L", L, (plant.nx, plant.ny))
-    return control.StateSpace(
-        plant.A + plant.B2 @ F - L @ (plant.C2 + plant.D22 @ F),
-        L,
-        F,
-        np.zeros((plant.nu, plant.ny)),
-        plant.dt,
-        inputs=list(plant.measurement_names),
-        outputs=list(plant.control_names),
-        states=[f"{name}_hat" for name in plant.states],
-        remove_useless_states=False,
-    )
+    A = plant.A + plant.B2 @ F - L @ (plant.C2 + plant.D22 @ F)
+    states = [f"{name}_hat" for name in plant.states]
+    names = (plant.measurement_names, plant.control_names, states)
+    return named_system((A, L, F, np.zeros((plant.nu, plant.ny))), plant.dt, *names)
 
 
 @dataclass(frozen=True, eq=False)

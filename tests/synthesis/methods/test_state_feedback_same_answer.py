@@ -100,9 +100,14 @@ def test_a_limit_of_gains_is_not_called_optimal_far_above_it():
 
 
 DESIGN = """
+import numpy as np
 import robustpolish as rp
-plant = rp.air_bearing(actuation="force")
-for options in ({"control_weight": 1e-7}, {}, {"gain_bound": 1000.0}):
+rng = np.random.default_rng(4)
+A, B1, B2 = rng.normal(size=(4, 4)), rng.normal(size=(4, 2)), rng.normal(size=(4, 2))
+small = rp.GeneralizedPlant.from_matrices(A, B1, B2, rng.normal(size=(2, 4)), np.eye(4))
+bearing = rp.air_bearing(actuation="force")
+calls = ((bearing, {"control_weight": 1e-7}), (bearing, {}), (small, {"gain_bound": 6.0}))
+for plant, options in calls:
     design = rp.state_feedback(plant, **options)
     print(design.status, design.certificate.achieved.hex(), design.gain.tobytes().hex())
 """
