@@ -66,7 +66,7 @@ def midpoint(matrix: Ball) -> Matrix:
     """Return the centres, real or complex, rounded to doubles."""
     shape = matrix.nrows(), matrix.ncols()
     kind: Any = complex if isinstance(matrix, flint.acb_mat) else float
-    return np.array([kind(entry) for entry in matrix.mid().entries()], dtype=kind).reshape(shape)
+    return np.array(list(map(kind, matrix.mid().entries())), dtype=kind).reshape(shape)
 
 
 def magnitude(matrix: Ball) -> Matrix:

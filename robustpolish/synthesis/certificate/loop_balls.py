@@ -41,7 +41,8 @@ class LoopBalls:
     @property
     def doubles(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
         """The centres as doubles."""
-        return tuple(balls.midpoint(M) for M in (self.A, self.B, self.C, self.D))  # type: ignore[return-value]
+        centre = balls.midpoint
+        return centre(self.A), centre(self.B), centre(self.C), centre(self.D)
 
     def gain_at(self, frequency: float) -> float:
         """Return the largest singular value at a frequency in rad/s, with the bits in force."""

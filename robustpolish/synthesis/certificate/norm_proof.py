@@ -174,7 +174,10 @@ def _checked(loop: LoopBalls, slack: float, bits: int | None) -> tuple[Matrix, B
     else:
         found = precise_candidate(loop)
         trials = [] if found is None else [(np.eye(n), found, loop)]
-    return next(((T, P) for T, P, turned in trials if _is_bounded_real(P, turned)), None)
+    for T, P, turned in trials:
+        if _is_bounded_real(P, turned):
+            return T, P
+    return None
 
 
 def _candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, LoopBalls]]:
