@@ -29,4 +29,5 @@ def worst_status(statuses: Iterable[str]) -> Status:
     'optimal'
     """
     found = set(statuses)
-    return next((status for status in _LEAST_KNOWN_FIRST if status in found), "optimal")
+    words: list[Status] = [status for status in _LEAST_KNOWN_FIRST if status in found]
+    return words[0] if words else "optimal"
