@@ -109,7 +109,7 @@ def needed_substeps(model: MechanicalData, dt: float, amplitude: float) -> int:
     m = model.matrices
     omega = np.sqrt(max(np.max(np.abs(np.diag(m.K) / np.maximum(np.diag(m.M), 1e-300))), 0.0))
     for _, effect in dynamic_effects(model):
-        stiffness, damping, rate = effect.definition.gains(
+        stiffness, damping, rate = effect.definition.steepness(
             effect.values, amplitude, min(omega, 1 / dt) * amplitude
         )
         inverse = np.sum(port_rows(model, effect)[:, m.free] ** 2 / np.diag(m.M)[m.free])

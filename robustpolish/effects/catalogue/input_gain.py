@@ -5,19 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from robustpolish.effects.kind import Array, EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape
-
-
-def _shapes(motion: Motion) -> list[Shape]:
-    return [Shape(motion.q[None], lambda c: {"gain": 1.0 + float(c[0])}, (0,))]
 
 
 def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:
     return u * values["gain"]
-
-
-def _linear_signal(values: Mapping[str, float]) -> tuple[float, float]:
-    return (values["gain"], 0.0)
 
 
 KIND = EffectKind(
@@ -26,8 +17,7 @@ KIND = EffectKind(
     domain="input",
     parameters=(Parameter("gain", "1", "true over measured", default=1.0),),
     on_signal=_on_signal,
-    linear_signal=_linear_signal,
-    shapes=_shapes,
+    linear_in=("gain",),
     looks_like="A residual that is a scaled copy of the simulated output, at all frequencies.",
     checks=("Calibration of the force sensor or amplifier, lever ratios, units of the column.",),
     references=("Ljung (1999), System Identification, section 14.1, Prentice Hall",),

@@ -116,6 +116,6 @@ def context_of(model: MechanicalData, at: tuple[str, ...], step: float) -> Mappi
     }
     for effect in model.effects:
         if set(effect.at) == ends:
-            for name, value in effect.definition.gives(effect.values).items():
-                found[name] = found.get(name, 0.0) + value
+            for name, parameter in effect.definition.gives:
+                found[name] = found.get(name, 0.0) + effect.values[parameter]
     return found
