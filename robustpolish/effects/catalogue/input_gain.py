@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from robustpolish.effects.kind import Array, EffectKind, Parameter
+from robustpolish.arrays import Array
+from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.effects.shapes import Motion, Shape
 
 
