@@ -8,12 +8,10 @@ import numba
 import numpy as np
 from numba import types
 from numba.typed import List
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.effects.kind import EffectKind, compiled_law, law_signature
 from robustpolish.effects.shapes import Motion, Shape
-
-Array = NDArray[np.float64]
 
 _LEAST_SUBSTEPS, _MOST_SUBSTEPS = 8, 64
 _NEXT_TO_NOTHING = 1e-12

@@ -7,13 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.effects.kind import GROUND, EffectKind
 from robustpolish.effects.registry import lookup
 from robustpolish.validation import described, invalid
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,11 @@ from typing import Any, Literal
 import numba
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.effects.shapes import Motion, Scan, Shape
 from robustpolish.validation import described, invalid, one_of
 
-Array = NDArray[np.float64]
 Values = Mapping[str, float]
 Domain = Literal["pair", "dof", "axes", "input", "output"]
 Law = Callable[[Any, Any, Any, Any, Any, Any, Any], None]

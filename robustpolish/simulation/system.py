@@ -11,6 +11,7 @@ import numpy as np
 from numba.typed import List as TypedList
 from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.effects import Effect, compiled_law
 from robustpolish.effects.kind import law_signature
 from robustpolish.models.mechanical.data import MechanicalData
@@ -22,7 +23,6 @@ from robustpolish.models.mechanical.ports import (
 )
 from robustpolish.simulation.step import StepMatrices, step_matrices
 
-Array = NDArray[np.float64]
 _MOST_SUBSTEPS = 32
 
 

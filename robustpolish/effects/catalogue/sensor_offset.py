@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from robustpolish.effects.kind import CONSTANT, Array, EffectKind, Parameter
+from robustpolish.arrays import Array
+from robustpolish.effects.kind import CONSTANT, EffectKind, Parameter
 
 
 def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:

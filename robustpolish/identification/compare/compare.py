@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from robustpolish.arrays import Array
 from robustpolish.identification.compare.comparison import Comparison, OutputError
 from robustpolish.identification.compare.horizon import predict
 from robustpolish.identification.compare.parameter_band import parameter_band
@@ -26,8 +26,6 @@ from robustpolish.identification.observer.start import (
 from robustpolish.identification.record import Record, long_enough, record_of
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid, positive
-
-Array = NDArray[np.float64]
 
 
 def compare(

@@ -6,9 +6,9 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from robustpolish.arrays import Array
 from robustpolish.effects import Effect, EffectKind, Motion, Shape, shapes_along
 from robustpolish.identification.fit.parameters import connected
 from robustpolish.identification.observer.kalman import force_sites
@@ -16,8 +16,6 @@ from robustpolish.identification.observer.missing_force import Smoothed, known_f
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import context_of, port_pairs, port_rows
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.confusion import confused
 from robustpolish.identification.discover.free_shape import better_shape
@@ -22,7 +22,6 @@ from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parameters import effect_unit, unit_of
 from robustpolish.models.mechanical.parts import FORCE
 
-Array = NDArray[np.float64]
 _DRY = ("coulomb_friction", "stribeck_friction")
 
 

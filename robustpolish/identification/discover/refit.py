@@ -8,7 +8,6 @@ from dataclasses import replace
 import lmfit
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from robustpolish.identification.discover.screening import screen
 from robustpolish.identification.findings.refitted import Refit
@@ -20,8 +19,6 @@ from robustpolish.identification.record import long_enough, record_of
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parameters import unit_of
 from robustpolish.progress import working
-
-Array = NDArray[np.float64]
 
 
 def refit(

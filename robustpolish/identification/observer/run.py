@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.identification.observer.kalman import (
     FREE,
     Gain,
@@ -24,8 +24,6 @@ from robustpolish.models.mechanical.ports import dynamic_effects
 from robustpolish.simulation.run import NonlinearResponse, Stepper
 from robustpolish.simulation.signals import signals
 from robustpolish.simulation.system import NonlinearSystem, build_system, needed_substeps
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

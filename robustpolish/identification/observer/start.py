@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.identification.observer.run import RecordRun, Start, StartedPiece
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.ports import dynamic_effects
 
-Array = NDArray[np.float64]
 _ROUNDS = 8
 _STEP = 1e-4
 _SHORTEST = 50

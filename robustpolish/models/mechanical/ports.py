@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.matrices import incidence
 from robustpolish.models.mechanical.parts import FORCE
-
-Array = NDArray[np.float64]
 
 
 def port_row(model: MechanicalData, at: tuple[str, ...]) -> Array:

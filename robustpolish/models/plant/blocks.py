@@ -6,9 +6,8 @@ from collections.abc import Mapping
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 
-Matrix = NDArray[np.float64]
+from robustpolish.arrays import Matrix
 
 
 class PlantBlocks:

@@ -12,8 +12,9 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robustpolish.arrays import Matrix
 from robustpolish.display import Card, Displayed, quantities
-from robustpolish.models.plant.blocks import Matrix, PlantBlocks
+from robustpolish.models.plant.blocks import PlantBlocks
 from robustpolish.models.plant.file import plant_arguments, plant_content
 from robustpolish.models.plant.loop import closed_loop, static_controller
 from robustpolish.models.plant.systems import named_system

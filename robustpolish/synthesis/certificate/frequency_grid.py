@@ -7,11 +7,9 @@ from typing import Any
 import control
 import flint
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Vector
 from robustpolish.exact import balls
-
-Vector = NDArray[np.float64]
 
 
 def confirmation_grid(system: control.StateSpace, peak: float) -> Vector:

@@ -7,14 +7,13 @@ from typing import Any
 
 import flint
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.exact import balls
 from robustpolish.exact.balls import Ball
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.certificate.quick_norm import state_scale
 
-Matrix = NDArray[Any]
 BITS = 240
 """Precision of the balls; more where that does not suffice for a proof."""
 

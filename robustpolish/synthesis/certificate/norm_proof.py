@@ -10,18 +10,17 @@ are mapped by the Cayley transformation, which keeps stability, the H-infinity n
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import flint
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.exact import balls
 from robustpolish.exact.balls import Ball
 from robustpolish.synthesis.certificate.loop_balls import BITS, LoopBalls, cayley
 from robustpolish.synthesis.certificate.proof_candidates import candidates, precise_candidate
 
-Matrix = NDArray[Any]
 Kind = Literal["bounded_real", "gramian", "lyapunov"]
 
 

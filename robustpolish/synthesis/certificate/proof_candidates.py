@@ -14,15 +14,14 @@ from typing import Any
 
 import flint
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.exact import balls
 from robustpolish.exact.balls import Ball
 from robustpolish.exact.realisation import size
 from robustpolish.synthesis.certificate.loop_balls import LoopBalls
 from robustpolish.synthesis.riccati.equations import solve_lyapunov, solve_riccati
 
-Matrix = NDArray[Any]
 _PASSES = 3
 _LARGE = 60
 # Each step of the doubling algorithm looks twice as far ahead: it takes as many as the ratio of
