@@ -16,10 +16,14 @@ from robustpolish.identification.compare.horizon import predict
 from robustpolish.identification.compare.parameter_band import parameter_band
 from robustpolish.identification.observer.missing_force import observed_motion
 from robustpolish.identification.observer.reproducibility import reproducibility
-from robustpolish.identification.observer.run import RecordRun, Start, StartedPiece, free_run, rest
-from robustpolish.identification.observer.start import (
+from robustpolish.identification.observer.run import (
+    RecordRun,
+    Start,
+    StartedPiece,
     fitted_start,
+    free_run,
     lengths,
+    rest,
     state_sizes,
     visible_sizes,
 )

@@ -17,7 +17,7 @@ from robustpolish.identification.fit.prepared import PreparedRecord, prepare
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, record_of
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.parameters import unit_of
+from robustpolish.models.mechanical.data import unit_of
 from robustpolish.progress import working
 
 

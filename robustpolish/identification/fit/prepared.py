@@ -17,8 +17,15 @@ from robustpolish.identification.observer.kalman import (
     scales_of,
 )
 from robustpolish.identification.observer.missing_force import Smoothed, smooth
-from robustpolish.identification.observer.run import RecordRun, Runner, Start, StartedPiece, rest
-from robustpolish.identification.observer.start import fitted_start, state_sizes
+from robustpolish.identification.observer.run import (
+    RecordRun,
+    Runner,
+    Start,
+    StartedPiece,
+    fitted_start,
+    rest,
+    state_sizes,
+)
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
