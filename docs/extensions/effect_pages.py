@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from sphinx.application import Sphinx
 from sphinx.config import Config
 
-from robustpolish.effects import EffectKind, Motion, kinds
+from robustpolish.effects import EffectKind, Motion, kinds, shapes_along
 
 FOLDER = "effects"
 PLACES = {
@@ -59,7 +59,7 @@ def picture(kind: EffectKind) -> Figure | None:
     if kind.domain != "pair" or kind.law is None:
         return None
     # a unit of each coefficient; three guesses are enough for the eye
-    forces = [shape.columns.sum(axis=0)[0] for shape in kind.shapes(motion)]
+    forces = [shape.columns.sum(axis=0)[0] for shape in shapes_along(kind, motion)]
     if not forces:
         return None
     chosen = forces[:: max(len(forces) // 3, 1)][:3]

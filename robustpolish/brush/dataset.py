@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from robustpolish.arrays import AnyArray as Array
 from robustpolish.brush.parameters import BrushParameters
 from robustpolish.brush.surface import Surface
 from robustpolish.brush.tool_path import tool_position, tool_velocity
 
-Array = NDArray[Any]
 Variable = tuple[Any, Array, dict[str, Any]]
 
 POINTS = ("C1", "C2", "C3", "C4")

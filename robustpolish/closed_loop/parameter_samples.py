@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.models import MechanicalModel
 from robustpolish.validation import described, invalid
 
-Array = NDArray[np.float64]
 # Beyond this share of draws without sense, what is left says little about the machine.
 _MOST_REDRAWN = 0.5
 

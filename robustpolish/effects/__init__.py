@@ -1,14 +1,16 @@
 """The catalogue of physical effects: what a kind is, and one file per kind."""
 
 from robustpolish.effects.along import force_along as force_along
+from robustpolish.effects.along import shapes_along as shapes_along
 from robustpolish.effects.effect import Effect as Effect
+from robustpolish.effects.effect import kinds as kinds
+from robustpolish.effects.effect import lookup as lookup
+from robustpolish.effects.effect import register as register
 from robustpolish.effects.kind import CONSTANT as CONSTANT
 from robustpolish.effects.kind import GROUND as GROUND
 from robustpolish.effects.kind import EffectKind as EffectKind
 from robustpolish.effects.kind import Parameter as Parameter
 from robustpolish.effects.kind import compiled_law as compiled_law
-from robustpolish.effects.registry import kinds as kinds
-from robustpolish.effects.registry import lookup as lookup
-from robustpolish.effects.registry import register as register
 from robustpolish.effects.shapes import Motion as Motion
+from robustpolish.effects.shapes import Scan as Scan
 from robustpolish.effects.shapes import Shape as Shape

@@ -1,19 +1,21 @@
-"""Evaluate a compiled law along a known motion."""
+"""Evaluate a law along a known motion, and the candidate forces for screening with it."""
 
 from __future__ import annotations
+
+import itertools
 
 import numba
 import numpy as np
 from numba import types
 from numba.typed import List
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.effects.kind import EffectKind, compiled_law, law_signature
-from robustpolish.effects.shapes import Motion
-
-Array = NDArray[np.float64]
+from robustpolish.effects.shapes import Motion, Shape
 
 _LEAST_SUBSTEPS, _MOST_SUBSTEPS = 8, 64
+_NEXT_TO_NOTHING = 1e-12
+"""A column this much smaller than another is rounding: the sine of a spin that stands still."""
 
 
 @numba.njit(cache=True)
@@ -82,6 +84,69 @@ def _substeps(kind: EffectKind, motion: Motion, values: Array) -> int:
     if kind.states:
         numbers = dict(zip((p.name for p in kind.parameters), values.tolist(), strict=False))
         fastest = float(np.max(np.abs(motion.v), initial=0.0))
-        rate = kind.gains(numbers, motion.amplitude, fastest)[2]
+        rate = kind.steepness(numbers, motion.amplitude, fastest)[2]
     wanted = np.nan_to_num(np.ceil(rate * (motion.time[1] - motion.time[0])), posinf=1e9)
     return int(np.clip(wanted, _LEAST_SUBSTEPS, _MOST_SUBSTEPS))
+
+
+def shapes_along(kind: EffectKind, motion: Motion) -> list[Shape]:
+    """Return the candidate forces of a kind along a given motion, for every choice of its scan.
+
+    Parameters
+    ----------
+    kind : EffectKind
+    motion : Motion
+
+    Returns
+    -------
+    list of Shape
+        Without those that the motion does not excite. Columns of an effect on a signal are what
+        it adds to the signal.
+    """
+    if kind.shapes is not None:
+        return kind.shapes(motion)
+    if not (kind.linear_in or kind.scan):
+        return []
+    choices = itertools.product(*(scan.values(motion) for scan in kind.scan))
+    shapes = [_shape(kind, motion, choice) for choice in choices]
+    return [shape for shape in shapes if _excited(shape.columns)]
+
+
+def _excited(columns: Array) -> bool:
+    sizes = np.abs(columns).max(axis=(1, 2))
+    return bool(np.isfinite(sizes).all() and sizes.min() > _NEXT_TO_NOTHING * sizes.max())
+
+
+def _shape(kind: EffectKind, motion: Motion, choice: tuple[float, ...]) -> Shape:
+    """Return a column for a unit of each entry of `linear_in`, the scanned values as chosen."""
+    chosen = {scan.parameter: value for scan, value in zip(kind.scan, choice, strict=True)}
+    entries = [(entry,) if isinstance(entry, str) else entry for entry in kind.linear_in]
+    linear = [p for p in kind.parameters if any(p.name in names for names in entries)]
+    first = {p.name: p.default for p in kind.parameters} | chosen
+    rest = dict(first)  # what is there when all coefficients are 0
+    if not kind.acts_on_signals:
+        growing = [p for p in kind.parameters if p.name in chosen and p.counts_force]
+        rest.update((p.name, 0.0) for p in (*linear, *growing))
+        first.update((p.name, 0.0) for p in linear)
+    units = [first | {name: first[name] + 1.0 for name in names} for names in entries] or [first]
+    signs = (1 if all(p.lower >= 0 for p in linear) else 0,) * len(units)
+    angle = next((p.name for p in kind.parameters if p.dimension == "rad"), None)
+    if angle is not None:  # a cosine with any phase is one with none and one a quarter turn on
+        units, signs = [units[0], units[0] | {angle: np.pi / 2}], (0, 0)
+    kept = [scan.parameter for scan in kind.scan if scan.kept]
+    told = [p.name for p in kind.parameters if p in linear or p.name in kept]
+
+    def values(c: Array) -> dict[str, float]:
+        turned = {} if angle is None else {angle: float(np.arctan2(c[1], c[0]))}
+        sizes = c if angle is None else [np.hypot(c[0], c[1]), 0.0]
+        moves = list(zip(sizes, units, strict=True))
+        moved = {n: sum((size * (u[n] - rest[n]) for size, u in moves), rest[n]) for n in told}
+        return {name: float(value) for name, value in moved.items()} | turned
+
+    if kind.on_signal is not None:
+        signals = [kind.on_signal(motion.q[0], motion.time, u) for u in (*units, rest)]
+        columns = [(signal - signals[-1])[None] for signal in signals[:-1]]
+    else:
+        known = [motion.context.get(name, 0.0) for name in kind.context]
+        columns = [force_along(kind, motion, np.array([*u.values(), *known])) for u in units]
+    return Shape(np.stack(columns), values, signs)

@@ -12,6 +12,7 @@ place and takes the force, or gives a signal and takes what became of it.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -20,12 +21,11 @@ from typing import Any, Literal
 import numba
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
 
-from robustpolish.effects.shapes import Motion, Shape
+from robustpolish.arrays import Array
+from robustpolish.effects.shapes import Motion, Scan, Shape
 from robustpolish.validation import described, invalid, one_of
 
-Array = NDArray[np.float64]
 Values = Mapping[str, float]
 Domain = Literal["pair", "dof", "axes", "input", "output"]
 Law = Callable[[Any, Any, Any, Any, Any, Any, Any], None]
@@ -134,9 +134,52 @@ class Parameter:
         unit = "".join(_SI[c][rotational] if c in _SI else c for c in self.dimension)
         return unit.replace("*", " ")
 
+    @property
+    def powers(self) -> dict[str, int]:
+        """The powers of F, L, T and M in the dimension.
 
-def _no_gains(values: Values, q: float, v: float) -> tuple[float, float, float]:
-    return 0.0, 0.0, 0.0
+        Examples
+        --------
+        >>> Parameter("coefficient", "F*T/L^3", "of damping").powers
+        {'F': 1, 'L': -3, 'T': 1, 'M': 0}
+        """
+        found = dict.fromkeys("FLTM", 0)
+        if self.dimension != "signal":
+            for slash, letter, power in re.findall(r"(/?)([FLTM])(?:\^(\d+))?", self.dimension):
+                found[letter] += (-1 if slash else 1) * int(power or 1)
+        return found
+
+    @property
+    def counts_force(self) -> bool:
+        """Whether the force grows with it, by its dimension."""
+        return bool(self.powers["F"] or self.powers["M"])
+
+    def slopes(self, value: float, q: float, v: float) -> tuple[float, float]:
+        """Return the stiffness and damping of the power law that the dimension tells.
+
+        A coefficient in F T^b / L^(a+b) makes the force value q^a v^b; any other makes none.
+
+        Parameters
+        ----------
+        value, q, v : float
+            Of the parameter, and the amplitudes of displacement and velocity.
+
+        Returns
+        -------
+        stiffness, damping : float
+
+        Examples
+        --------
+        >>> Parameter("stiffness", "F/L^3", "cubic coefficient").slopes(2.0, q=10.0, v=1.0)
+        (600.0, 0.0)
+        """
+        powers = self.powers
+        a, b = -powers["L"] - powers["T"], powers["T"]
+        if powers["F"] != 1 or powers["M"] or a < 0 or b < 0:
+            return 0.0, 0.0
+        size = abs(value)
+        stiffness = a * size * q ** (a - 1) * v**b if a else 0.0
+        return stiffness, b * size * q**a * v ** (b - 1) if b else 0.0
 
 
 def _no_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
@@ -145,14 +188,6 @@ def _no_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
 
 def _plausible(values: Values) -> str | None:
     return None
-
-
-def _gives_nothing(values: Values) -> Values:
-    return {}
-
-
-def _no_shapes(motion: Motion) -> list[Shape]:
-    return []
 
 
 @dataclass(frozen=True)
@@ -183,8 +218,15 @@ class EffectKind:
     linear_signal : callable, optional
         ``linear_signal(values)`` gives the factor and the delay in s that a linear model keeps
         of `on_signal`; by default its answer to a step, and no delay.
-    shapes : callable
-        ``shapes(motion)`` gives the candidate forces used for screening.
+    linear_in : tuple of str or of tuple of str, optional
+        Parameters in which the law is linear: screening fits a coefficient for each. An entry of
+        several names moves them together.
+    scan : tuple of Scan, optional
+        Parameters of which screening tries several values. Those in units of force (or mass) are
+        tried for a unit of force, and grow with the coefficient.
+    shapes : callable, optional
+        ``shapes(motion)`` gives the candidate forces used for screening, where `linear_in` and
+        `scan` cannot say them. A kind that gives none of the three is never a candidate.
     states : int
         Number of internal states.
     context : tuple of str
@@ -193,13 +235,14 @@ class EffectKind:
         ``"spin_frequency"`` (rad/s), ``"mobility"``
         (time step over the effective mass, s/kg: no velocity below force times
         mobility can be resolved).
-    gives : callable
-        ``gives(values)`` is what the effect adds to the context of others at its place, such
-        as the ``"clearance"`` of a backlash.
-    gains : callable
+    gives : tuple of (str, str)
+        What the effect adds to the context of others at its place, and the parameter that is
+        its size, such as the ``"clearance"`` of a backlash, which is its ``"gap"``.
+    gains : callable, optional
         ``gains(values, q, v)`` gives the largest stiffness and damping that the
         law adds at the amplitudes q and v, and the fastest rate in 1/s of its
-        internal states; decides on substeps.
+        internal states; decides on substeps. By default from the units of the parameters,
+        see `Parameter.slopes`.
     state_sizes : callable
         ``state_sizes(values, q, v)`` gives the size of each internal state at the amplitudes q
         and v.
@@ -220,11 +263,13 @@ class EffectKind:
     law: Law | None = None
     on_signal: SignalChange | None = None
     linear_signal: Callable[[Values], tuple[float, float]] | None = None
-    shapes: Callable[[Motion], list[Shape]] = _no_shapes
+    linear_in: tuple[str | tuple[str, ...], ...] = ()
+    scan: tuple[Scan, ...] = ()
+    shapes: Callable[[Motion], list[Shape]] | None = None
     states: int = 0
     context: tuple[str, ...] = ()
-    gives: Callable[[Values], Values] = _gives_nothing
-    gains: Callable[[Values, float, float], tuple[float, float, float]] = _no_gains
+    gives: tuple[tuple[str, str], ...] = ()
+    gains: Callable[[Values, float, float], tuple[float, float, float]] | None = None
     state_sizes: Callable[[Values, float, float], tuple[float, ...]] = _no_sizes
     implausible: Callable[[Values], str | None] = _plausible
     family: str = ""
@@ -287,6 +332,25 @@ class EffectKind:
         time = np.arange(16.0)
         step, rest = (self.on_signal(np.full(16, u), time, values)[-1] for u in (1.0, 0.0))
         return float(step - rest), 0.0
+
+    def steepness(self, values: Values, q: float, v: float) -> tuple[float, float, float]:
+        """Return the largest stiffness and damping of the law, and the rate of its states in 1/s.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+        q, v : float
+            Amplitudes of displacement and velocity.
+
+        Returns
+        -------
+        stiffness, damping, rate : float
+        """
+        if self.gains is not None:
+            return self.gains(values, q, v)
+        slopes = [p.slopes(values[p.name], q, v) for p in self.parameters]
+        stiffness, damping = np.max([(0.0, 0.0), *slopes], axis=0).tolist()
+        return stiffness, damping, 0.0
 
     def parameter(self, name: str) -> Parameter:
         """Return the parameter called `name`.

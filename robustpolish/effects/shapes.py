@@ -44,19 +44,77 @@ class Motion:
         """Robust amplitude of the first port's velocity about zero."""
         return float(np.percentile(np.abs(self.v[0]), 95))
 
-    def slips(self, shares: tuple[float, ...]) -> list[float]:
-        """Return the shares of the amplitude that are longer than half a sample's travel.
+
+@dataclass(frozen=True)
+class Scan:
+    """Values of one parameter that screening tries, because the force is not linear in it.
+
+    Parameters
+    ----------
+    parameter : str
+    of : str
+        What the shares are multiplied by: ``"1"``, the ``"amplitude"`` or the ``"speed"`` of the
+        motion. ``"per slip"`` is the inverse of a share of the amplitude, if that is longer than
+        half a sample's travel: the stiffness of what slips at a unit of force. ``"percentile"``
+        is the displacement at which so many percent of the samples are below, and its mirror
+        image. ``"line of the force"`` is the frequency in Hz of the strongest line of the missing
+        force (0), the second one (1), and so on.
+    shares : tuple of float
+    kept : bool
+        False for what only rounds a candidate's corners: the effect keeps its default.
+
+    Examples
+    --------
+    >>> time = np.linspace(0.0, 1.0, 1001)
+    >>> swing = Motion(time, 2.0 * np.ones((1, 1001)), np.zeros((1, 1001)))
+    >>> Scan("gap", "amplitude", (0.1, 0.5)).values(swing)
+    [0.2, 1.0]
+    """
+
+    parameter: str
+    of: str
+    shares: tuple[float, ...]
+    kept: bool = True
+
+    def values(self, motion: Motion) -> list[float]:
+        """Return the values along a motion.
 
         Parameters
         ----------
-        shares : tuple of float
+        motion : Motion
 
         Returns
         -------
         list of float
+            None if the motion, or the missing force, says nothing about the parameter.
         """
-        travel = 0.5 * self.speed * float(self.time[1] - self.time[0])
-        return [s * self.amplitude for s in shares if s * self.amplitude > travel]
+        if self.of == "percentile":
+            levels = [level for share in self.shares for level in (share, 100 - share)]
+            return np.percentile(motion.q[0], levels).tolist()
+        if self.of == "line of the force":
+            return [] if motion.force is None else _lines(motion, [int(n) for n in self.shares])
+        if self.of == "per slip":
+            travel = 0.5 * motion.speed * float(motion.time[1] - motion.time[0])
+            slips = (share * motion.amplitude for share in self.shares)
+            return [1 / slip for slip in slips if slip > travel]
+        size = {"1": 1.0, "amplitude": motion.amplitude, "speed": motion.speed}[self.of]
+        return [share * size for share in self.shares] if size else []
+
+
+def _lines(motion: Motion, ranks: list[int]) -> list[float]:
+    """Return the frequencies of the strongest lines of the force, refined between the bins."""
+    assert motion.force is not None
+    force = motion.force[0]
+    n = force.size
+    spectrum = np.abs(np.fft.rfft((force - force.mean()) * np.hanning(n), 4 * n))
+    bins = np.fft.rfftfreq(4 * n, motion.time[1] - motion.time[0])
+    spectrum[:8] = 0.0
+    lines = []
+    for _ in range(max(ranks) + 1):
+        k = int(np.argmax(spectrum))
+        lines.append(float(bins[k]))
+        spectrum[max(k - 10, 0) : k + 11] = 0.0
+    return [lines[rank] for rank in ranks]
 
 
 @dataclass(frozen=True)
@@ -79,12 +137,3 @@ class Shape:
     values: Callable[[Coefficients], Mapping[str, float]]
     signs: tuple[int, ...]
     valid: Callable[[Coefficients], bool] = lambda c: True
-
-
-def single(column: NDArray[np.float64], name: str, sign: int = 1, **fixed: float) -> Shape:
-    """Return a shape of one coefficient, which is the parameter `name`."""
-    return Shape(
-        np.asarray(column, dtype=float).reshape(1, 1, -1),
-        lambda c: {name: float(c[0]), **fixed},
-        (sign,),
-    )

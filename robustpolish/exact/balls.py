@@ -13,9 +13,9 @@ from typing import Any
 
 import flint
 import numpy as np
-from numpy.typing import NDArray
 
-Matrix = NDArray[Any]
+from robustpolish.arrays import AnyMatrix as Matrix
+
 Ball = Any  # flint.arb_mat; python-flint ships no stubs for it
 
 # Beside the strongest direction, doubles see those above this; a pass of the proof of definiteness

@@ -8,11 +8,9 @@ from typing import Any
 import control
 import numpy as np
 import scipy.linalg as sla
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Matrix
 from robustpolish.validation import state_space
-
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

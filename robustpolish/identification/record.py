@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.measurements import check_sampling, read_measurement, same_kind
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import Input, Output
 from robustpolish.validation import described, invalid
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,8 @@
 """Measurements in: files to checked datasets in SI units."""
 
 from robustpolish.measurements.filtering import lowpass
-from robustpolish.measurements.read import read_measurement, sampling_time
-from robustpolish.measurements.sampling import check_sampling
+from robustpolish.measurements.read import read_measurement
+from robustpolish.measurements.sampling import check_sampling, sampling_time
 from robustpolish.measurements.split import split_blocks
 from robustpolish.measurements.units import same_kind, to_si
 

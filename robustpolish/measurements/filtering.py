@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from scipy.signal import butter, sosfiltfilt
 
-from robustpolish.measurements.read import sampling_time
+from robustpolish.measurements.sampling import sampling_time
 from robustpolish.validation import described, invalid, positive
 
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Vector
 from robustpolish.validation import described, invalid
-
-Vector = NDArray[np.float64]
 
 
 def numeric(name: str, values: Any) -> Vector:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from robustpolish.measurements import readers
 from robustpolish.measurements.quality import (
@@ -222,24 +221,3 @@ def _common_length(raw: RawTable, time: str | None) -> int:
     """Length of most of the channels."""
     lengths = [np.size(values) for name, values in raw.columns.items() if name != time]
     return max(set(lengths), key=lengths.count) if lengths else 0
-
-
-def sampling_time(data: xr.Dataset) -> float:
-    """Return the sampling time in s of a dataset over a uniform ``time``.
-
-    Parameters
-    ----------
-    data : xarray.Dataset
-
-    Returns
-    -------
-    float
-
-    Examples
-    --------
-    >>> import xarray as xr
-    >>> sampling_time(xr.Dataset(coords={"time": [0.0, 0.5, 1.0]}))
-    0.5
-    """
-    values: NDArray[np.float64] = data["time"].values
-    return float((values[-1] - values[0]) / (values.size - 1))

@@ -1,4 +1,4 @@
-"""Whether a record is sampled fast enough for a model."""
+"""How a record is sampled, and whether that is fast enough for a model."""
 
 from __future__ import annotations
 
@@ -7,8 +7,29 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from robustpolish.measurements.read import sampling_time
+from robustpolish.arrays import Array
 from robustpolish.validation import described, invalid
+
+
+def sampling_time(data: xr.Dataset) -> float:
+    """Return the sampling time in s of a dataset over a uniform ``time``.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> sampling_time(xr.Dataset(coords={"time": [0.0, 0.5, 1.0]}))
+    0.5
+    """
+    values: Array = data["time"].values
+    return float((values[-1] - values[0]) / (values.size - 1))
 
 
 def check_sampling(data: xr.Dataset, frequencies: Sequence[float]) -> None:

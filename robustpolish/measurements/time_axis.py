@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, make_interp_spline
 
+from robustpolish.arrays import Vector
 from robustpolish.validation import described, invalid
-
-Vector = NDArray[np.float64]
 
 # Shares of the sampling time.
 _ROUNDING = 1e-3  # stamps this close to a uniform grid are one, rounded

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import control
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import root
 
 from robustpolish.analysis import modes
+from robustpolish.arrays import Vector
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.errors import SolverError
 from robustpolish.validation import described, invalid
 
-Vector = NDArray[np.float64]
 VectorField = Callable[[Vector, Vector], ArrayLike]
 
 

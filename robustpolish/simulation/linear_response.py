@@ -7,12 +7,11 @@ from typing import NamedTuple
 import control
 import numba
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import expm, matrix_balance
 
+from robustpolish.arrays import Array
 from robustpolish.validation import described, invalid, matrix, state_space
-
-Array = NDArray[np.float64]
 
 
 class Response(NamedTuple):

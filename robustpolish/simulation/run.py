@@ -8,16 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from robustpolish.arrays import Array
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import DISPLACEMENT
 from robustpolish.simulation.signals import measured, raw_outputs, signals
 from robustpolish.simulation.step import StepMatrices, run_steps
 from robustpolish.simulation.system import NonlinearSystem, build_system, needed_substeps
 from robustpolish.validation import matrix
-
-Array = NDArray[np.float64]
 
 
 class NonlinearResponse(NamedTuple):

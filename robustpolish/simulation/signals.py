@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import VELOCITY
 from robustpolish.validation import described, invalid
-
-Array = NDArray[np.float64]
 
 # How much of the signal may be left over when output effects are put on again; it is rounding.
 _LEFT_OVER = 1e-6

@@ -12,10 +12,9 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm, matrix_balance
 
-Array = NDArray[np.float64]
+from robustpolish.arrays import Array
 
 
 class StepMatrices(NamedTuple):

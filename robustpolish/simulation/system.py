@@ -11,6 +11,7 @@ import numpy as np
 from numba.typed import List as TypedList
 from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.effects import Effect, compiled_law
 from robustpolish.effects.kind import law_signature
 from robustpolish.models.mechanical.data import MechanicalData
@@ -22,7 +23,6 @@ from robustpolish.models.mechanical.ports import (
 )
 from robustpolish.simulation.step import StepMatrices, step_matrices
 
-Array = NDArray[np.float64]
 _MOST_SUBSTEPS = 32
 
 
@@ -109,7 +109,7 @@ def needed_substeps(model: MechanicalData, dt: float, amplitude: float) -> int:
     m = model.matrices
     omega = np.sqrt(max(np.max(np.abs(np.diag(m.K) / np.maximum(np.diag(m.M), 1e-300))), 0.0))
     for _, effect in dynamic_effects(model):
-        stiffness, damping, rate = effect.definition.gains(
+        stiffness, damping, rate = effect.definition.steepness(
             effect.values, amplitude, min(omega, 1 / dt) * amplitude
         )
         inverse = np.sum(port_rows(model, effect)[:, m.free] ** 2 / np.diag(m.M)[m.free])

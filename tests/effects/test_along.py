@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects import Motion, force_along, lookup
+from robustpolish.effects import (
+    EffectKind,
+    Motion,
+    Parameter,
+    Scan,
+    force_along,
+    lookup,
+    shapes_along,
+)
 
 TIME = np.arange(3000) * 1e-3
 Q, V = 1e-3 * np.sin(40 * TIME), 0.04 * np.cos(40 * TIME)
@@ -48,3 +56,97 @@ def test_two_places_have_two_forces():
     force = force_along(kind, motion, np.ones(len(kind.parameters) + len(kind.context)))
     assert force.shape == (2, TIME.size)
     assert np.sum(force * motion.v, axis=0) == pytest.approx(0.0, abs=1e-12)  # it does no work
+
+
+def shapes(name, **context):
+    motion = Motion(TIME, Q[None], V[None], {**CONTEXT, **context}, force=np.cos(300 * TIME)[None])
+    return motion, shapes_along(lookup(name), motion)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "column", "sign"),
+    [
+        ("cubic_stiffness", "stiffness", -(Q**3), 0),
+        ("quadratic_stiffness", "stiffness", -(Q**2), 0),
+        ("quadratic_damping", "coefficient", -V * abs(V), 1),
+        ("displacement_dependent_damping", "coefficient", -(Q**2) * V, 1),
+        ("pendulum_gravity", "moment", -np.sin(Q), 1),
+        ("constant_force", "force", np.ones(Q.size), 0),
+        ("coulomb_friction", "force", -np.tanh(V / (0.02 * np.percentile(abs(V), 95))), 1),
+        ("input_gain", "gain", Q, 0),
+        ("sensor_offset", "offset", np.ones(Q.size), 0),
+    ],
+)
+def test_a_kind_of_one_coefficient_is_tried_with_a_unit_of_it(name, parameter, column, sign):
+    _, (shape,) = shapes(name)
+    np.testing.assert_allclose(shape.columns[0, 0], column, rtol=1e-9, atol=1e-15)
+    assert shape.signs == (sign,)
+    default = lookup(name).parameter(parameter).default
+    assert shape.values(np.array([2.5])) == {parameter: default + 2.5}
+
+
+def test_stribeck_friction_is_tried_as_sliding_friction_and_what_is_more_at_rest():
+    motion, found = shapes("stribeck_friction")
+    for shape, share in zip(found, (0.06, 0.15, 0.4), strict=True):
+        velocity = share * motion.speed
+        direction = np.tanh(V / (0.02 * motion.speed))
+        columns = [-direction, -direction * np.exp(-((V / velocity) ** 2))]
+        np.testing.assert_allclose(shape.columns[:, 0], columns, atol=1e-12)
+        assert shape.signs == (1, 1)
+        told = shape.values(np.array([2.0, 0.5]))
+        assert told == {"force": 2.0, "static_force": 2.5, "velocity": velocity}
+
+
+def test_a_clearance_and_stops_are_tried_at_shares_of_the_motion():
+    motion, found = shapes("backlash", spring_stiffness=700.0)
+    assert len(found) == 5
+    for shape in found:
+        gap = shape.values(np.array([1.3]))["gap"]
+        np.testing.assert_allclose(shape.columns[0, 0], 700.0 * np.clip(Q, -gap, gap))
+    assert found[0].values(np.array([1.0])) == {"gap": pytest.approx(0.06 * motion.amplitude)}
+    assert shapes("backlash")[1] == []  # without a spring there is nothing to have it
+    for shape in shapes("contact_stop")[1]:
+        gap = shape.values(np.array([9.0]))["gap"]
+        depth = np.maximum(Q - gap, 0.0) if gap >= 0 else np.minimum(Q - gap, 0.0)
+        np.testing.assert_allclose(shape.columns[0, 0], -depth)
+
+
+def test_what_slips_grows_with_the_coefficient():
+    _, found = shapes("bouc_wen_hysteresis")
+    told = [shape.values(np.array([3.0])) for shape in found]
+    slips = [3.0 / values["stiffness"] for values in told]
+    expected = np.repeat([0.05, 0.15, 0.4, 0.8], 2) * np.percentile(abs(Q), 95)
+    np.testing.assert_allclose(slips, expected)
+    assert [values["exponent"] for values in told] == [1.0, 2.0] * 4
+    assert all(values["force"] == 3.0 for values in told)
+
+
+@pytest.mark.parametrize(
+    ("name", "omega", "carried"),
+    [("parametric_stiffness", 90.0, -Q), ("harmonic_force", None, np.ones(Q.size))],
+)
+def test_a_phase_is_tried_as_two_columns(name, omega, carried):
+    _, found = shapes(name, spin_frequency=90.0)
+    c = np.array([0.3, -1.2])
+    told = found[0].values(c)
+    turn = omega or 2 * np.pi * told["frequency"]
+    force = told["amplitude"] * np.cos(turn * TIME + told["phase"]) * carried
+    np.testing.assert_allclose(np.tensordot(c, found[0].columns[:, 0], 1), force, atol=1e-12)
+    assert shapes("parametric_stiffness")[1] == []  # nothing spins
+
+
+def test_a_kind_that_declares_no_candidates_has_none():
+    kind = EffectKind("idle", "Idle", "pair", (Parameter("a", "F", "b"),), lookup("backlash").law)
+    motion, _ = shapes("backlash")
+    assert shapes_along(kind, motion) == []
+
+
+def test_candidates_that_no_number_can_hold_are_left_out():
+    def law(t, q, v, z, p, f, dz):
+        f[0] = p[0] / (p[1] - q[0])
+
+    parameters = (Parameter("strength", "F*L", "pull"), Parameter("distance", "L", "at rest"))
+    scan = (Scan("distance", "1", (float(Q[100]), 1.0)),)
+    kind = EffectKind("pole", "Pole", "pair", parameters, law, linear_in=("strength",), scan=scan)
+    (shape,) = shapes_along(kind, Motion(TIME, Q[None], V[None]))
+    assert shape.values(np.ones(1)) == {"strength": 1.0, "distance": 1.0}

@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect, Motion, force_along, kinds, lookup
+from robustpolish.effects import Effect, Motion, force_along, kinds, lookup, shapes_along
 
 NAMED = [
     "coulomb_friction",
@@ -59,7 +59,7 @@ def test_every_kind_explains_itself(name):
 def test_a_shape_is_the_law_with_its_values(name):
     kind = lookup(name)
     along = motion(kind)
-    for shape in kind.shapes(along)[:4]:
+    for shape in shapes_along(kind, along)[:4]:
         unit = np.zeros(len(shape.signs))
         unit[0] = 1.0
         values = Effect(name, ("x", "y")[: kind.places], shape.values(unit)).values
@@ -78,7 +78,7 @@ def test_friction_takes_energy_out():
     for name in ("coulomb_friction", "elastic_coulomb_friction", "bouc_wen_hysteresis"):
         kind = lookup(name)
         along = motion(kind)
-        shape = kind.shapes(along)[0]
+        shape = shapes_along(kind, along)[0]
         power = np.sum(shape.columns[0] * along.v)
         assert power < 0
 

@@ -6,7 +6,9 @@ import pickle
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect
+from robustpolish.effects import Effect, Motion, force_along, lookup, register
+from robustpolish.effects import effect as catalogue
+from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.errors import InvalidInputError
 
 
@@ -54,3 +56,21 @@ def test_effects_travel_and_are_copied():
 def test_a_force_is_no_effect_on_a_signal():
     with pytest.raises(InvalidInputError, match="input or output"):
         Effect("coulomb_friction", "x").on_signal(np.ones(3), np.arange(3.0))
+
+
+def test_users_add_a_kind(monkeypatch):
+    monkeypatch.setattr(catalogue, "_registered", {})
+
+    def law(t, q, v, z, p, f, dz):
+        f[0] = -p[0] * q[0] ** 5
+
+    kind = EffectKind(
+        "fifth_power", "Fifth power", "pair", (Parameter("stiffness", "F/L^5", "coefficient"),), law
+    )
+    assert register(kind) is lookup("fifth_power")
+    time = np.arange(1500) * 1e-3
+    along = Motion(time, np.sin(40 * time)[None] * 1e-3, np.cos(40 * time)[None] * 0.04)
+    force = force_along(kind, along, np.array([2.0]))
+    np.testing.assert_allclose(force, -2 * along.q**5)
+    with pytest.raises(InvalidInputError, match="taken"):
+        register(EffectKind("cubic_stiffness", "Another", "pair", (Parameter("a", "F", "b"),), law))

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect, EffectKind, Parameter, lookup, register, registry
+from robustpolish.effects import Effect, EffectKind, Parameter, lookup, register
+from robustpolish.effects import effect as catalogue
 from robustpolish.errors import InvalidInputError
 
 FACTOR = (Parameter("factor", "1", "true over measured", default=1.0),)
@@ -47,7 +48,31 @@ def test_the_linear_part_is_the_answer_to_a_step_if_nothing_else_is_said():
 
 
 def test_a_signal_of_another_length_is_refused(monkeypatch):
-    monkeypatch.setattr(registry, "_registered", {})
+    monkeypatch.setattr(catalogue, "_registered", {})
     register(EffectKind("cut", "Cut", "input", FACTOR, on_signal=lambda u, t, values: u[1:]))
     with pytest.raises(InvalidInputError, match="like the signal"):
         Effect("cut", "F").on_signal(np.ones(5), np.arange(5.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "expected"),
+    [
+        ("cubic_stiffness", {"stiffness": -2.0}, (3 * 2.0 * 0.3**2, 0.0, 0.0)),
+        ("quadratic_stiffness", {"stiffness": 2.0}, (2 * 2.0 * 0.3, 0.0, 0.0)),
+        ("quadratic_damping", {"coefficient": 2.0}, (0.0, 2 * 2.0 * 5.0, 0.0)),
+        (
+            "displacement_dependent_damping",
+            {"coefficient": 2.0},
+            (2 * 2.0 * 0.3 * 5.0, 2.0 * 0.3**2, 0.0),
+        ),
+        ("contact_stop", {"stiffness": 7.0, "gap": 0.1}, (7.0, 0.0, 0.0)),
+        ("gyroscopic_coupling", {"coefficient": -7.0}, (0.0, 7.0, 0.0)),
+        ("cross_stiffness", {"stiffness_xy": 2.0, "stiffness_yx": -7.0}, (7.0, 0.0, 0.0)),
+        ("constant_force", {"force": 7.0}, (0.0, 0.0, 0.0)),
+        ("unbalance", {"unbalance": 7.0}, (0.0, 0.0, 0.0)),
+    ],
+)
+def test_the_units_tell_how_steep_a_power_law_is(name, values, expected):
+    kind = lookup(name)
+    full = {p.name: p.default for p in kind.parameters} | values
+    assert kind.steepness(full, 0.3, 5.0) == pytest.approx(expected)

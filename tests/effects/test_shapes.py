@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects.shapes import Motion, Shape, single
+from robustpolish.effects.shapes import Motion, Scan, Shape
 
 TIME = np.arange(1000) * 1e-3
 MOTION = Motion(TIME, np.linspace(-2.0, 2.0, 1000)[None], np.full((1, 1000), -3.0))
@@ -19,16 +19,25 @@ def test_sizes_are_those_that_a_single_peak_does_not_move():
 
 def test_slips_shorter_than_half_a_sample_s_travel_are_left_out():
     least = 0.5 * 3.0 * 1e-3 / MOTION.amplitude
-    found = MOTION.slips((0.9 * least, 1.1 * least, 0.5))
-    np.testing.assert_allclose(found, [1.1 * least * MOTION.amplitude, 0.5 * MOTION.amplitude])
+    found = Scan("stiffness", "per slip", (0.9 * least, 1.1 * least, 0.5)).values(MOTION)
+    slips = np.array([1.1 * least * MOTION.amplitude, 0.5 * MOTION.amplitude])
+    np.testing.assert_allclose(found, 1 / slips)
 
 
-def test_a_shape_of_one_coefficient():
-    shape = single(np.arange(5.0), "force", sign=-1, width=0.1)
-    assert shape.columns.shape == (1, 1, 5)
-    assert shape.values(np.array([2.0])) == {"force": 2.0, "width": 0.1}
-    assert shape.signs == (-1,)
-    assert shape.valid(np.array([1e9]))
+def test_a_scan_follows_the_size_of_the_motion():
+    assert Scan("width", "speed", (0.02, 0.1)).values(MOTION) == pytest.approx([0.06, 0.3])
+    assert Scan("exponent", "1", (1.0, 2.0)).values(MOTION) == [1.0, 2.0]
+    assert Scan("gap", "percentile", (75,)).values(MOTION) == pytest.approx([1.0, -1.0])
+    still = Motion(TIME, 0 * MOTION.q, 0 * MOTION.v)
+    assert Scan("gap", "amplitude", (0.5,)).values(still) == []
+
+
+def test_a_scan_finds_the_strongest_lines_of_the_force():
+    lines = Scan("frequency", "line of the force", (0, 1))
+    assert lines.values(MOTION) == []
+    force = np.cos(2 * np.pi * 50 * TIME) + 3 * np.cos(2 * np.pi * 120.25 * TIME)
+    motion = Motion(TIME, MOTION.q, MOTION.v, force=force[None])
+    assert lines.values(motion) == pytest.approx([120.25, 50.0], abs=0.3)
 
 
 def test_a_shape_may_say_where_it_holds():

@@ -5,7 +5,8 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.effects import EffectKind, Parameter, register, registry
+from robustpolish.effects import EffectKind, Parameter, register
+from robustpolish.effects import effect as effect_module
 from robustpolish.errors import InvalidInputError
 from robustpolish.simulation import simulate_model
 from robustpolish.simulation.signals import measured, raw_outputs, signals
@@ -30,7 +31,7 @@ def push(*names):
 
 @pytest.fixture
 def catalogue(monkeypatch):
-    monkeypatch.setattr(registry, "_registered", {})
+    monkeypatch.setattr(effect_module, "_registered", {})
 
 
 @pytest.mark.parametrize("name", ["F", "F_dot", "F_ddot", "_dot"])

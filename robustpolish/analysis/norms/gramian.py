@@ -13,6 +13,7 @@ from flint import arb, arb_mat
 from numpy.typing import NDArray
 
 from robustpolish.analysis.poles.eigen import EPS
+from robustpolish.arrays import Matrix
 from robustpolish.exact.balls import precision
 from robustpolish.exact.rational import ExactModel, identity
 from robustpolish.exact.realisation import Realisation
@@ -34,7 +35,6 @@ class Energy:
         return (self.upper - self.lower) / (2 * self.upper) if self.upper > 0 else 0.0
 
 
-Matrix = NDArray[np.float64]
 Wide = NDArray[Any]
 _WIDE: Any = np.finfo(np.longdouble).eps
 

@@ -15,7 +15,6 @@ from typing import Literal
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 
 from robustpolish.analysis.norms.lmi_proof import proves
 from robustpolish.analysis.norms.lmi_solver import Equation, minimise, well_inside
@@ -23,12 +22,11 @@ from robustpolish.analysis.norms.modal_basis import ModalModel, modal_model, reb
 from robustpolish.analysis.norms.peak_search import largest_response
 from robustpolish.analysis.scaling.parts import parts_with_indices
 from robustpolish.analysis.scaling.units import Scaling, even_scales, in_units
+from robustpolish.arrays import Matrix
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.exact.rational import ExactModel
 from robustpolish.exact.realisation import Realisation, power_of_two, realisation
 from robustpolish.validation import described, invalid, one_of
-
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

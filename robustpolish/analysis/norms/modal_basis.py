@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.exact.realisation import Realisation
-
-Matrix = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,8 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from robustpolish.analysis.poles.eigen import EPS, eigensystem
+from robustpolish.arrays import Array, Vector
 from robustpolish.exact.realisation import Realisation
-
-Vector = NDArray[np.float64]
 
 
 def cayley(model: Realisation) -> Realisation:
@@ -100,7 +99,7 @@ def _seeds(poles: NDArray[np.complex128]) -> Vector:
     return np.unique(np.concatenate([[0.0, np.inf], radius, np.abs(poles.imag), resonance]))
 
 
-def hamiltonian(model: Realisation, gamma: float) -> NDArray[np.float64] | None:
+def hamiltonian(model: Realisation, gamma: float) -> Array | None:
     """Return the matrix whose imaginary eigenvalues are crossings; None at the gain of D."""
     A, B, C, D = model.A, model.B, model.C, model.D
     if not D.any():

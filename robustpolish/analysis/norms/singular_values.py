@@ -8,12 +8,11 @@ from typing import Any
 import control
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from robustpolish.arrays import Vector
 from robustpolish.exact.realisation import Realisation, realisation, rescaled
 from robustpolish.validation import described, invalid
-
-Vector = NDArray[np.float64]
 
 _BACKGROUND = 400
 

@@ -9,9 +9,10 @@ import control
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robustpolish.analysis.poles.eigen import EPS
+from robustpolish.arrays import Vector
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.exact.realisation import (
     Realisation,
@@ -22,8 +23,6 @@ from robustpolish.exact.realisation import (
 )
 from robustpolish.plotting import plot_over_frequency
 from robustpolish.validation import described, invalid, matrix
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

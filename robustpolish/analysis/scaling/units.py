@@ -11,6 +11,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 
+from robustpolish.arrays import Vector
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.exact.realisation import (
     Realisation,
@@ -24,7 +25,6 @@ from robustpolish.exact.realisation import (
 from robustpolish.plotting import plot_bars
 from robustpolish.validation import described, invalid, matrix
 
-Vector = NDArray[np.float64]
 Groups = Sequence[Sequence[int]]
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from robustpolish.arrays import Array
 
 _LEVEL = 1e-12  # tilt [rad] below which precession has no direction and is reported as at rest
 

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-import numpy as np
-
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape
+from robustpolish.effects.shapes import Scan
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
@@ -16,29 +12,14 @@ def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by N
     f[0] = p[1] * min(max(q[0], -p[0]), p[0])
 
 
-def _shapes(motion: Motion) -> list[Shape]:
-    if motion.amplitude == 0.0 or not motion.context.get("spring_stiffness"):
-        return []
-    return [_at(motion, share * motion.amplitude) for share in (0.06, 0.12, 0.25, 0.45, 0.7)]
-
-
-def _at(motion: Motion, gap: float) -> Shape:
-    column = motion.context["spring_stiffness"] * np.clip(motion.q, -gap, gap)
-    return Shape(column[None], lambda c: {"gap": gap}, (1,))
-
-
-def _gives(values: Mapping[str, float]) -> Mapping[str, float]:
-    return {"clearance": values["gap"]}
-
-
 KIND = EffectKind(
     kind="backlash",
     title="Backlash (clearance)",
     domain="pair",
     parameters=(Parameter("gap", "L", "clearance on each side of the middle", lower=0.0),),
     law=_law,
-    shapes=_shapes,
-    gives=_gives,
+    scan=(Scan("gap", "amplitude", (0.06, 0.12, 0.25, 0.45, 0.7)),),
+    gives=(("clearance", "gap"),),
     context=("spring_stiffness",),
     sharp=True,
     looks_like="The spring gives way around the middle: a lower resonance at small amplitudes, "

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robustpolish.effects.along import force_along
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape
+from robustpolish.effects.shapes import Scan
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
@@ -18,24 +16,6 @@ def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by N
     level = abs(z[0]) / max(p[0], 1e-300)
     dz[0] = p[1] * v[0] * (1.0 - (p[3] * towards + 1.0 - p[3]) * level ** p[2])
     f[0] = -z[0]
-
-
-def _shapes(motion: Motion) -> list[Shape]:
-    return [
-        _at(motion, slip, exponent)
-        for slip in motion.slips((0.05, 0.15, 0.4, 0.8))
-        for exponent in (1.0, 2.0)
-    ]
-
-
-def _at(motion: Motion, distance: float, exponent: float) -> Shape:
-    column = force_along(KIND, motion, np.array([1.0, 1.0 / distance, exponent, 0.5]))
-
-    def values(c: NDArray[np.float64]) -> Mapping[str, float]:
-        force = float(c[0])
-        return {"force": force, "stiffness": force / distance, "exponent": exponent}
-
-    return Shape(column[None], values, (1,))
 
 
 def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
@@ -64,7 +44,11 @@ KIND = EffectKind(
         Parameter("beta", "1", "share of the sign term", 0.0, 1.0, default=0.5, fitted=False),
     ),
     law=_law,
-    shapes=_shapes,
+    linear_in=("force",),
+    scan=(
+        Scan("stiffness", "per slip", (0.05, 0.15, 0.4, 0.8)),
+        Scan("exponent", "1", (1.0, 2.0)),
+    ),
     gains=_gains,
     implausible=_implausible,
     state_sizes=_state_sizes,

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from robustpolish.effects.kind import CONSTANT, EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape, single
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
     f[0] = p[0]
-
-
-def _shapes(motion: Motion) -> list[Shape]:
-    return [single(np.ones(motion.q.shape), "force", sign=0)]
 
 
 KIND = EffectKind(
@@ -22,7 +15,7 @@ KIND = EffectKind(
     domain="dof",
     parameters=(Parameter("force", "F", "force along the coordinate"),),
     law=_law,
-    shapes=_shapes,
+    linear_in=("force",),
     family=CONSTANT,
     looks_like="A residual with a mean; the free run starts right and settles beside the data.",
     checks=(

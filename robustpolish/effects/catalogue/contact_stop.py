@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape, single
+from robustpolish.effects.shapes import Scan
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
@@ -19,23 +19,8 @@ def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by N
         f[0] = 0.0
 
 
-def _shapes(motion: Motion) -> list[Shape]:
-    q = motion.q[0]
-    found = []
-    for level in (60, 70, 80, 88, 94, 97.5):
-        for gap in (np.percentile(q, level), np.percentile(q, 100 - level)):
-            depth = np.maximum(q - gap, 0.0) if gap >= 0 else np.minimum(q - gap, 0.0)
-            if depth.any():
-                found.append(single(-depth, "stiffness", gap=float(gap)))
-    return found
-
-
 def _on_its_side(values: Mapping[str, float]) -> tuple[float, float]:
     return (0.0, np.inf) if values["gap"] >= 0 else (-np.inf, 0.0)
-
-
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
-    return abs(values["stiffness"]), 0.0, 0.0
 
 
 KIND = EffectKind(
@@ -52,8 +37,8 @@ KIND = EffectKind(
         Parameter("stiffness", "F/L", "stiffness of the stop", lower=0.0),
     ),
     law=_law,
-    shapes=_shapes,
-    gains=_gains,
+    linear_in=("stiffness",),
+    scan=(Scan("gap", "percentile", (60, 70, 80, 88, 94, 97.5)),),
     sharp=True,
     looks_like="Short pushes back on one side only; displacements cut off, bursts of the high "
     "modes.",

@@ -7,20 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape, single
+from robustpolish.effects.shapes import Scan
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
     width = max(p[2], abs(p[0]) * p[3])
     direction = np.tanh(v[0] / width) if width > 0.0 else np.sign(v[0])
     f[0] = -p[0] * direction - p[1] * direction * direction
-
-
-def _shapes(motion: Motion) -> list[Shape]:
-    width = 0.02 * motion.speed
-    if width == 0.0:
-        return []
-    return [single(-np.tanh(motion.v / width), "force")]
 
 
 def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
@@ -37,7 +30,8 @@ KIND = EffectKind(
         Parameter("width", "L/T", "speed over which the force turns over", lower=0.0, fitted=False),
     ),
     law=_law,
-    shapes=_shapes,
+    linear_in=("force",),
+    scan=(Scan("width", "speed", (0.02,), kept=False),),
     gains=_gains,
     family="dry friction",
     sharp=True,

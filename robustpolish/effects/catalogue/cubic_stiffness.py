@@ -2,22 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape, single
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
     f[0] = -p[0] * q[0] * q[0] * q[0]
-
-
-def _shapes(motion: Motion) -> list[Shape]:
-    return [single(-(motion.q**3), "stiffness", sign=0)]
-
-
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
-    return 3 * abs(values["stiffness"]) * q**2, 0.0, 0.0
 
 
 KIND = EffectKind(
@@ -26,8 +15,7 @@ KIND = EffectKind(
     domain="pair",
     parameters=(Parameter("stiffness", "F/L^3", "cubic coefficient, positive if hardening"),),
     law=_law,
-    shapes=_shapes,
-    gains=_gains,
+    linear_in=("stiffness",),
     looks_like="Third harmonics and a resonance that shifts with amplitude; the residual grows "
     "with the cube of the displacement.",
     checks=(

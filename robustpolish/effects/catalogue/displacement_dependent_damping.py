@@ -2,23 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape, single
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
     f[0] = -p[0] * q[0] * q[0] * v[0]
-
-
-def _shapes(motion: Motion) -> list[Shape]:
-    return [single(-(motion.q**2) * motion.v, "coefficient")]
-
-
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
-    c = abs(values["coefficient"])
-    return 2 * c * q * v, c * q**2, 0.0
 
 
 KIND = EffectKind(
@@ -29,8 +17,7 @@ KIND = EffectKind(
         Parameter("coefficient", "F*T/L^3", "damping over displacement squared", lower=0.0),
     ),
     law=_law,
-    shapes=_shapes,
-    gains=_gains,
+    linear_in=("coefficient",),
     looks_like="Damping that grows with amplitude while the velocity does not matter; third "
     "harmonics in quadrature to those of a cubic spring.",
     checks=(

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from robustpolish.effects.along import force_along
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape
+from robustpolish.effects.shapes import Scan
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
@@ -30,23 +29,6 @@ def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by N
         dz[0] = v[0]
 
 
-def _shapes(motion: Motion) -> list[Shape]:
-    return [_at(motion, slip) for slip in motion.slips((0.02, 0.05, 0.12, 0.3, 0.6, 1.0))]
-
-
-def _at(motion: Motion, slip: float) -> Shape:
-    column = force_along(KIND, motion, np.array([1.0, 1.0 / slip, 0.0]))
-    return Shape(
-        column[None],
-        lambda c: {"force": float(c[0]), "stiffness": float(c[0]) / slip},
-        (1,),
-    )
-
-
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
-    return abs(values["stiffness"]), 0.0, 0.0
-
-
 def _state_sizes(values: Mapping[str, float], q: float, v: float) -> tuple[float, ...]:
     return (max(values["force"] / max(values["stiffness"], 1e-300), 1e-6 * q),)
 
@@ -60,8 +42,8 @@ KIND = EffectKind(
         Parameter("stiffness", "F/L", "stiffness while it sticks", lower=0.0),
     ),
     law=_law,
-    shapes=_shapes,
-    gains=_gains,
+    linear_in=("force",),
+    scan=(Scan("stiffness", "per slip", (0.02, 0.05, 0.12, 0.3, 0.6, 1.0)),),
     state_sizes=_state_sizes,
     states=1,
     context=("clearance",),

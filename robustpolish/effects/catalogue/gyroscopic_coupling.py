@@ -2,26 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-import numpy as np
-
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
     f[0] = -p[0] * v[1]
     f[1] = p[0] * v[0]
-
-
-def _shapes(motion: Motion) -> list[Shape]:
-    columns = np.stack([-motion.v[1], motion.v[0]])[None]
-    return [Shape(columns, lambda c: {"coefficient": float(c[0])}, (0,))]
-
-
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
-    return 0.0, abs(values["coefficient"]), 0.0
 
 
 KIND = EffectKind(
@@ -30,8 +16,7 @@ KIND = EffectKind(
     domain="axes",
     parameters=(Parameter("coefficient", "F*T/L", "force over the other axis' velocity"),),
     law=_law,
-    shapes=_shapes,
-    gains=_gains,
+    linear_in=("coefficient",),
     looks_like="Each axis' residual follows the other axis' velocity, with opposite signs; no "
     "energy is lost.",
     checks=(

@@ -11,7 +11,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from robustpolish.effects.kind import Array, EffectKind, Parameter
+from robustpolish.arrays import Array
+from robustpolish.effects.kind import EffectKind, Parameter
 
 
 def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robustpolish.effects.along import force_along
 from robustpolish.effects.catalogue.stribeck_friction import STATIC_FORCE, VELOCITY, implausible
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape
+from robustpolish.effects.shapes import Scan
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
@@ -18,30 +16,6 @@ def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by N
     size = p[0] + (p[1] - p[0]) * np.exp(-((v[0] / p[2]) ** 2))
     dz[0] = p[3] * (v[0] - abs(v[0]) * z[0] / max(size, 1e-300))
     f[0] = -z[0] - p[4] / max(p[3], 1e-300) * dz[0]
-
-
-def _shapes(motion: Motion) -> list[Shape]:
-    return [
-        _at(motion, slip, velocity * motion.speed, ratio)
-        for slip in motion.slips((0.01, 0.04, 0.12, 0.35))
-        for velocity in (0.06, 0.25)
-        for ratio in (1.3, 2.0)
-    ]
-
-
-def _at(motion: Motion, slip: float, velocity: float, ratio: float) -> Shape:
-    column = force_along(KIND, motion, np.array([1.0, ratio, velocity, 1.0 / slip, 0.0]))
-
-    def values(c: NDArray[np.float64]) -> Mapping[str, float]:
-        force = float(c[0])
-        return {
-            "force": force,
-            "static_force": ratio * force,
-            "velocity": velocity,
-            "stiffness": force / slip,
-        }
-
-    return Shape(column[None], values, (1,))
 
 
 def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
@@ -65,7 +39,12 @@ KIND = EffectKind(
         Parameter("damping", "F*T/L", "damping of the bristles", lower=0.0, fitted=False),
     ),
     law=_law,
-    shapes=_shapes,
+    linear_in=("force",),
+    scan=(
+        Scan("stiffness", "per slip", (0.01, 0.04, 0.12, 0.35)),
+        Scan("velocity", "speed", (0.06, 0.25)),
+        Scan("static_force", "1", (1.3, 2.0)),
+    ),
     gains=_gains,
     state_sizes=_state_sizes,
     implausible=implausible,

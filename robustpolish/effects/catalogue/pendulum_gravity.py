@@ -7,15 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape, single
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
     f[0] = -p[0] * np.sin(q[0])
-
-
-def _shapes(motion: Motion) -> list[Shape]:
-    return [single(-np.sin(motion.q), "moment")]
 
 
 def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
@@ -28,7 +23,7 @@ KIND = EffectKind(
     domain="dof",
     parameters=(Parameter("moment", "F", "weight times lever, m g l", lower=0.0),),
     law=_law,
-    shapes=_shapes,
+    linear_in=("moment",),
     gains=_gains,
     looks_like="A spring that softens at large angles; at small ones it is a linear spring and "
     "cannot be told from one.",

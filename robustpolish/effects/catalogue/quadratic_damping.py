@@ -2,24 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-import numpy as np
-
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape, single
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
     f[0] = -p[0] * abs(v[0]) * v[0]
-
-
-def _shapes(motion: Motion) -> list[Shape]:
-    return [single(-np.abs(motion.v) * motion.v, "coefficient")]
-
-
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
-    return 0.0, 2 * abs(values["coefficient"]) * v, 0.0
 
 
 KIND = EffectKind(
@@ -28,8 +15,7 @@ KIND = EffectKind(
     domain="pair",
     parameters=(Parameter("coefficient", "F*T^2/L^2", "force over velocity squared", lower=0.0),),
     law=_law,
-    shapes=_shapes,
-    gains=_gains,
+    linear_in=("coefficient",),
     looks_like="Damping that grows with amplitude; the residual grows with v|v|.",
     checks=(
         "Air or oil that is pushed through gaps: covers, cavities, dashpots, fans.",

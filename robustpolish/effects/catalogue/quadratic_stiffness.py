@@ -2,22 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape, single
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
     f[0] = -p[0] * q[0] * q[0]
-
-
-def _shapes(motion: Motion) -> list[Shape]:
-    return [single(-(motion.q**2), "stiffness", sign=0)]
-
-
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
-    return 2 * abs(values["stiffness"]) * q, 0.0, 0.0
 
 
 KIND = EffectKind(
@@ -26,8 +15,7 @@ KIND = EffectKind(
     domain="pair",
     parameters=(Parameter("stiffness", "F/L^2", "quadratic coefficient"),),
     law=_law,
-    shapes=_shapes,
-    gains=_gains,
+    linear_in=("stiffness",),
     looks_like="Second harmonics and a mean that drifts with the amplitude.",
     checks=(
         "Preloaded or curved springs, asymmetric contacts, magnets on one side.",

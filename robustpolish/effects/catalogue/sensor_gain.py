@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from robustpolish.effects.kind import Array, EffectKind, Parameter
+from robustpolish.arrays import Array
+from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.effects.shapes import Motion, Shape
 
 

@@ -4,14 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
-from robustpolish.effects.kind import CONSTANT, Array, EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape
-
-
-def _shapes(motion: Motion) -> list[Shape]:
-    return [Shape(np.ones((1, *motion.q.shape)), lambda c: {"offset": float(c[0])}, (0,))]
+from robustpolish.arrays import Array
+from robustpolish.effects.kind import CONSTANT, EffectKind, Parameter
 
 
 def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:
@@ -29,7 +23,7 @@ KIND = EffectKind(
     parameters=(Parameter("offset", "signal", "shown when there is nothing"),),
     on_signal=_on_signal,
     linear_signal=_linear_signal,
-    shapes=_shapes,
+    linear_in=("offset",),
     family=CONSTANT,
     looks_like="This channel's residual has a mean, from the first sample on.",
     checks=("Zero of the sensor and of its amplifier, drift with temperature.",),

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape
+from robustpolish.effects.shapes import Scan
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
@@ -16,24 +15,6 @@ def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by N
     width = max(p[3], max(p[0], p[1]) * p[4])
     direction = np.tanh(v[0] / width) if width > 0.0 else np.sign(v[0])
     f[0] = -size * direction
-
-
-def _shapes(motion: Motion) -> list[Shape]:
-    speed = motion.speed
-    if speed == 0.0:
-        return []
-    direction = np.tanh(motion.v / (0.02 * speed))
-    return [_at(motion, direction, share * speed) for share in (0.06, 0.15, 0.4)]
-
-
-def _at(motion: Motion, direction: NDArray[np.float64], velocity: float) -> Shape:
-    columns = np.stack([-direction, -direction * np.exp(-((motion.v / velocity) ** 2))])
-
-    def values(c: NDArray[np.float64]) -> Mapping[str, float]:
-        force, more = float(c[0]), float(c[1])
-        return {"force": force, "static_force": force + more, "velocity": velocity}
-
-    return Shape(columns, values, (1, 1))
 
 
 def implausible(values: Mapping[str, float]) -> str | None:
@@ -81,7 +62,11 @@ KIND = EffectKind(
         Parameter("width", "L/T", "speed over which the force turns over", lower=0.0, fitted=False),
     ),
     law=_law,
-    shapes=_shapes,
+    linear_in=(("force", "static_force"), "static_force"),
+    scan=(
+        Scan("velocity", "speed", (0.06, 0.15, 0.4)),
+        Scan("width", "speed", (0.02,), kept=False),
+    ),
     gains=_gains,
     implausible=implausible,
     context=("mobility",),

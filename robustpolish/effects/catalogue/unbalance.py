@@ -2,37 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
-from numpy.typing import NDArray
 
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape
+from robustpolish.effects.shapes import Scan
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
     size = p[0] * p[3] * p[3]
     f[0] = size * np.cos(p[3] * t + p[1])
     f[1] = p[2] * size * np.sin(p[3] * t + p[1])
-
-
-def _shapes(motion: Motion) -> list[Shape]:
-    spin = motion.context.get("spin_frequency", 0.0)
-    if not spin:
-        return []
-    return [_turning(motion, spin, direction) for direction in (1.0, -1.0)]
-
-
-def _turning(motion: Motion, spin: float, direction: float) -> Shape:
-    cosine, sine = np.cos(spin * motion.time), np.sin(spin * motion.time)
-    columns = spin**2 * np.array([[cosine, direction * sine], [-sine, direction * cosine]])
-
-    def values(c: NDArray[np.float64]) -> Mapping[str, float]:
-        phase = float(np.arctan2(c[1], c[0]))
-        return {"unbalance": float(np.hypot(*c)), "phase": phase, "direction": direction}
-
-    return Shape(columns, values, (0, 0))
 
 
 KIND = EffectKind(
@@ -51,7 +30,8 @@ KIND = EffectKind(
         ),
     ),
     law=_law,
-    shapes=_shapes,
+    linear_in=("unbalance",),
+    scan=(Scan("direction", "1", (1.0, -1.0)),),
     context=("spin_frequency",),
     looks_like="A line at the spin frequency on both axes, a quarter of a turn apart.",
     checks=(

@@ -8,26 +8,28 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from robustpolish.arrays import Array
 from robustpolish.identification.compare.comparison import Comparison, OutputError
 from robustpolish.identification.compare.horizon import predict
 from robustpolish.identification.compare.parameter_band import parameter_band
 from robustpolish.identification.observer.missing_force import observed_motion
 from robustpolish.identification.observer.reproducibility import reproducibility
-from robustpolish.identification.observer.run import RecordRun, Start, StartedPiece, free_run, rest
-from robustpolish.identification.observer.start import (
+from robustpolish.identification.observer.run import (
+    RecordRun,
+    Start,
+    StartedPiece,
     fitted_start,
+    free_run,
     lengths,
+    rest,
     state_sizes,
     visible_sizes,
 )
 from robustpolish.identification.record import Record, long_enough, record_of
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid, positive
-
-Array = NDArray[np.float64]
 
 
 def compare(

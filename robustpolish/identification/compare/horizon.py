@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.identification.observer.missing_force import observed
 from robustpolish.identification.observer.run import RecordRun, Start, StartedPiece, rest
 from robustpolish.identification.record import Record
 from robustpolish.validation import described, invalid
-
-Array = NDArray[np.float64]
 
 
 def predict(run: RecordRun, record: Record, horizon: float) -> tuple[Array, StartedPiece]:

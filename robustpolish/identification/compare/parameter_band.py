@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid, positive
 
-Array = NDArray[np.float64]
 Simulation = Callable[[MechanicalModel], Array]
 
 

@@ -6,18 +6,16 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from robustpolish.effects import Effect, EffectKind, Motion, Shape
+from robustpolish.arrays import Array
+from robustpolish.effects import Effect, EffectKind, Motion, Shape, shapes_along
 from robustpolish.identification.fit.parameters import connected
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.observer.missing_force import Smoothed, known_forces
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import context_of, port_pairs, port_rows
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,13 +94,13 @@ def columns_at(
     force = None
     if kind.domain == "dof" and (at[0], "ground") in sites:
         force = motion.force[sites.index((at[0], "ground"))][None]
-    if "clearance" in kind.gives(effect.values) and _slips(model, at):
+    if "clearance" in dict(kind.gives) and _slips(model, at):
         return _clearances(model, kind, at, motion, record)
-    context = context_of(model, at, record.dt / 4)
+    context = context_of(model, at, 0.0)  # along a known motion no step has to be resolved
     pairs = port_pairs(effect)
     return [
         Columns(kind, at, shape, rows, pairs, shape.columns)
-        for shape in kind.shapes(Motion(record.time, q, v, context, force))
+        for shape in shapes_along(kind, Motion(record.time, q, v, context, force))
     ]
 
 
@@ -163,13 +161,13 @@ def _signal_columns(
         u = motion.inputs[:, j]
         du = CubicSpline(time, u)(time, 1)
         ends = [(name, "ground") for name in model.dof_names]
-        for shape in kind.shapes(Motion(time, u[None], du[None])):
+        for shape in shapes_along(kind, Motion(time, u[None], du[None])):
             forces = m.B[:, j][None, :, None] * shape.columns
             found.append(Columns(kind, at, shape, np.eye(len(m.B)), ends, forces))
         return found
     i = model.output_names.index(at[0])
     y = motion.outputs[:, i]
-    for shape in kind.shapes(Motion(time, y[None], np.gradient(y, time)[None])):
+    for shape in shapes_along(kind, Motion(time, y[None], np.gradient(y, time)[None])):
         full = np.zeros((len(shape.columns), len(model.outputs), len(time)))
         full[:, i] = shape.columns[:, 0]
         found.append(Columns(kind, at, shape, None, [], full))

@@ -1,13 +1,14 @@
-"""The end of a diagnosis: final fit, verdict, result."""
+"""The end of a diagnosis: gains that masses and springs hide, final fit, verdict, result."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.confusion import confused
 from robustpolish.identification.discover.free_shape import better_shape
@@ -15,14 +16,14 @@ from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.findings.findings import Confusion, FoundEffect, Value
 from robustpolish.identification.findings.ledger import Entry, Ledger
-from robustpolish.identification.fit.homotopy import JudgedFit, free_rms, homotopy
+from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, free_rms, homotopy
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
+from robustpolish.identification.fit.parameters import chain_keys, connected, driving
 from robustpolish.identification.observer.kalman import FREE, force_sites
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.parameters import effect_unit, unit_of
+from robustpolish.models.mechanical.data import effect_unit, unit_of
 from robustpolish.models.mechanical.parts import FORCE
 
-Array = NDArray[np.float64]
 _DRY = ("coulomb_friction", "stribeck_friction")
 
 
@@ -216,3 +217,71 @@ def _loaded(model: MechanicalModel, constant: FoundEffect) -> str | None:
         output = next(o for o in model.outputs if o.name == constant.at[0])
         return output.of[0] if output.quantity == FORCE else None
     return None
+
+
+@dataclass(frozen=True)
+class WrongGain:
+    """A gain that explains what a refit did to masses and springs.
+
+    Attributes
+    ----------
+    effect : Effect
+    alike : tuple of Effect
+        Effects that would explain it as well.
+    """
+
+    effect: Effect
+    alike: tuple[Effect, ...]
+
+
+def add_wrong_gains(search: Search) -> None:
+    """Add the gains that explain what the refit did to masses and springs, if there are any."""
+    for wrong in _wrong_gains(search):
+        _add(search, wrong)
+
+
+def _add(search: Search, wrong: WrongGain) -> None:
+    """Add the gain of an input, if the error does not mind."""
+    prepared, reference, effect = search.prepared, search.reference, wrong.effect
+    search.say(f"refit with {effect}")
+    model = replace(reference, effects=(*search.stage.model.effects, effect))
+    stages = homotopy(model, prepared, prepared.trial, reference, search.policy.linear)
+    if not stages:
+        return
+    stage = best_stage(stages, prepared)
+    if np.mean(np.log(stage.error / search.stage.error)) > search.policy.gain_loss:
+        return
+    search.stage = stage
+    search.confusions += [confused(effect, other) for other in wrong.alike]
+    search.reasons.append(
+        f"Masses and springs err by one factor: {effect.at[0]} acts {effect.values['gain']:.3g} "
+        "times as strongly as the record says."
+    )
+    search.steps.append((effect.kind, stage.model))
+
+
+def _wrong_gains(search: Search) -> list[WrongGain]:
+    """Return the gains that a refit hides in a common factor of masses and springs."""
+    before, after = search.reference, search.stage.model
+    old, new = before.parameters, after.parameters
+    found = []
+    there = {(e.kind, e.at) for e in after.effects}
+    for chain in connected(before):
+        names = driving(before, chain)
+        if len(names) != 1 or ("input_gain", (names[0],)) in there:
+            continue
+        masses, springs, _ = chain_keys(before, chain)
+        keys = [key for key in masses + springs if old[key] > 0 and new[key] > 0]
+        if len(keys) < 2:
+            continue
+        logs = [np.log(new[key] / old[key]) for key in keys]
+        gain = f"input.{names[0]}.gain"
+        common = float(np.log(new[gain] / old[gain]) - np.mean(logs))
+        scatter = search.policy.gain_spread * abs(common)
+        if abs(common) < search.policy.gain_least or np.ptp(logs) > scatter:
+            continue
+        effect = Effect("input_gain", (names[0],), {"gain": float(np.exp(common))})
+        outputs = [o.name for o in before.outputs if chain.intersection(o.of)]
+        alike = [Effect("sensor_gain", (outputs[0],))] if len(outputs) == 1 else []
+        found.append(WrongGain(effect, tuple(alike)))
+    return found

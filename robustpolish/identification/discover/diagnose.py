@@ -6,14 +6,12 @@ from collections.abc import Callable
 
 import xarray as xr
 
-from robustpolish.identification.discover.conclude import conclude
+from robustpolish.identification.discover.conclude import add_wrong_gains, conclude
 from robustpolish.identification.discover.filtered import null_score
-from robustpolish.identification.discover.input_hold import with_holds
 from robustpolish.identification.discover.judge import chosen, judgement, objection
-from robustpolish.identification.discover.own_numbers import refit_own
+from robustpolish.identification.discover.own_numbers import refit_own, with_holds
 from robustpolish.identification.discover.screening import Screening, hopeful, screen
 from robustpolish.identification.discover.search import RefittedEffect, Search
-from robustpolish.identification.discover.wrong_gain import add_wrong_gains
 from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.fit.prepared import prepare
 from robustpolish.identification.policy import POLICY, Policy

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from robustpolish.arrays import Array
 from robustpolish.identification.discover.candidates import Columns
 from robustpolish.identification.fit.parameters import free_parameters
 from robustpolish.identification.fit.prepared import PreparedRecord
@@ -19,8 +19,6 @@ from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_row
 from robustpolish.simulation.signals import raw_outputs
-
-Array = NDArray[np.float64]
 
 
 class FilteredRecord:

@@ -8,16 +8,14 @@ innovations to the noise where the named effect leaves them well above, the name
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.candidates import places
 from robustpolish.identification.discover.filtered import FilteredRecord
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_row
-
-Array = NDArray[np.float64]
 
 
 def better_shape(model: MechanicalModel, prepared: PreparedRecord) -> str | None:

@@ -8,7 +8,6 @@ from dataclasses import replace
 import lmfit
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from robustpolish.identification.discover.screening import screen
 from robustpolish.identification.findings.refitted import Refit
@@ -18,10 +17,8 @@ from robustpolish.identification.fit.prepared import PreparedRecord, prepare
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, record_of
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.parameters import unit_of
+from robustpolish.models.mechanical.data import unit_of
 from robustpolish.progress import working
-
-Array = NDArray[np.float64]
 
 
 def refit(

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.effects import CONSTANT, Effect, kinds
 from robustpolish.identification.discover.candidates import Columns, columns_at, places
 from robustpolish.identification.discover.filtered import FilteredRecord
@@ -15,8 +15,6 @@ from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.kalman import Level
 from robustpolish.identification.policy import Policy
 from robustpolish.models.mechanical import MechanicalModel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

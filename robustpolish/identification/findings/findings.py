@@ -7,13 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.findings.ledger import Ledger
 from robustpolish.models.mechanical import MechanicalModel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

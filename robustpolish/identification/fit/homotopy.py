@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.identification.fit.least_squares import Fit, Residuals, fit
 from robustpolish.identification.fit.parameters import free_parameters, with_units_of_force
 from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
@@ -21,8 +21,6 @@ from robustpolish.identification.observer.kalman import Level
 from robustpolish.identification.observer.reproducibility import reproducibility
 from robustpolish.identification.observer.run import StartedPiece
 from robustpolish.models.mechanical import MechanicalModel
-
-Array = NDArray[np.float64]
 
 
 def homotopy(

@@ -9,13 +9,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.identification.fit.parameters import FreeParameter
 from robustpolish.identification.observer.run import RecordRun, Runner, Start, StartedPiece
 from robustpolish.models.mechanical import MechanicalModel
 
-Array = NDArray[np.float64]
 _STEP = 1e-5
 # Relative fall of the cost below which a fit stops.
 _SETTLED = 1e-3

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustpolish.effects import Effect, Parameter
 from robustpolish.identification.policy import Policy
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import FORCE
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.identification.observer.kalman import (
     FREE,
     Level,
@@ -17,14 +17,20 @@ from robustpolish.identification.observer.kalman import (
     scales_of,
 )
 from robustpolish.identification.observer.missing_force import Smoothed, smooth
-from robustpolish.identification.observer.run import RecordRun, Runner, Start, StartedPiece, rest
-from robustpolish.identification.observer.start import fitted_start, state_sizes
+from robustpolish.identification.observer.run import (
+    RecordRun,
+    Runner,
+    Start,
+    StartedPiece,
+    fitted_start,
+    rest,
+    state_sizes,
+)
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid
 
-Array = NDArray[np.float64]
 # Two held-out pieces, 30 % of the record, between those for estimation; free decays keep their
 # beginning, where the amplitude is, for estimation.
 _MARKS = (0.0, 0.4, 0.55, 0.85, 1.0)

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import welch
 
+from robustpolish.arrays import Array
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
@@ -21,7 +21,6 @@ from robustpolish.simulation.signals import signals
 from robustpolish.simulation.step import step_matrices
 from robustpolish.simulation.system import NonlinearSystem
 
-Array = NDArray[np.float64]
 _QUIETEST = 1e-5
 # A force that lasts cannot be told from a displacement by a sensor that does not see one.
 _LEAK = {VELOCITY: 20.0, ACCELERATION: 4.0}

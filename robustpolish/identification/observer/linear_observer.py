@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.identification.observer.kalman import (
     Level,
     Scales,
@@ -18,8 +18,6 @@ from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_matrices
 from robustpolish.simulation.step import step_matrices
 from robustpolish.simulation.system import NonlinearSystem, build_system
-
-Array = NDArray[np.float64]
 
 
 @numba.njit(cache=True, nogil=True)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.effects import Motion, force_along
 from robustpolish.identification.observer.kalman import Level, Scales, amplitude_of, scales_of
 from robustpolish.identification.observer.linear_observer import LinearObserver, PortForces
@@ -24,7 +24,6 @@ from robustpolish.models.mechanical.ports import (
 from robustpolish.simulation.run import NonlinearResponse
 from robustpolish.simulation.signals import raw_outputs, signals
 
-Array = NDArray[np.float64]
 _START = 3.0
 # Levels of a model that may be nearly right, to predict with and to see the motion.
 _OBSERVING = tuple(Level(share) for share in (0.01, 0.03, 0.1, 0.3, 1.0))

@@ -9,13 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.identification.observer.kalman import white_noise
 from robustpolish.identification.observer.run import RecordRun, StartedPiece
 from robustpolish.identification.record import Record
-
-Array = NDArray[np.float64]
 
 _TINY = 1e-6
 _DIRECTIONS = 3

@@ -11,9 +11,8 @@ from scipy.signal import coherence as welch_coherence
 from scipy.signal.windows import parzen
 from scipy.stats import norm
 
+from robustpolish.arrays import Array
 from robustpolish.validation import described, invalid
-
-Array = NDArray[np.float64]
 
 CONFIDENCE = 0.99
 

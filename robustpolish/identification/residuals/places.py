@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.identification.compare.comparison import Comparison
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.observer.missing_force import motion_of, observed_motion
@@ -16,8 +16,6 @@ from robustpolish.identification.record import record_of
 from robustpolish.identification.residuals.shares import surface, value_shares
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import FORCE, UNITS
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

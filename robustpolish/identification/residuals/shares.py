@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import welch
 
-Array = NDArray[np.float64]
+from robustpolish.arrays import Array
 
 
 def window_shares(residual: xr.Dataset, windows: int) -> xr.DataArray:

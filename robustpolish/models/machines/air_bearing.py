@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Matrix
 from robustpolish.models.machines.air_bearing_parameters import AirBearingParameters
 from robustpolish.models.plant.plant import GeneralizedPlant
 from robustpolish.validation import described, invalid, one_of
-
-Matrix = NDArray[np.float64]
 
 COORDINATES = ("x_m", "x", "y_m", "y", "z_m", "z")
 FORCES = ("F_x", "F_y", "F_z", "F_p")

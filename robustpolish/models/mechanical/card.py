@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from robustpolish.display import Card, Table
-from robustpolish.models.mechanical.data import MechanicalData
-from robustpolish.models.mechanical.parameters import unit_of, values
+from robustpolish.models.mechanical.data import MechanicalData, unit_of, values
 
 COLUMNS = ("part", "at", "quantity", "value", "unit")
 

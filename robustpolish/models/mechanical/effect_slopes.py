@@ -8,18 +8,16 @@ from dataclasses import dataclass
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.signal import tf2ss
 
+from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import number
 from robustpolish.models.mechanical.ports import context_values, effect_ports
 from robustpolish.validation import invalid
-
-Array = NDArray[np.float64]
 
 _PHASES = 16
 _PADE_ORDER = 2

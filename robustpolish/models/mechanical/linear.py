@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Matrix
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.effect_slopes import (
     LinearEffects,
@@ -19,8 +19,6 @@ from robustpolish.models.mechanical.effect_slopes import (
 from robustpolish.models.mechanical.parts import UNITS
 from robustpolish.models.plant.plant import GeneralizedPlant
 from robustpolish.validation import described, invalid, one_of
-
-Matrix = NDArray[np.float64]
 
 
 def linearize(

@@ -10,6 +10,7 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
+from robustpolish.arrays import Matrix
 from robustpolish.models.mechanical.parts import (
     ACCELERATION,
     DISPLACEMENT,
@@ -22,8 +23,6 @@ from robustpolish.models.mechanical.parts import (
     imposed_by,
 )
 from robustpolish.models.plant.blocks import named_system
-
-Matrix = NDArray[np.float64]
 
 NO_INPUT = "no_input"
 

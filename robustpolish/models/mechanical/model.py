@@ -12,10 +12,9 @@ import control
 from robustpolish.display import Card, Displayed
 from robustpolish.effects import Effect
 from robustpolish.models.machines.air_bearing_parameters import AirBearingParameters
-from robustpolish.models.mechanical import parameters as _parameters
 from robustpolish.models.mechanical.air_bearing import air_bearing_data
 from robustpolish.models.mechanical.card import mechanical_card
-from robustpolish.models.mechanical.data import MechanicalData
+from robustpolish.models.mechanical.data import MechanicalData, replaced, values
 from robustpolish.models.mechanical.linear import linearize
 from robustpolish.models.mechanical.toml import read_model, write_model
 from robustpolish.models.plant.plant import GeneralizedPlant
@@ -196,7 +195,7 @@ class MechanicalModel(MechanicalData, Displayed):
         Keys are ``dof.NAME.mass`` (or ``.inertia``), ``spring[i].stiffness``,
         ``damper[i].damping``, ``input.NAME.gain`` and ``effect[i].PARAMETER``.
         """
-        return _parameters.values(self)
+        return values(self)
 
     def with_parameters(self, values: Mapping[str, float]) -> MechanicalModel:
         """Return the model with some numbers changed, by the keys of `parameters`.
@@ -215,7 +214,7 @@ class MechanicalModel(MechanicalData, Displayed):
         InvalidInputError
             If there is no such key, or a value is not allowed.
         """
-        return _parameters.replaced(self, values)
+        return replaced(self, values)
 
     # Files and machines --------------------------------------------------------------
 

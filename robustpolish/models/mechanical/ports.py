@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.matrices import incidence
 from robustpolish.models.mechanical.parts import FORCE
-
-Array = NDArray[np.float64]
 
 
 def port_row(model: MechanicalData, at: tuple[str, ...]) -> Array:
@@ -116,6 +114,6 @@ def context_of(model: MechanicalData, at: tuple[str, ...], step: float) -> Mappi
     }
     for effect in model.effects:
         if set(effect.at) == ends:
-            for name, value in effect.definition.gives(effect.values).items():
-                found[name] = found.get(name, 0.0) + value
+            for name, parameter in effect.definition.gives:
+                found[name] = found.get(name, 0.0) + effect.values[parameter]
     return found

@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from robustpolish.arrays import Matrix
 from robustpolish.validation import described, invalid, matrix, state_space
-
-Matrix = NDArray[np.float64]
 
 
 class PlantBlocks:

@@ -12,9 +12,9 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robustpolish.arrays import Matrix
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.models.plant.blocks import (
-    Matrix,
     PlantBlocks,
     closed_loop,
     named_system,

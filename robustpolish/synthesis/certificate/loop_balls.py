@@ -14,15 +14,15 @@ import control
 import flint
 import numpy as np
 from control.exception import ControlMIMONotImplemented
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.exact import balls
 from robustpolish.exact.balls import Ball
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.certificate.quick_norm import state_scale
 from robustpolish.validation import described, invalid
 
-Matrix = NDArray[Any]
 GivenController = control.StateSpace | control.TransferFunction | ArrayLike
 BITS = 240
 """Precision of the balls; more where that does not suffice for a proof."""

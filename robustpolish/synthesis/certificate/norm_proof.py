@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import flint
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.exact import balls
 from robustpolish.exact.balls import Ball
 from robustpolish.synthesis.certificate.long_arithmetic import precise_candidate
@@ -24,7 +24,6 @@ from robustpolish.synthesis.certificate.loop_balls import BITS, LoopBalls, cayle
 from robustpolish.synthesis.certificate.quick_norm import quick_norm
 from robustpolish.synthesis.riccati.equations import solve_lyapunov, solve_riccati
 
-Matrix = NDArray[Any]
 Kind = Literal["bounded_real", "gramian", "lyapunov"]
 SLACK = (1e-5, 2e-4, 9e-4)
 """How far above a computed norm, relative, the bounds lie that are tried, in this order."""

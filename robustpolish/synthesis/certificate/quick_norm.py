@@ -12,11 +12,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.arrays import Array
 from robustpolish.synthesis.problem.matrices import balancing_scale
-
-Matrix = NDArray[Any]
 
 _STEPS = 12
 _MOST_SEEDS = 80
@@ -71,9 +70,7 @@ def quick_norm(A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float = 1e
     return QuickNorm(norm, where, False)
 
 
-def _highest(
-    A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: NDArray[np.float64]
-) -> tuple[float, float]:
+def _highest(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> tuple[float, float]:
     gains = _gains(A, B, C, D, frequencies)
     best = int(np.argmax(gains))
     return float(gains[best]), float(frequencies[best])
@@ -88,7 +85,7 @@ def state_scale(A: Matrix, B: Matrix, C: Matrix) -> Matrix:
     return balancing_scale(bordered)[:n]
 
 
-def _resonances(poles: Any) -> NDArray[np.float64]:
+def _resonances(poles: Any) -> Array:
     """Return the frequencies at which poles may peak, the least damped ones first."""
     size = np.abs(poles)
     damping = -poles.real / np.where(size > 0, size, 1)
@@ -98,9 +95,7 @@ def _resonances(poles: Any) -> NDArray[np.float64]:
     return np.unique(np.concatenate(found))
 
 
-def _gains(
-    A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _gains(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> Array:
     finite = frequencies[np.isfinite(frequencies)]
     values = np.zeros(frequencies.size)
     if not np.isfinite(frequencies).all() and D.size:
@@ -116,9 +111,7 @@ def _gains(
     return values
 
 
-def _crossings(
-    A: Matrix, B: Matrix, C: Matrix, D: Matrix, gamma: float
-) -> NDArray[np.float64] | None:
+def _crossings(A: Matrix, B: Matrix, C: Matrix, D: Matrix, gamma: float) -> Array | None:
     """Return the frequencies at which a singular value equals gamma."""
     gap = gamma**2 * np.eye(B.shape[1]) - D.T @ D
     try:

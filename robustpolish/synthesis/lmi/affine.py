@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import sparse
 
-Matrix = NDArray[np.float64]
+from robustpolish.arrays import Matrix
+
 # SciPy's stubs make nothing of the shape of a sparse array.
 Sparse = Any
 _csr: Any = sparse.csr_array

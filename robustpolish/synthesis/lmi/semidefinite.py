@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
+from robustpolish.arrays import Matrix
 from robustpolish.budget import Budget
 from robustpolish.synthesis.lmi.affine import Affine
 from robustpolish.synthesis.lmi.limited import run_limited
 from robustpolish.validation import one_of
 
-Matrix = NDArray[np.float64]
 Integers = NDArray[np.integer]
 
 BACKENDS = ("cvxpy", "picos")

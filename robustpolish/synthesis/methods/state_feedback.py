@@ -9,9 +9,10 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robustpolish.analysis import controllability, h2_norm, hinf_norm
+from robustpolish.arrays import Matrix
 from robustpolish.budget import Budget, same_bits
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.models import GeneralizedPlant
@@ -30,8 +31,6 @@ from robustpolish.synthesis.state_search.message import message
 from robustpolish.synthesis.state_search.part_search import solve_parts
 from robustpolish.synthesis.state_search.policy import POLICY
 from robustpolish.validation import described, invalid, one_of, positive
-
-Matrix = NDArray[np.float64]
 
 ENGINES: Mapping[str, type[StateEngine]] = {"lmi": LmiStateEngine, "riccati": RiccatiStateEngine}
 

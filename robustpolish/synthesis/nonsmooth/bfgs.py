@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import AnyVector as Vector
+from robustpolish.arrays import Array
 from robustpolish.budget import Budget
 
-Vector = NDArray[Any]
 Function = Callable[[Vector], tuple[float, Vector]]
 
 
@@ -134,7 +133,7 @@ def _weak_wolfe(
     return best if best is not None and best[1] < f else None
 
 
-def _update(H: NDArray[np.float64], s: Vector, y: Vector, first: bool) -> NDArray[np.float64]:
+def _update(H: Array, s: Vector, y: Vector, first: bool) -> Array:
     """Return the BFGS update of the inverse Hessian, unchanged where curvature is lost."""
     curvature = float(s @ y)
     if not np.isfinite(curvature) or curvature <= 1e-14 * np.linalg.norm(s) * np.linalg.norm(y):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.synthesis.nonsmooth.problem import ActivePiece
-from robustpolish.synthesis.problem.matrices import Matrix
 
 
 @dataclass(frozen=True, eq=False)

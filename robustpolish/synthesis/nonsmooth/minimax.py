@@ -14,15 +14,14 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.arrays import AnyVector as Vector
 from robustpolish.budget import Budget, step_cost
 from robustpolish.synthesis.nonsmooth.bfgs import Descent, ended_by
 from robustpolish.synthesis.nonsmooth.problem import Model, Problem
 
-Vector = NDArray[Any]
-Matrix = NDArray[Any]
 # Its type stubs know nothing of what it exports.
 clarabel: Any = import_module("clarabel")
 

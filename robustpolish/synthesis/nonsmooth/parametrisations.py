@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-Vector = NDArray[Any]
-Matrix = NDArray[Any]
+from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.arrays import AnyVector as Vector
+from robustpolish.arrays import Array
 
 
 class Parametrisation(Protocol):
@@ -117,7 +118,7 @@ class PositiveElements:
     elements : ndarray, shape (n, rows, columns)
     """
 
-    elements: NDArray[np.float64]
+    elements: Array
 
     @property
     def size(self) -> int:

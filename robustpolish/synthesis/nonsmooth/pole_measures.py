@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.budget import step_cost
 from robustpolish.synthesis.nonsmooth.problem import ActivePiece, Measure
-from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.static_loop import close_static
 
 # Distance of one pole from its region (negative inside), and the derivative of the

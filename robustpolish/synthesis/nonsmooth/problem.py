@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.arrays import AnyVector as Vector
 from robustpolish.synthesis.nonsmooth.parametrisations import Parametrisation
-
-Vector = NDArray[Any]
-Matrix = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,17 +11,12 @@ import control
 import numpy as np
 
 from robustpolish.analysis import h2_norm, hinf_norm
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.budget import Budget, step_cost
 from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.certificate.quick_norm import quick_norm
 from robustpolish.synthesis.output_search.policy import POLICY
-from robustpolish.synthesis.problem.matrices import (
-    Controller,
-    Matrix,
-    PlantMatrices,
-    balanced,
-    close,
-)
+from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, balanced, close
 from robustpolish.synthesis.riccati.infimum import LowerBound
 
 

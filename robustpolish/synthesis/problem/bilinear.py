@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.problem.matrices import Controller, Matrix, shift
+from robustpolish.synthesis.problem.matrices import Controller, shift
 
 _WORST_CONDITION = 1e7
 _TRIALS = 6

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import control
 import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.analysis import decoupled_blocks
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.models import GeneralizedPlant
 from robustpolish.models.plant.blocks import named_system
-
-Matrix = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,12 +10,10 @@ from typing import Any
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 
 from robustpolish.analysis import h2_norm, hinf_norm
+from robustpolish.arrays import Matrix
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-
-Matrix = NDArray[np.float64]
 
 
 def measuring_states(plant: PlantMatrices) -> PlantMatrices:

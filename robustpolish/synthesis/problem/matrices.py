@@ -8,12 +8,10 @@ from typing import Any, NamedTuple
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.models import GeneralizedPlant
-
-Matrix = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)

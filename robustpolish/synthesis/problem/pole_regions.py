@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from robustpolish.arrays import Matrix
 from robustpolish.validation import described, invalid, positive
-
-Matrix = NDArray[np.float64]
 
 
 @runtime_checkable

@@ -8,16 +8,17 @@ from typing import Any
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robustpolish.analysis import AxisZero, controllability, observability, zeros_on_axis
+from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.arrays import Array
 from robustpolish.errors import InfeasibleError
 from robustpolish.exact.rational import EXACT_STATES
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.problem.scaling import scale_plant
 from robustpolish.validation import described, invalid
 
-Matrix = NDArray[Any]
 NOISE_PREFIX = "noise_"
 """What the names of added measurement noise begin with."""
 _SUSPECT = 1e-7
@@ -301,7 +302,7 @@ def noisy(plant: GeneralizedPlant, noise: ArrayLike | None) -> GeneralizedPlant:
     )
 
 
-def _weights(argument: str, weight: ArrayLike | None, count: int, unit: str) -> NDArray[np.float64]:
+def _weights(argument: str, weight: ArrayLike | None, count: int, unit: str) -> Array:
     if weight is None:
         return np.zeros(count)
     expected = f"a number of at least 0, or {count} of them, in {unit}"

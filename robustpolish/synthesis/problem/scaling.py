@@ -7,15 +7,14 @@ from dataclasses import dataclass
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from robustpolish.arrays import Matrix
 from robustpolish.models import GeneralizedPlant
 from robustpolish.models.plant.blocks import named_system
 from robustpolish.synthesis.problem.bilinear import to_continuous, to_discrete
 from robustpolish.synthesis.problem.decoupling import named_controller
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, balanced, shift
-
-Matrix = NDArray[np.float64]
 
 _SWEEPS = 20
 

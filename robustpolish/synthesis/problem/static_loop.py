@@ -8,7 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
+from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 
 
 @dataclass(frozen=True, eq=False)

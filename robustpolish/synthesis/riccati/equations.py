@@ -14,10 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.synthesis.problem.matrices import balancing_scale
-
-Matrix = NDArray[Any]
-
 
 _MOST_ASYMMETRY = 1e-6
 

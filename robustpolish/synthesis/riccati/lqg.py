@@ -10,8 +10,9 @@ import numpy as np
 from scipy import linalg
 
 from robustpolish.analysis import h2_norm
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.errors import InfeasibleError
-from robustpolish.synthesis.problem.matrices import Controller, Matrix, PlantMatrices, close
+from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, close
 from robustpolish.synthesis.riccati.equations import solve_riccati
 from robustpolish.synthesis.riccati.infimum import EXACT, LowerBound, reduced_halves
 

@@ -6,9 +6,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
+from robustpolish.arrays import Matrix
 from robustpolish.budget import Budget
 from robustpolish.synthesis.problem.full_state import (
     is_regular,
@@ -24,8 +24,6 @@ from robustpolish.synthesis.riccati.equations import (
 from robustpolish.synthesis.riccati.infimum import EXACT, lower_bound
 from robustpolish.synthesis.state_search.engine import StateEngine, StateGain
 from robustpolish.synthesis.state_search.policy import POLICY
-
-Matrix = NDArray[np.float64]
 
 
 class RiccatiStateEngine(StateEngine):

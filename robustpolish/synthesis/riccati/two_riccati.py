@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustpolish.synthesis.problem.matrices import Controller, Matrix, PlantMatrices
+from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
 from robustpolish.synthesis.riccati.equations import solve_riccati
 
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
+from robustpolish.arrays import Matrix
 from robustpolish.budget import Budget
 from robustpolish.synthesis.lmi.state.coordinates import Coordinates
 from robustpolish.synthesis.lmi.state.program import Demand, SolvedProgram, StatePrograms
@@ -41,8 +41,6 @@ from robustpolish.synthesis.riccati.equations import solve_lyapunov
 from robustpolish.synthesis.riccati.state import RiccatiStateEngine
 from robustpolish.synthesis.state_search.engine import StateEngine, StateGain
 from robustpolish.synthesis.state_search.policy import POLICY
-
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import Matrix
 from robustpolish.budget import Budget
 from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
@@ -27,8 +27,6 @@ from robustpolish.synthesis.state_search.engine import StateEngine, StateGain
 from robustpolish.synthesis.state_search.gain_bound import GainBound, minimise_bounded
 from robustpolish.synthesis.state_search.policy import POLICY
 from robustpolish.synthesis.state_search.singular_problem import almost_no_control, solve_singular
-
-Matrix = NDArray[np.float64]
 
 
 def solve_parts(

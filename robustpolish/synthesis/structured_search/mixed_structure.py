@@ -8,6 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.arrays import AnyVector as Vector
 from robustpolish.budget import Budget
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.lmi.mixed.output import Specification, mixed_start
@@ -33,12 +35,10 @@ from robustpolish.synthesis.structured_search.starts import (
 )
 from robustpolish.synthesis.structured_search.static_structure import free_gain, resting
 from robustpolish.synthesis.structured_search.structure import (
-    Matrix,
     Norm,
     PartProblem,
     StartProposal,
     Structure,
-    Vector,
     norm_measure,
     scaled_part,
 )

@@ -10,6 +10,8 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.arrays import AnyVector as Vector
 from robustpolish.budget import Budget, step_cost
 from robustpolish.errors import InfeasibleError
 from robustpolish.models import GeneralizedPlant
@@ -24,12 +26,10 @@ from robustpolish.synthesis.structured_search.observer_form import observer_form
 from robustpolish.synthesis.structured_search.policy import POLICY
 from robustpolish.synthesis.structured_search.starts import DrawnStarts, regulator
 from robustpolish.synthesis.structured_search.structure import (
-    Matrix,
     Norm,
     PartDesign,
     PartProblem,
     Structure,
-    Vector,
     bound_in_words,
     norm_measure,
     scaled_part,

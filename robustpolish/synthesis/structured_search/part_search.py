@@ -7,6 +7,7 @@ from itertools import chain
 
 import numpy as np
 
+from robustpolish.arrays import AnyVector as Vector
 from robustpolish.budget import Budget
 from robustpolish.errors import SolverError
 from robustpolish.synthesis.certificate.certificate import certify
@@ -20,7 +21,7 @@ from robustpolish.synthesis.nonsmooth import (
 )
 from robustpolish.synthesis.structured_search.multistart import SearchResult, descend_from
 from robustpolish.synthesis.structured_search.policy import POLICY
-from robustpolish.synthesis.structured_search.structure import PartDesign, PartProblem, Vector
+from robustpolish.synthesis.structured_search.structure import PartDesign, PartProblem
 
 
 def design_part(part: PartProblem, budget: Budget, seed: int, target: float) -> PartDesign:

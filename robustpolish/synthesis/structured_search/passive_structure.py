@@ -9,6 +9,8 @@ from typing import Any, ClassVar
 import control
 import numpy as np
 
+from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.arrays import AnyVector as Vector
 from robustpolish.budget import Budget
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.nonsmooth import FrobeniusMeasure, PositiveElements
@@ -18,12 +20,10 @@ from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
 from robustpolish.synthesis.structured_search.policy import POLICY
 from robustpolish.synthesis.structured_search.starts import KnownStarts
 from robustpolish.synthesis.structured_search.structure import (
-    Matrix,
     Norm,
     PartDesign,
     PartProblem,
     Structure,
-    Vector,
 )
 
 GROUND = "ground"

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.arrays import AnyVector as Vector
 from robustpolish.budget import Budget
 from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
 from robustpolish.synthesis.lmi.stabilising_gain import stabilising_gain
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.structured_search.policy import POLICY
-from robustpolish.synthesis.structured_search.structure import Matrix, Vector
 
 
 @dataclass(frozen=True, eq=False)

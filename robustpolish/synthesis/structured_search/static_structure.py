@@ -8,6 +8,7 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.errors import InfeasibleError
 from robustpolish.synthesis.nonsmooth import AffineGain, MaskedGain
 from robustpolish.synthesis.problem.decoupling import PlantPart
@@ -21,7 +22,6 @@ from robustpolish.synthesis.structured_search.starts import (
     StabilisingStart,
 )
 from robustpolish.synthesis.structured_search.structure import (
-    Matrix,
     Norm,
     PartProblem,
     Structure,

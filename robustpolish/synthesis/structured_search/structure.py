@@ -12,6 +12,8 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
+from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.arrays import AnyVector as Vector
 from robustpolish.budget import Budget
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.nonsmooth import (
@@ -34,8 +36,6 @@ from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
 from robustpolish.synthesis.problem.static_loop import augmented, controller_loop
 from robustpolish.synthesis.structured_search.policy import POLICY, Effort
 
-Matrix = NDArray[Any]
-Vector = NDArray[Any]
 Norm = Literal["hinf", "h2"]
 
 

@@ -5,7 +5,9 @@ import pickle
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from robustpolish.errors import InvalidInputError
 from robustpolish.models import (
     Dof,
     Input,
@@ -44,3 +46,17 @@ def test_a_replaced_part_gives_new_matrices():
     stiffer = replace(model, springs=[Spring(("x_m", "ground"), 2e5)])
     assert stiffer.springs == (Spring(("x_m", "ground"), 2e5),)
     assert stiffer.matrices.K[0, 0] == 2e5
+
+
+def test_parameters_by_key_and_back():
+    model = two_masses().with_effect("coulomb_friction", ("x", "ground"), {"force": 3.0})
+    keys = model.parameters
+    assert keys["dof.x.mass"] == 0.2
+    assert keys["spring[1].stiffness"] == 3e4
+    assert keys["effect[0].force"] == 3.0
+    changed = model.with_parameters({"dof.x.mass": 0.3, "effect[0].force": 4.0})
+    assert changed.parameters["dof.x.mass"] == 0.3
+    assert changed.effects[0].parameters["force"] == 4.0
+    assert model.parameters["dof.x.mass"] == 0.2
+    with pytest.raises(InvalidInputError, match=r"dof\.y\.mass"):
+        model.with_parameters({"dof.y.mass": 1.0})

@@ -9,11 +9,11 @@ descents on the true norms, which have no such price.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
 from robustpolish.synthesis.lmi.output.inequalities import Variables, stacked
@@ -25,8 +25,6 @@ from robustpolish.synthesis.lmi.semidefinite import (
 )
 from robustpolish.synthesis.problem.matrices import PlantMatrices, shift
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
-
-Matrix = NDArray[Any]
 
 
 class Specification(NamedTuple):

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
 from robustpolish.synthesis.lmi.mixed.output import Specification
 from robustpolish.synthesis.lmi.semidefinite import ProgramSolver, SemidefiniteProgram
@@ -23,8 +22,6 @@ from robustpolish.synthesis.lmi.state.inequalities import (
 )
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
-
-Matrix = NDArray[Any]
 
 # The norm is not known before; a second time it is solved in its own unit.
 _ROUNDS = 2

@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
 from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram, SemidefiniteSolution
-from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 
 
 class Unknowns(NamedTuple):

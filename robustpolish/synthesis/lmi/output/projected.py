@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.synthesis.lmi.affine import symmetric_block
 from robustpolish.synthesis.lmi.semidefinite import ProgramSolver, SemidefiniteProgram
-from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 
 
 class Projected(NamedTuple):

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
+from robustpolish.arrays import Matrix
 from robustpolish.budget import Budget
 from robustpolish.synthesis.lmi.state.coordinates import Coordinates
 from robustpolish.synthesis.lmi.state.program import Demand, SolvedProgram, StatePrograms
@@ -17,8 +17,6 @@ from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.riccati.state import lqr_gain
 from robustpolish.synthesis.state_search.engine import StateEngine, StateGain
 from robustpolish.synthesis.state_search.policy import POLICY
-
-Matrix = NDArray[np.float64]
 
 
 class LmiStateEngine(StateEngine):

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
+from robustpolish.arrays import Matrix
 from robustpolish.budget import Budget
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
 from robustpolish.synthesis.lmi.semidefinite import ProgramSolver, SemidefiniteProgram
@@ -24,8 +24,6 @@ from robustpolish.synthesis.problem.full_state import state_gain_norm, with_nois
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.state_search.engine import StateEngine, StateGain
 from robustpolish.synthesis.state_search.policy import POLICY
-
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
