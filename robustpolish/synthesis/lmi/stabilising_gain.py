@@ -8,17 +8,13 @@ sequence of semidefinite programs, and K follows from P by one more.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
 from robustpolish.synthesis.lmi.affine import symmetric_block
 from robustpolish.synthesis.lmi.semidefinite import ProgramSolver, SemidefiniteProgram
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-
-Matrix = NDArray[Any]
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
 
 
 def stabilising_gain(

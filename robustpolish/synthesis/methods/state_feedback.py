@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robustpolish.analysis import controllability, h2_norm, hinf_norm
 from robustpolish.budget import Budget
@@ -22,6 +22,7 @@ from robustpolish.synthesis.design.status import Status, worst_status
 from robustpolish.synthesis.lmi.semidefinite import BACKENDS
 from robustpolish.synthesis.lmi.state.engine import LmiStateEngine
 from robustpolish.synthesis.problem.decoupling import PlantPart, decoupled_parts, undivided
+from robustpolish.synthesis.problem.matrices import Matrix
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.problem.pricing import priced
 from robustpolish.synthesis.riccati.state import RiccatiStateEngine
@@ -31,8 +32,6 @@ from robustpolish.synthesis.state_search.part_search import solve_parts
 from robustpolish.synthesis.state_search.policy import POLICY
 from robustpolish.threads import same_bits
 from robustpolish.validation import described, invalid, one_of, positive
-
-Matrix = NDArray[np.float64]
 
 ENGINES: Mapping[str, type[StateEngine]] = {"lmi": LmiStateEngine, "riccati": RiccatiStateEngine}
 

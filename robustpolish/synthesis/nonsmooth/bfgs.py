@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.budget import Budget
+from robustpolish.synthesis.problem.matrices import Vector
 
-Vector = NDArray[Any]
 Function = Callable[[Vector], tuple[float, Vector]]
 
 

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.budget import step_cost
 from robustpolish.synthesis.nonsmooth.problem import ActivePiece
-from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices, Vector
 from robustpolish.synthesis.problem.static_loop import StaticLoop, close_static
-
-Vector = NDArray[Any]
 
 # The level-set search stops when no frequency exceeds the norm by more than this share; the
 # design is certified afresh afterwards, so it need not be sharper than the line search.

@@ -14,15 +14,13 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from robustpolish.budget import Budget, step_cost
 from robustpolish.synthesis.nonsmooth.bfgs import Descent, ended_by
 from robustpolish.synthesis.nonsmooth.problem import Model, Problem
+from robustpolish.synthesis.problem.matrices import Matrix, Vector
 
-Vector = NDArray[Any]
-Matrix = NDArray[Any]
 # Its type stubs know nothing of what it exports.
 clarabel: Any = import_module("clarabel")
 

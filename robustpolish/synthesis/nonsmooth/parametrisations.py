@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-Vector = NDArray[Any]
-Matrix = NDArray[Any]
+from robustpolish.synthesis.problem.matrices import Matrix, Vector
 
 
 class Parametrisation(Protocol):

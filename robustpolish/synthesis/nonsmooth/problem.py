@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustpolish.synthesis.nonsmooth.parametrisations import Parametrisation
-
-Vector = NDArray[Any]
-Matrix = NDArray[Any]
+from robustpolish.synthesis.problem.matrices import Matrix, Vector
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,12 +10,9 @@ from typing import Any
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 
 from robustpolish.analysis import h2_norm, hinf_norm
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-
-Matrix = NDArray[np.float64]
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
 
 
 def measuring_states(plant: PlantMatrices) -> PlantMatrices:

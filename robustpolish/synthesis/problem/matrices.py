@@ -14,6 +14,7 @@ from scipy import linalg
 from robustpolish.models import GeneralizedPlant
 
 Matrix = NDArray[Any]
+Vector = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from robustpolish.budget import Budget
@@ -15,7 +14,7 @@ from robustpolish.synthesis.problem.full_state import (
     measuring_states,
     state_gain_norm,
 )
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
 from robustpolish.synthesis.riccati.equations import (
     solve_lyapunov,
     solve_riccati,
@@ -24,8 +23,6 @@ from robustpolish.synthesis.riccati.equations import (
 from robustpolish.synthesis.riccati.infimum import EXACT, lower_bound
 from robustpolish.synthesis.state_search.engine import StateEngine, StateGain
 from robustpolish.synthesis.state_search.policy import POLICY
-
-Matrix = NDArray[np.float64]
 
 
 class RiccatiStateEngine(StateEngine):

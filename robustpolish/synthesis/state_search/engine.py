@@ -6,17 +6,12 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from robustpolish.budget import Budget
 from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.design.status import Status
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.state_search.policy import POLICY
-
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustpolish.budget import Budget
 from robustpolish.errors import SolverError
@@ -19,7 +18,7 @@ from robustpolish.synthesis.problem.full_state import (
     stabilises,
     state_gain_norm,
 )
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
 from robustpolish.synthesis.problem.pole_regions import Disk
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
 from robustpolish.synthesis.riccati.state import least_state_norm
@@ -27,8 +26,6 @@ from robustpolish.synthesis.state_search.engine import StateEngine, StateGain
 from robustpolish.synthesis.state_search.gain_bound import GainBound, minimise_bounded
 from robustpolish.synthesis.state_search.policy import POLICY
 from robustpolish.synthesis.state_search.singular_problem import almost_no_control, solve_singular
-
-Matrix = NDArray[np.float64]
 
 
 def solve_parts(

@@ -21,7 +21,7 @@ from robustpolish.synthesis.nonsmooth import (
 )
 from robustpolish.synthesis.problem.channels import channel
 from robustpolish.synthesis.problem.decoupling import PlantPart
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices, Vector
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.problem.static_loop import augmented
 from robustpolish.synthesis.structured_search.observer_structure import RiccatiStarts
@@ -33,12 +33,10 @@ from robustpolish.synthesis.structured_search.starts import (
 )
 from robustpolish.synthesis.structured_search.static_structure import free_gain, resting
 from robustpolish.synthesis.structured_search.structure import (
-    Matrix,
     Norm,
     PartProblem,
     StartProposal,
     Structure,
-    Vector,
     norm_measure,
     scaled_part,
 )

@@ -7,13 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustpolish.budget import Budget
 from robustpolish.synthesis.nonsmooth import Bounds, Measure, Problem, bfgs, ended_by, minimax
+from robustpolish.synthesis.problem.matrices import Vector
 from robustpolish.synthesis.structured_search.policy import POLICY, Effort
-
-Vector = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,12 +9,12 @@ as the convex one over strictly proper controllers.
 from __future__ import annotations
 
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-Matrix = NDArray[Any]
+from robustpolish.synthesis.problem.matrices import Matrix
 
 # Up to this many real poles and pairs every choice is tried; beyond, some drawn at random.
 _ALL_CHOICES = 10

@@ -16,7 +16,7 @@ from robustpolish.models import GeneralizedPlant
 from robustpolish.models.plant.systems import named_system
 from robustpolish.synthesis.nonsmooth import ObserverGain
 from robustpolish.synthesis.problem.decoupling import PlantPart
-from robustpolish.synthesis.problem.matrices import PlantMatrices, regularise
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices, Vector, regularise
 from robustpolish.synthesis.problem.static_loop import augmented
 from robustpolish.synthesis.riccati.infimum import search_gamma
 from robustpolish.synthesis.riccati.two_riccati import central_controller, normalise
@@ -24,12 +24,10 @@ from robustpolish.synthesis.structured_search.observer_form import observer_form
 from robustpolish.synthesis.structured_search.policy import POLICY
 from robustpolish.synthesis.structured_search.starts import DrawnStarts, regulator
 from robustpolish.synthesis.structured_search.structure import (
-    Matrix,
     Norm,
     PartDesign,
     PartProblem,
     Structure,
-    Vector,
     bound_in_words,
     norm_measure,
     scaled_part,

@@ -18,9 +18,10 @@ from robustpolish.synthesis.nonsmooth import (
     WorstMeasure,
     minimax,
 )
+from robustpolish.synthesis.problem.matrices import Vector
 from robustpolish.synthesis.structured_search.multistart import SearchResult, descend_from
 from robustpolish.synthesis.structured_search.policy import POLICY
-from robustpolish.synthesis.structured_search.structure import PartDesign, PartProblem, Vector
+from robustpolish.synthesis.structured_search.structure import PartDesign, PartProblem
 
 
 def design_part(part: PartProblem, budget: Budget, seed: int, target: float) -> PartDesign:

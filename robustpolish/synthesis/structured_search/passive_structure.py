@@ -13,17 +13,16 @@ from robustpolish.budget import Budget
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.nonsmooth import FrobeniusMeasure, PositiveElements
 from robustpolish.synthesis.problem.decoupling import PlantPart, named_controller
+from robustpolish.synthesis.problem.matrices import Matrix, Vector
 from robustpolish.synthesis.problem.passive_element import PassiveElement, Place
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
 from robustpolish.synthesis.structured_search.policy import POLICY
 from robustpolish.synthesis.structured_search.starts import KnownStarts
 from robustpolish.synthesis.structured_search.structure import (
-    Matrix,
     Norm,
     PartDesign,
     PartProblem,
     Structure,
-    Vector,
 )
 
 GROUND = "ground"

@@ -14,9 +14,8 @@ from scipy import linalg
 from robustpolish.budget import Budget
 from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
 from robustpolish.synthesis.lmi.stabilising_gain import stabilising_gain
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices, Vector
 from robustpolish.synthesis.structured_search.policy import POLICY
-from robustpolish.synthesis.structured_search.structure import Matrix, Vector
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from robustpolish.errors import InfeasibleError
 from robustpolish.synthesis.nonsmooth import AffineGain, MaskedGain
 from robustpolish.synthesis.problem.decoupling import PlantPart
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
 from robustpolish.synthesis.problem.scaling import ScaledPlant
 from robustpolish.synthesis.problem.static_loop import augmented
 from robustpolish.synthesis.structured_search.starts import (
@@ -21,7 +21,6 @@ from robustpolish.synthesis.structured_search.starts import (
     StabilisingStart,
 )
 from robustpolish.synthesis.structured_search.structure import (
-    Matrix,
     Norm,
     PartProblem,
     Structure,

@@ -29,13 +29,11 @@ from robustpolish.synthesis.problem.decoupling import (
     named_controller,
 )
 from robustpolish.synthesis.problem.fixed_modes import refuse_fixed_modes
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices, Vector
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
 from robustpolish.synthesis.problem.static_loop import augmented, controller_loop
 from robustpolish.synthesis.structured_search.policy import POLICY, Effort
 
-Matrix = NDArray[Any]
-Vector = NDArray[Any]
 Norm = Literal["hinf", "h2"]
 
 

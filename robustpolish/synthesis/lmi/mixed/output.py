@@ -9,10 +9,9 @@ descents on the true norms, which have no such price.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
@@ -23,10 +22,8 @@ from robustpolish.synthesis.lmi.semidefinite import (
     SemidefiniteProgram,
     SemidefiniteSolution,
 )
-from robustpolish.synthesis.problem.matrices import PlantMatrices, shift
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices, shift
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
-
-Matrix = NDArray[Any]
 
 
 class Specification(NamedTuple):

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
 from robustpolish.synthesis.lmi.mixed.output import Specification
@@ -21,10 +19,8 @@ from robustpolish.synthesis.lmi.state.inequalities import (
     hinf_inequality,
     region_inequalities,
 )
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
-
-Matrix = NDArray[Any]
 
 # The norm is not known before; a second time it is solved in its own unit.
 _ROUNDS = 2

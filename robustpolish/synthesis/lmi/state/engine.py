@@ -6,19 +6,16 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from robustpolish.budget import Budget
 from robustpolish.synthesis.lmi.state.coordinates import Coordinates
 from robustpolish.synthesis.lmi.state.program import Demand, SolvedProgram, StatePrograms
 from robustpolish.synthesis.problem.full_state import compressed, state_gain_norm, with_price
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
 from robustpolish.synthesis.riccati.state import lqr_gain
 from robustpolish.synthesis.state_search.engine import StateEngine, StateGain
 from robustpolish.synthesis.state_search.policy import POLICY
-
-Matrix = NDArray[np.float64]
 
 
 class LmiStateEngine(StateEngine):

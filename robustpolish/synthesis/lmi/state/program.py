@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from robustpolish.budget import Budget
@@ -21,11 +20,9 @@ from robustpolish.synthesis.lmi.state.inequalities import (
     region_inequalities,
 )
 from robustpolish.synthesis.problem.full_state import state_gain_norm, with_noise
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.matrices import Matrix, PlantMatrices
 from robustpolish.synthesis.state_search.engine import StateEngine, StateGain
 from robustpolish.synthesis.state_search.policy import POLICY
-
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
