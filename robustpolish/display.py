@@ -89,9 +89,6 @@ class Displayed(ABC):
     def __repr__(self) -> str:
         return as_text(self._card())
 
-    def __str__(self) -> str:
-        return as_text(self._card())
-
     def _repr_html_(self) -> str:
         return as_html(self._card())
 
@@ -107,9 +104,7 @@ def shown(value: Any, digits: int = 4, missing: str = "-") -> str:
         return missing
     if isinstance(value, bool):
         return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:.{digits}g}"
-    if isinstance(value, complex):
+    if isinstance(value, float | complex):
         return f"{value:.{digits}g}"
     if isinstance(value, str):
         return value
