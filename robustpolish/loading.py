@@ -12,10 +12,11 @@ from robustpolish.models import GeneralizedPlant, MechanicalModel
 from robustpolish.models.plant.file import plant_arguments
 from robustpolish.saved_file import Fields, read_saved
 from robustpolish.synthesis import Design
+from robustpolish.synthesis.design.design import design_from
 from robustpolish.validation import described, invalid
 
 _READERS: Mapping[str, Callable[[Fields], Any]] = {
-    "design": Design.from_fields,
+    "design": design_from,
     "diagnosis": diagnosis_from,
     "plant": lambda fields: GeneralizedPlant(*plant_arguments(fields)),
 }

@@ -209,18 +209,18 @@ class Fields:
 _EDITED = "The file is damaged or was edited; save it again."
 
 
-def plain(value: Any) -> Any:
+def plain(value: Any, nan: str | None = "nan") -> Any:
     """Return a value as JSON can hold it: arrays as lists, what is not finite as a word."""
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): plain(item, nan) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        return [plain(item, nan) for item in value]
     if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+        return plain(value.tolist(), nan)
     if isinstance(value, np.generic):
-        return plain(value.item())
+        return plain(value.item(), nan)
     if isinstance(value, float) and not math.isfinite(value):
-        return "nan" if math.isnan(value) else ("inf" if value > 0 else "-inf")
+        return nan if math.isnan(value) else ("inf" if value > 0 else "-inf")
     return value
 
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from robustpolish.errors import InvalidInputError
 
 T = TypeVar("T", bound=Hashable)
+C = TypeVar("C")
 Key = tuple[str | int, ...]
 
 
@@ -108,7 +109,7 @@ def matrix(
     """
     want = "a real matrix" if shape == (None, None) else f"a real matrix of shape {_show(shape)}"
     try:
-        given = np.asarray(value)  # rows of different lengths end here
+        given: Any = np.asarray(value)  # rows of different lengths end here
         array = given.real.astype(float)
     except (TypeError, ValueError):
         raise invalid(argument, value, want, "Pass nested lists or a NumPy array.") from None
@@ -133,6 +134,12 @@ def matrix(
     return array
 
 
+def square(argument: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return `value` as a finite real matrix with as many rows as columns."""
+    rows = matrix(argument, value).shape[0]
+    return matrix(argument, value, (rows, rows))
+
+
 def _show(shape: tuple[int | None, int | None]) -> str:
     return "(" + ", ".join("any" if n is None else str(n) for n in shape) + ")"
 
@@ -149,11 +156,20 @@ def positive(argument: str | Key, value: Any, unit: str = "", zero: bool = False
     return number
 
 
-def one_of(argument: str | Key, value: T, choices: Collection[T]) -> T:
+def one_of(
+    argument: str | Key, value: T, choices: Collection[T], remedy: str = "Choose one of these."
+) -> T:
     """Return `value` if it is one of `choices`."""
     if value not in choices:
         listed = ", ".join(repr(choice) for choice in choices)
-        raise invalid(argument, value, f"one of {listed}", "Choose one of these.")
+        raise invalid(argument, value, f"one of {listed}", remedy)
+    return value
+
+
+def instance_of(argument: str | Key, value: Any, kind: type[C], expected: str, remedy: str) -> C:
+    """Return `value` if it is an instance of `kind`, which the message calls `expected`."""
+    if not isinstance(value, kind):
+        raise invalid(argument, described(type(value).__name__), expected, remedy)
     return value
 
 
@@ -163,13 +179,8 @@ def state_space(argument: str, value: Any) -> control.StateSpace:
     Transfer functions and other systems are refused rather than realised
     silently, because a realisation has states without a meaning.
     """
-    if not isinstance(value, control.StateSpace):
-        raise invalid(
-            argument,
-            described(type(value).__name__),
-            "a control.StateSpace",
-            "Convert it with control.ss(...).",
-        )
+    remedy = "Convert it with control.ss(...)."
+    instance_of(argument, value, control.StateSpace, "a control.StateSpace", remedy)
     for name in "ABCD":
         matrix(f"{argument}.{name}", getattr(value, name))
     return value

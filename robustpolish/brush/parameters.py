@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from robustpolish.brush.surface import Surface
-from robustpolish.validation import described, invalid, one_of, positive
+from robustpolish.validation import instance_of, one_of, positive
 
 RUN_STIFFNESS: Mapping[int, float] = MappingProxyType({1: 1e4, 2: 1e6, 3: 1e8, 4: 1e10})
 """Contact stiffness k_p [N/m] of the thesis's runs (table 9.2)."""
@@ -96,13 +96,8 @@ class BrushParameters:
     )
 
     def __post_init__(self) -> None:
-        if not isinstance(self.surface, Surface):
-            raise invalid(
-                "BrushParameters.surface",
-                described(type(self.surface).__name__),
-                "a Surface",
-                "Pass Surface(along, across).",
-            )
+        remedy = "Pass Surface(along, across)."
+        instance_of("BrushParameters.surface", self.surface, Surface, "a Surface", remedy)
         for item in fields(self):
             if item.name != "surface":
                 value = positive(

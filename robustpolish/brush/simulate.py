@@ -14,7 +14,7 @@ from robustpolish.brush.parameters import BrushParameters
 from robustpolish.brush.physical.dataset import physical_dataset
 from robustpolish.brush.physical.run import run_refined
 from robustpolish.progress import working
-from robustpolish.validation import described, invalid, one_of, positive
+from robustpolish.validation import instance_of, invalid, one_of, positive
 
 _PHYSICAL = {"disc": "two-angle", "start": "pressed", "max_passes": 4}
 _LISTING = {"defects": ListingDefects(), "workaround": "none"}
@@ -205,11 +205,6 @@ def _parameters(
     if parameters is None:
         listed = simulator == "listing"
         parameters = BrushParameters.as_published() if listed else BrushParameters()
-    elif not isinstance(parameters, BrushParameters):
-        raise invalid(
-            "parameters",
-            described(type(parameters).__name__),
-            "BrushParameters",
-            "Build them with BrushParameters(...) or BrushParameters.for_run(...).",
-        )
+    remedy = "Build them with BrushParameters(...) or BrushParameters.for_run(...)."
+    instance_of("parameters", parameters, BrushParameters, "BrushParameters", remedy)
     return parameters if run is None else parameters.with_run(run)

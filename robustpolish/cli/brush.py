@@ -11,13 +11,7 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.brush import simulate_brush
-from robustpolish.cli.options import (
-    brush_options,
-    force_option,
-    json_option,
-    reports_errors,
-    write_json,
-)
+from robustpolish.cli.options import brush_options, result_options, show
 from robustpolish.models.machines.air_bearing import FORCES
 from robustpolish.saving import new_file
 
@@ -27,9 +21,7 @@ from robustpolish.saving import new_file
 @click.option(
     "--out", type=click.Path(dir_okay=False), help="Save all signals: a .csv or .nc (netCDF) file."
 )
-@json_option
-@force_option
-@reports_errors
+@result_options
 def brush(
     run: int,
     simulator: Literal["physical", "listing"],
@@ -54,15 +46,11 @@ def brush(
         }
         for name in FORCES
     }
-    if json_out is not None:
-        write_json({"forces": forces, "run": run, "simulator": simulator}, json_out, force)
-    if json_out != "-":
-        click.echo(f"{'':6}{'largest [N]':>14}{'mean [N]':>14}{'impulse [N s]':>16}")
-        for name, force_of in forces.items():
-            click.echo(
-                f"{name:6}{force_of['largest']:14.5g}{force_of['mean']:14.5g}"
-                f"{force_of['impulse']:16.5g}"
-            )
+    lines = [f"{'':6}{'largest [N]':>14}{'mean [N]':>14}{'impulse [N s]':>16}"]
+    for name, found in forces.items():
+        lines += [f"{name:6}{found['largest']:14.5g}{found['mean']:14.5g}{found['impulse']:16.5g}"]
+    content = {"forces": forces, "run": run, "simulator": simulator}
+    show(content, "\n".join(lines), json_out, force)
     if out:
         click.echo(f"Saved {out}", err=True)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from robustpolish.cli.measurement import load_data, measurement_options, replaceable
-from robustpolish.cli.options import force_option, json_option, reports_errors, to_json, write_json
+from robustpolish.cli.options import result_options, show, to_json
 from robustpolish.identification import compare as compare_model
 from robustpolish.identification import residual_analysis
 from robustpolish.models import MechanicalModel
@@ -22,9 +22,7 @@ from robustpolish.saving import new_file
 @measurement_options
 @click.option("--residuals", is_flag=True, help="Show where the error is.")
 @click.option("--plot", type=click.Path(dir_okay=False), help="Save the pictures (.png, .svg).")
-@json_option
-@force_option
-@reports_errors
+@result_options
 def compare(
     data: str,
     model: str,
@@ -57,7 +55,5 @@ def compare(
     if plot is not None:
         with new_file(plot, force, (".png", ".svg", ".pdf")) as draft:
             result.plot_panels().savefig(draft, dpi=150)
-    if json_out is not None:
-        write_json(content, json_out, force or replaceable(json_out, data, model))
-    if json_out != "-":
-        click.echo("\n".join(lines))
+    replace = force or replaceable(json_out, data, model)
+    show(content, "\n".join(lines), json_out, replace)

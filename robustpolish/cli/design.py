@@ -10,14 +10,7 @@ import click
 
 import robustpolish
 from robustpolish.cli.machine import READINGS, machine_options
-from robustpolish.cli.options import (
-    brush_options,
-    force_option,
-    json_option,
-    reports_errors,
-    to_json,
-    write_json,
-)
+from robustpolish.cli.options import brush_options, result_options, show, to_json
 from robustpolish.closed_loop import design_against_brush
 from robustpolish.report import render_html
 from robustpolish.report.brush_design import (
@@ -68,9 +61,7 @@ DEFAULT_OUT = "robustpolish-results"
     metavar="[FILE]",
     help="Write an HTML report to FILE, or to report.html in the folder.",
 )
-@json_option
-@force_option
-@reports_errors
+@result_options
 def design(
     reading: str,
     dissipation: float,
@@ -104,13 +95,8 @@ def design(
         if folder is not None:
             save_brush_design(job, folder)
             (folder / "design.json").write_text(to_json(summary) + "\n", encoding="utf-8")
-    if json_out is not None:
-        write_json(summary, json_out, force)
-    if json_out != "-":
-        click.echo(str(job.comparison))
-        click.echo()
-        click.echo(click.wrap_text(job.verdict(), 88))
-        click.echo(click.wrap_text(job.design.message, 88))
+    words = [click.wrap_text(text, 88) for text in (job.verdict(), job.design.message)]
+    show(summary, "\n".join([str(job.comparison), "", *words]), json_out, force)
     for place in filter(None, (out, report)):
         click.echo(f"Saved {place}", err=True)
 

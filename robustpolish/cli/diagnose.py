@@ -10,7 +10,7 @@ import xarray as xr
 
 import robustpolish
 from robustpolish.cli.measurement import load_data, measurement_options, replaceable
-from robustpolish.cli.options import force_option, json_option, reports_errors, to_json, write_json
+from robustpolish.cli.options import result_options, show, to_json
 from robustpolish.errors import RobustPolishError
 from robustpolish.identification import Comparison, compare
 from robustpolish.identification.discover.diagnose import diagnose as diagnose_model
@@ -26,9 +26,7 @@ from robustpolish.saving import new_file
 @click.option("--save", type=click.Path(dir_okay=False), help="Save the extended model (.toml).")
 @click.option("--report", type=click.Path(dir_okay=False), help="Save a report (.html).")
 @measurement_options
-@json_option
-@force_option
-@reports_errors
+@result_options
 def diagnose(
     data: str,
     model: str,
@@ -68,10 +66,8 @@ def diagnose(
             held = [_held(each, record) for each in (loaded, result.model)]
             page = render_html(diagnosis_report(result, *held), robustpolish.__version__)
             drafts[report].write_text(page, encoding="utf-8")
-    if json_out is not None:
-        write_json(content, json_out, force or replaceable(json_out, data, model))
-    if json_out != "-":
-        click.echo(result.explain())
+    replace = force or replaceable(json_out, data, model)
+    show(content, result.explain(), json_out, replace)
 
 
 def _held(model: MechanicalModel, record: xr.Dataset) -> Comparison | None:

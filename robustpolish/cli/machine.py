@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
-
 import click
 
+from robustpolish.cli.options import options
 from robustpolish.models import AirBearingParameters
-
-F = TypeVar("F", bound=Callable[..., Any])
 
 READINGS = {
     "published": AirBearingParameters.as_published,
@@ -18,16 +14,8 @@ READINGS = {
 }
 
 
-def machine_options(command: F) -> F:
-    """Add --parameters and --dissipation."""
-    command = click.option(
-        "--dissipation",
-        type=float,
-        default=0.001,
-        show_default=True,
-        help="Share of the energy lost per cycle, n in (8.23).",
-    )(command)
-    return click.option(
+machine_options = options(
+    click.option(
         "--parameters",
         "reading",
         type=click.Choice(list(READINGS)),
@@ -35,4 +23,13 @@ def machine_options(command: F) -> F:
         show_default=True,
         help="Reading of the thesis: the published numbers, table 9.1 as printed, or the "
         "physically right inertia.",
-    )(command)
+    ),
+    click.option(
+        "--dissipation",
+        type=float,
+        default=0.001,
+        show_default=True,
+        help="Share of the energy lost per cycle, n in (8.23).",
+    ),
+)
+"""Which machine: --parameters and --dissipation."""

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
 
 import click
 import xarray as xr
 
+from robustpolish.cli.options import options
 from robustpolish.measurements import read_measurement
 from robustpolish.models import MechanicalModel
 from robustpolish.validation import invalid
 
-F = TypeVar("F", bound=Callable[..., Any])
-
-
-def measurement_options(command: F) -> F:
-    """Add the options that say how to read DATA."""
-    for option in (
-        click.option("--unit", "units", multiple=True, metavar="COLUMN=UNIT", help="As in x=mm."),
-        click.option("--sampling-rate", type=float, help="In Hz, for files without time."),
-        click.option("--table", help="Matrix or group of a file that holds several."),
-    ):
-        command = option(command)
-    return command
+measurement_options = options(
+    click.option("--table", help="Matrix or group of a file that holds several."),
+    click.option("--sampling-rate", type=float, help="In Hz, for files without time."),
+    click.option("--unit", "units", multiple=True, metavar="COLUMN=UNIT", help="As in x=mm."),
+)
+"""What reading a measurement needs beside its path."""
 
 
 def load_data(
@@ -50,8 +43,8 @@ def load_data(
     )
 
 
-def replaceable(json_out: str, *sources: str) -> bool:
+def replaceable(target: str | None, *sources: str) -> bool:
     """Whether an existing file may be replaced: JSON from an earlier run, never an input."""
-    path = Path(json_out)
+    path = Path(target or "")
     used = [Path(source).resolve() for source in sources]
     return path.suffix == ".json" and path.resolve() not in used

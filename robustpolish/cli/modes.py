@@ -8,19 +8,14 @@ import click
 
 from robustpolish.analysis import modes as modes_of
 from robustpolish.cli.machine import READINGS, machine_options
-from robustpolish.cli.options import force_option, json_option, reports_errors, write_json
+from robustpolish.cli.options import result_options, show
 from robustpolish.models import air_bearing
 
 
 @click.command()
 @machine_options
-@json_option
-@force_option
-@reports_errors
+@result_options
 def modes(reading: str, dissipation: float, json_out: str | None, force: bool) -> None:
     """Show natural frequencies, damping ratios and the state that carries each mode."""
     found = modes_of(air_bearing(READINGS[reading](), dissipation).open_loop)
-    if json_out is not None:
-        write_json({"modes": [asdict(mode) for mode in found]}, json_out, force)
-    if json_out != "-":
-        click.echo(str(found))
+    show({"modes": [asdict(mode) for mode in found]}, str(found), json_out, force)

@@ -7,15 +7,13 @@ import numpy as np
 
 from robustpolish.analysis import h2_norm, hinf_norm
 from robustpolish.cli.machine import READINGS, machine_options
-from robustpolish.cli.options import force_option, json_option, reports_errors, write_json
+from robustpolish.cli.options import result_options, show
 from robustpolish.models import air_bearing
 
 
 @click.command()
 @machine_options
-@json_option
-@force_option
-@reports_errors
+@result_options
 def norms(reading: str, dissipation: float, json_out: str | None, force: bool) -> None:
     """Show the H-infinity and H2 norms from the brush forces to the six displacements.
 
@@ -24,22 +22,21 @@ def norms(reading: str, dissipation: float, json_out: str | None, force: bool) -
     system = air_bearing(READINGS[reading](), dissipation).open_loop
     hinf, h2 = hinf_norm(system), h2_norm(system)
     peak_hz = hinf.frequency / (2 * np.pi)
-    if json_out is not None:
-        content = {
-            "hinf": {
-                "value": hinf.value,
-                "lower": hinf.lower,
-                "upper": hinf.upper,
-                "frequency_hz": peak_hz,
-                "reason": hinf.reason,
-            },
-            "h2": {"value": h2.value, "reason": h2.reason},
-            "unit": {"hinf": "m/N", "h2": "m/N s^-0.5"},
-        }
-        write_json(content, json_out, force)
-    if json_out != "-":
-        click.echo(f"H-infinity  {hinf.value:.7g} m/N at {peak_hz:.6g} Hz")
-        click.echo(f"            certified between {hinf.lower:.10g} and {hinf.upper:.10g}")
-        click.echo(f"H2          {h2.value:.7g} m/N s^-1/2")
-        for reason in filter(None, (hinf.reason, h2.reason)):
-            click.echo(reason)
+    content = {
+        "hinf": {
+            "value": hinf.value,
+            "lower": hinf.lower,
+            "upper": hinf.upper,
+            "frequency_hz": peak_hz,
+            "reason": hinf.reason,
+        },
+        "h2": {"value": h2.value, "reason": h2.reason},
+        "unit": {"hinf": "m/N", "h2": "m/N s^-0.5"},
+    }
+    lines = (
+        f"H-infinity  {hinf.value:.7g} m/N at {peak_hz:.6g} Hz",
+        f"            certified between {hinf.lower:.10g} and {hinf.upper:.10g}",
+        f"H2          {h2.value:.7g} m/N s^-1/2",
+        *filter(None, (hinf.reason, h2.reason)),
+    )
+    show(content, "\n".join(lines), json_out, force)

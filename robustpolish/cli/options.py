@@ -4,43 +4,44 @@ from __future__ import annotations
 
 import functools
 import json
-import math
 import sys
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 import click
-import numpy as np
 
 from robustpolish.errors import InvalidInputError, RobustPolishError
+from robustpolish.saved_file import plain
 from robustpolish.saving import write_file
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-json_option = click.option(
-    "--json",
-    "json_out",
-    is_flag=False,
-    flag_value="-",
-    metavar="[FILE]",
-    help="Write the result as JSON to FILE, or to standard output.",
-)
-force_option = click.option("--force", is_flag=True, help="Replace existing results.")
+
+def options(*several: Callable[[F], F]) -> Callable[[F], F]:
+    """Return several decorators as one; the help shows options in this order."""
+
+    def decorated(command: F) -> F:
+        for decorator in reversed(several):
+            command = decorator(command)
+        return command
+
+    return decorated
 
 
-def brush_options(command: F) -> F:
-    """Give a command the options of a run of the brush: --run, --simulator and --duration."""
-    simulator = click.option(
+brush_options = options(
+    click.option(
+        "--run", type=click.IntRange(1, 4), default=1, show_default=True, help="Table 9.2."
+    ),
+    click.option(
         "--simulator",
         type=click.Choice(["physical", "listing"]),
         default="physical",
         show_default=True,
         help="Well-posed contact, or the thesis's listing with its defects.",
-    )
-    run = click.IntRange(1, 4)
-    command = click.option("--duration", default=5.0, show_default=True, help="Seconds.")(command)
-    command = simulator(command)
-    return click.option("--run", type=run, default=1, show_default=True, help="Table 9.2.")(command)
+    ),
+    click.option("--duration", default=5.0, show_default=True, help="Seconds."),
+)
+"""What a run of the brush needs."""
 
 
 def reports_errors(command: F) -> F:
@@ -64,31 +65,36 @@ def reports_errors(command: F) -> F:
     return wrapped  # type: ignore[return-value]
 
 
-def write_json(content: Mapping[str, Any], json_out: str, force: bool = False) -> None:
-    """Write JSON to a file, or to standard output for "-"."""
-    text = to_json(content)
+result_options = options(
+    click.option(
+        "--json",
+        "json_out",
+        is_flag=False,
+        flag_value="-",
+        metavar="[FILE]",
+        help="Write the result as JSON to FILE, or to standard output.",
+    ),
+    click.option("--force", is_flag=True, help="Replace existing results."),
+    reports_errors,
+)
+"""How a command gives its result, or an error."""
+
+
+def show(content: Mapping[str, Any], text: str, json_out: str | None, force: bool = False) -> None:
+    """Print a result as text, or as JSON for "-"; for a file name, write the JSON there too."""
     if json_out == "-":
-        click.echo(text)
-    else:
-        write_file(json_out, text + "\n", force)
+        click.echo(to_json(content))
+        return
+    if json_out is not None:
+        write_file(json_out, to_json(content) + "\n", force)
+    click.echo(text)
 
 
 def to_json(content: Mapping[str, Any]) -> str:
     """Return strict JSON: arrays as lists, infinities as strings, NaN as null."""
-    return json.dumps(_plain(content), indent=2, allow_nan=False)
+    return json.dumps(plain(content, nan=None), indent=2, allow_nan=False, default=_complex)
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, np.generic):
-        return _plain(value.item())
-    if isinstance(value, complex):
-        return {"real": _plain(value.real), "imag": _plain(value.imag)}
-    if isinstance(value, float) and not math.isfinite(value):
-        return None if math.isnan(value) else ("inf" if value > 0 else "-inf")
-    return value
+def _complex(value: complex) -> dict[str, Any]:
+    """Return the parts of a complex number, the one kind of value that JSON does not know."""
+    return plain({"real": value.real, "imag": value.imag}, nan=None)

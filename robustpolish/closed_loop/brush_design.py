@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 
 from robustpolish.analysis import H2Norm, HinfNorm, h2_norm, hinf_norm
 from robustpolish.brush import simulate_brush
@@ -15,9 +16,6 @@ from robustpolish.closed_loop.comparison import ControllerComparison, compare_co
 from robustpolish.display import Card, Displayed
 from robustpolish.models import AirBearingParameters, GeneralizedPlant, air_bearing
 from robustpolish.synthesis import Design, state_feedback
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 # What a unit of control costs, in metres of deviation, where the user names no price. A force is
 # priced like the deflection of a spring of 1e7 N/m, thirty times as stiff as the rod; a velocity

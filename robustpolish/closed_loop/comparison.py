@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from robustpolish.closed_loop.simulation import simulate
@@ -15,10 +16,7 @@ from robustpolish.display import Card, Displayed, Table
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_time_series
 from robustpolish.synthesis.design.design import Design
-from robustpolish.validation import described, invalid
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from robustpolish.validation import instance_of, invalid, one_of
 
 SAME_LOAD = "every row is driven by the same disturbance"
 
@@ -111,9 +109,7 @@ class ControllerComparison(Displayed):
         """
         names = [str(name) for name in self.table["signal"].to_numpy()]
         worst = names[int(np.argmax(self.table["deviation"].values[0]))]
-        chosen = worst if signal is None else signal
-        if chosen not in names:
-            raise invalid("signal", signal, f"one of {', '.join(names)}", "Choose one of these.")
+        chosen = one_of("signal", worst if signal is None else signal, names)
         return plot_time_series(
             {row: response[chosen] for row, response in self.responses.items()}, ax=ax
         )
@@ -165,25 +161,15 @@ def compare_controllers(
     if not controllers:
         raise invalid("controllers", controllers, "at least one design", "Pass {'name': design}.")
     for name, design in controllers.items():
-        if not isinstance(design, Design):
-            raise invalid(
-                f"controllers[{name!r}]",
-                described(type(design).__name__),
-                "a Design",
-                "Pass what a synthesis returned.",
-            )
+        remedy = "Pass what a synthesis returned."
+        instance_of(f"controllers[{name!r}]", design, Design, "a Design", remedy)
     open_plant = next(iter(controllers.values())).plant if plant is None else plant
     responses = {"without control": simulate(open_plant, disturbance)}
     responses |= {name: simulate(design, disturbance) for name, design in controllers.items()}
     chosen = open_plant.performance_names if signals is None else tuple(signals)
     for name in chosen:
-        if name not in open_plant.performance_names:
-            raise invalid(
-                "signals",
-                name,
-                f"some of {', '.join(open_plant.performance_names)}",
-                "Choose performance outputs of the plant.",
-            )
+        remedy = "Choose performance outputs of the plant."
+        one_of("signals", name, open_plant.performance_names, remedy)
     return tabulate(responses, chosen, open_plant.control_names, SAME_LOAD)
 
 

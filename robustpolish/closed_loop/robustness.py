@@ -9,14 +9,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.closed_loop.parameter_samples import ParameterSamples, draw
+from robustpolish.closed_loop.parameter_samples import draw
 from robustpolish.closed_loop.robustness_result import RobustnessCheck
 from robustpolish.closed_loop.uncertain_plant import in_place_of, loop_norm
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.models import GeneralizedPlant, MechanicalModel
 from robustpolish.progress import working
 from robustpolish.synthesis.design.design import Design
-from robustpolish.validation import described, invalid
+from robustpolish.validation import described, instance_of, invalid
 
 PlantOf = Callable[[MechanicalModel], GeneralizedPlant]
 
@@ -96,9 +96,7 @@ def check_robustness(
     >>> check.share_stable, bool(check.worst < 1.5 * design.certificate.achieved)
     (1.0, True)
     """
-    if not isinstance(design, Design):
-        shown = described(type(design).__name__)
-        raise invalid("design", shown, "a Design", "Pass what a synthesis returned.")
+    instance_of("design", design, Design, "a Design", "Pass what a synthesis returned.")
     drawn = draw(*_source(learned, standard_errors), samples, seed)
     make: PlantOf = plant_of or (lambda model: model.linearize())
     with warnings.catch_warnings():
@@ -113,10 +111,6 @@ def check_robustness(
         for i, loop in enumerate(loops):
             tell("")
             norms[i] = loop_norm(loop, design.norm)
-    return _result(design, drawn, norms)
-
-
-def _result(design: Design, drawn: ParameterSamples, norms: NDArray[np.float64]) -> RobustnessCheck:
     return RobustnessCheck(
         norm=design.norm,
         nominal=design.certificate.achieved,

@@ -10,7 +10,7 @@ from robustpolish.models import GeneralizedPlant
 from robustpolish.simulation import linear_response
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.problem.pricing import NOISE_PREFIX
-from robustpolish.validation import described, invalid
+from robustpolish.validation import described, instance_of, invalid
 
 
 def simulate(
@@ -55,13 +55,8 @@ def simulate(
     >>> response["y"].attrs["units"], bool(response["x"].max() == 0)
     ('m', True)
     """
-    if not isinstance(disturbance, xr.Dataset):
-        raise invalid(
-            "disturbance",
-            described(type(disturbance).__name__),
-            "an xarray.Dataset over time",
-            "Build one with a variable per disturbance, or take simulate_brush(...).",
-        )
+    remedy = "Build one with a variable per disturbance, or take simulate_brush(...)."
+    instance_of("disturbance", disturbance, xr.Dataset, "an xarray.Dataset over time", remedy)
     system, units = _loop(design)
     if "time" not in disturbance.coords:
         raise invalid(
@@ -91,15 +86,10 @@ def _loop(
         return design.open_loop, dict(design.units)
     if isinstance(design, control.StateSpace):
         return design, {}
-    if isinstance(design, Design):
-        plant = design.plant.with_control_outputs()
-        return plant.closed_loop(design.controller), dict(design.plant.units)
-    raise invalid(
-        "design",
-        described(type(design).__name__),
-        "a Design, a GeneralizedPlant or a control.StateSpace",
-        "Pass what state_feedback(...) or air_bearing(...) returned.",
-    )
+    expected = "a Design, a GeneralizedPlant or a control.StateSpace"
+    remedy = "Pass what state_feedback(...) or air_bearing(...) returned."
+    plant = instance_of("design", design, Design, expected, remedy).plant
+    return plant.with_control_outputs().closed_loop(design.controller), dict(plant.units)
 
 
 def _column(disturbance: xr.Dataset, name: str, unit: str | None) -> np.ndarray:

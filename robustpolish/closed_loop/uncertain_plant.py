@@ -30,11 +30,11 @@ def in_place_of(nominal: GeneralizedPlant, other: GeneralizedPlant) -> Generaliz
         every = other.with_full_state()
         if nominal.measurement_names == every.measurement_names:
             other = every
-    _same("states", nominal.states, other.states)
-    _same("controls", nominal.control_names, other.control_names)
-    _same("measurements", nominal.measurement_names, other.measurement_names)
-    _contains("disturbances", nominal.disturbance_names, other.disturbance_names)
-    _contains("performance outputs", nominal.performance_names, other.performance_names)
+    _check("states", nominal.states, other.states)
+    _check("controls", nominal.control_names, other.control_names)
+    _check("measurements", nominal.measurement_names, other.measurement_names)
+    _check("disturbances", nominal.disturbance_names, other.disturbance_names, some=True)
+    _check("performance outputs", nominal.performance_names, other.performance_names, some=True)
     old, new = nominal.system, other.system
     inputs = [old.input_labels.index(name) for name in new.input_labels]
     outputs = [old.output_labels.index(name) for name in new.output_labels]
@@ -43,32 +43,22 @@ def in_place_of(nominal: GeneralizedPlant, other: GeneralizedPlant) -> Generaliz
     C[outputs] = new.C
     D[np.ix_(outputs, inputs)] = new.D
     nw, nz = nominal.nw, nominal.nz
-    return GeneralizedPlant.from_matrices(
-        new.A, B[:, :nw], B[:, nw:], C[:nz], C[nz:],
-        D[:nz, :nw], D[:nz, nw:], D[nz:, :nw], D[nz:, nw:], dt=nominal.dt,
-        states=nominal.states, disturbances=nominal.disturbance_names,
-        controls=nominal.control_names, performance=nominal.performance_names,
-        measurements=nominal.measurement_names, units=nominal.units,
+    return nominal.replace(
+        A=new.A, B1=B[:, :nw], B2=B[:, nw:], C1=C[:nz], C2=C[nz:],
+        D11=D[:nz, :nw], D12=D[:nz, nw:], D21=D[nz:, :nw], D22=D[nz:, nw:],
     )  # fmt: skip
 
 
-def _same(what: str, wanted: tuple[str, ...], found: tuple[str, ...]) -> None:
-    if wanted != found:
-        raise _mismatch(what, wanted, found)
-
-
-def _contains(what: str, wanted: tuple[str, ...], found: tuple[str, ...]) -> None:
-    if not set(found) <= set(wanted):
-        raise _mismatch(what, wanted, found)
-
-
-def _mismatch(what: str, wanted: tuple[str, ...], found: tuple[str, ...]) -> Exception:
-    return invalid(
-        "plant_of",
-        described(f"{what} {', '.join(found)}"),
-        f"those of the design's plant: {', '.join(wanted)}",
-        "Linearise as the design's plant was: the same controls, actuation and measured.",
-    )
+def _check(what: str, wanted: tuple[str, ...], found: tuple[str, ...], some: bool = False) -> None:
+    """Refuse other names than those of the design's plant, or than `some` of them."""
+    fits = set(found) <= set(wanted) if some else found == wanted
+    if not fits:
+        raise invalid(
+            "plant_of",
+            described(f"{what} {', '.join(found)}"),
+            f"those of the design's plant: {', '.join(wanted)}",
+            "Linearise as the design's plant was: the same controls, actuation and measured.",
+        )
 
 
 def loop_norm(loop: control.StateSpace, norm: str) -> float:

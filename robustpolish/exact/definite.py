@@ -7,7 +7,7 @@ from flint import fmpq_mat
 from numpy.typing import ArrayLike
 
 from robustpolish.exact.rational import rational
-from robustpolish.validation import described, invalid, matrix
+from robustpolish.validation import described, invalid, square
 
 
 def is_positive_definite(M: ArrayLike) -> bool:
@@ -40,8 +40,7 @@ def is_positive_definite(M: ArrayLike) -> bool:
     >>> is_positive_definite([[1.0, 1.0], [1.0, 1.0]])
     False
     """
-    array = matrix("M", M)
-    array = matrix("M", array, (array.shape[0], array.shape[0]))
+    array = square("M", M)
     if not np.array_equal(array, array.T):
         gap = float(np.abs(array - array.T).max())
         raise invalid(

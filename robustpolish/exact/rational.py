@@ -17,6 +17,9 @@ from robustpolish.exact.realisation import Realisation
 
 _PRIME = 4611686018427387847  # the largest below 2^62
 
+EXACT_STATES = 60
+"""Up to so many coupled states exact arithmetic finds eigenvalues, hidden modes and energies."""
+
 
 def fraction(value: float) -> fmpq:
     """Return a double as the fraction that it is."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import control
 import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
@@ -60,6 +61,23 @@ def realisation(argument: str, system: Any) -> Realisation:
         np.array(system.D, dtype=float).reshape(p, m),
         discrete,
         step,
+    )
+
+
+def named_like(
+    system: control.StateSpace, A: Matrix, B: Matrix, C: Matrix, D: Matrix
+) -> control.StateSpace:
+    """Return a system of these matrices with the sampling time and names of another."""
+    return control.StateSpace(
+        A,
+        B,
+        C,
+        D,
+        system.dt,
+        states=system.state_labels,
+        inputs=system.input_labels,
+        outputs=system.output_labels,
+        remove_useless_states=False,
     )
 
 

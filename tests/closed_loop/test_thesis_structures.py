@@ -9,9 +9,10 @@ from robustpolish.closed_loop import thesis_structures
 
 def test_three_axes_have_the_norm_of_all_twelve_states():
     plant = rp.air_bearing(actuation="force", measured="displacement")
+    # Up to its tolerance a design gives norm away for a smaller gain, so that is made small here.
     whole, parts = (
         rp.output_feedback(
-            plant, control_weight=1e-7, measurement_noise=1e-8, time_limit=20, split=split
+            plant, control_weight=1e-7, measurement_noise=1e-8, tolerance=5e-6, split=split
         )
         for split in (False, True)
     )

@@ -1,11 +1,11 @@
-"""Contiguous blocks, sampling rates and filters."""
+"""Contiguous blocks of a record."""
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements import check_sampling, lowpass, split_blocks
+from robustpolish.measurements import split_blocks
 
 DATA = xr.Dataset({"x": ("time", np.arange(100.0))}, {"time": np.arange(100) * 0.01})
 
@@ -26,15 +26,3 @@ def test_shares_may_leave_a_rest():
 def test_bad_parts_are_refused(parts):
     with pytest.raises(InvalidInputError, match="parts"):
         split_blocks(DATA, parts)
-
-
-def test_sampling_too_slow_for_a_mode():
-    check_sampling(DATA, [49.0])
-    with pytest.raises(InvalidInputError, match="mode at 51 Hz"):
-        check_sampling(DATA, [3.0, 51.0])
-
-
-@pytest.mark.parametrize("cutoff", [0.0, -1.0, 50.0, 1e9, "a", 0.5])
-def test_bad_filters_are_refused(cutoff):
-    with pytest.raises(InvalidInputError, match="cutoff"):
-        lowpass(DATA, cutoff)

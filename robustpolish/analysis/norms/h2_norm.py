@@ -4,28 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import control
 import numpy as np
+from matplotlib.axes import Axes
 
 from robustpolish.analysis.norms.gramian import Energy, energy, exact_energy
 from robustpolish.analysis.norms.singular_values import singular_values
-from robustpolish.analysis.poles.exact_poles import count_poles
-from robustpolish.analysis.poles.stability import Stability, stability_of
+from robustpolish.analysis.poles.stability import Stability, stability_of, stable_part
 from robustpolish.analysis.scaling.parts import parts
 from robustpolish.display import Card, Displayed, quantities
-from robustpolish.exact.rational import ExactModel
+from robustpolish.exact.rational import EXACT_STATES, ExactModel
 from robustpolish.exact.realisation import Realisation, realisation, rescaled
 from robustpolish.plotting import plot_gains
 from robustpolish.threads import same_bits
 from robustpolish.validation import invalid, positive, source_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-EXACT_STATES = 60
-"""Up to so many coupled states ball arithmetic steps in where the bounds are wide."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -215,13 +208,10 @@ def _feedthrough(stable: bool) -> H2Norm:
 
 
 def _marginal_norm(model: Realisation, verdict: Stability) -> H2Norm:
-    if model.states <= EXACT_STATES and verdict.exact:
-        minimal = ExactModel.of(model).minimal()
-        left = count_poles(minimal.A, model.discrete)
-        if not left.marginal and not left.unstable:
-            if not model.discrete and model.D.any():
-                return _feedthrough(stable=False)
-            reason = f"{verdict.reason}, but hidden from inputs or outputs: not internally stable"
-            found = _in_units(model, exact_energy(minimal), reason)
-            return replace(found, stable=False)
-    return H2Norm(math.inf, math.inf, math.inf, False, verdict.reason)
+    seen = stable_part(model, verdict)
+    if seen is None:
+        return H2Norm(math.inf, math.inf, math.inf, False, verdict.reason)
+    if not model.discrete and model.D.any():
+        return _feedthrough(stable=False)
+    reason = f"{verdict.reason}, but hidden from inputs or outputs: not internally stable"
+    return replace(_in_units(model, exact_energy(seen), reason), stable=False)

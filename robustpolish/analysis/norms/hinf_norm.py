@@ -4,28 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import control
 import numpy as np
+from matplotlib.axes import Axes
 
 from robustpolish.analysis.norms.certified_peak import Peak, certified_peak
 from robustpolish.analysis.norms.singular_values import singular_values
-from robustpolish.analysis.poles.exact_poles import count_poles
-from robustpolish.analysis.poles.stability import Stability, stability_of
+from robustpolish.analysis.poles.stability import Stability, stability_of, stable_part
 from robustpolish.analysis.scaling.parts import parts
 from robustpolish.display import Card, Displayed, quantities
-from robustpolish.exact.rational import ExactModel, to_float
+from robustpolish.exact.rational import to_float
 from robustpolish.exact.realisation import Realisation, realisation, rescaled
 from robustpolish.plotting import plot_gains
 from robustpolish.threads import same_bits
 from robustpolish.validation import invalid, positive, source_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-REDUCIBLE_STATES = 60
-"""Up to so many coupled states are searched for hidden modes in exact arithmetic."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -222,15 +215,12 @@ def _in_units(model: Realisation, found: Peak) -> HinfNorm:
 
 def _marginal_norm(model: Realisation, verdict: Stability, tolerance: float) -> HinfNorm:
     """Decide exactly whether the poles on the boundary reach from an input to an output."""
-    if model.states > REDUCIBLE_STATES or not verdict.exact:
+    seen = stable_part(model, verdict)
+    if seen is None:
         return _infinite(verdict.reason)
-    minimal = ExactModel.of(model).minimal()
-    left = count_poles(minimal.A, model.discrete)
-    if left.marginal or left.unstable:
-        return _infinite(verdict.reason)
-    A, B, C, D = (to_float(M) for M in (minimal.A, minimal.B, minimal.C, minimal.D))
+    A, B, C, D = (to_float(M) for M in (seen.A, seen.B, seen.C, seen.D))
     rounded = Realisation(A, B, C, D, model.discrete)
-    found = certified_peak(rounded, tolerance, True, minimal)
+    found = certified_peak(rounded, tolerance, True, seen)
     reason = f"{verdict.reason}, but hidden from the inputs or outputs: not internally stable"
     return replace(_in_units(model, found), stable=False, reason=reason)
 

@@ -49,3 +49,10 @@ def eigensystem(M: NDArray[np.float64]) -> Eigensystem:
     vanishing = shares.sum(axis=0) <= np.finfo(float).tiny  # defective: orthogonal vectors
     shares[:, vanishing] = np.abs(right[:, vanishing])
     return Eigensystem(values, errors, np.round(shares / shares.sum(axis=0), 3))
+
+
+def pair_text(value: complex) -> str:
+    """Return a real eigenvalue, or a complex pair, as text."""
+    if value.imag == 0:
+        return f"{value.real:.6g}"
+    return f"{value.real:.6g} +/- {abs(value.imag):.6g}j"

@@ -5,26 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, overload
+from typing import overload
 
 import control
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from robustpolish.analysis.poles.eigen import eigensystem
+from robustpolish.analysis.poles.eigen import eigensystem, pair_text
 from robustpolish.analysis.poles.exact_poles import eigenvalues
 from robustpolish.analysis.scaling.parts import parts_with_states
 from robustpolish.display import Card, Displayed, Table
-from robustpolish.exact.rational import rational
+from robustpolish.exact.rational import EXACT_STATES, rational
 from robustpolish.exact.realisation import Realisation, realisation, rescaled
 from robustpolish.plotting import plot_poles
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-EXACT_STATES = 60
-"""Up to so many coupled states the eigenvalues are computed without rounding."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +138,7 @@ class Modes(Displayed, Sequence[Mode]):
                 mode.frequency_hz,
                 mode.damping_ratio,
                 round(mode.participation, 2),
-                _pair(mode.eigenvalue),
+                pair_text(mode.eigenvalue),
             )
             for mode in self.modes
         )
@@ -187,10 +182,6 @@ def modes(system: control.StateSpace) -> Modes:
         found += _part_modes(part, [names[i] for i in indices])
     ordered = sorted(found, key=lambda m: (m.natural_frequency_hz, m.state))
     return Modes(tuple(ordered), model.discrete)
-
-
-def _pair(value: complex) -> str:
-    return f"{value.real:.6g} +/- {value.imag:.6g}j" if value.imag else f"{value.real:.6g}"
 
 
 def _part_modes(model: Realisation, names: list[str]) -> list[Mode]:

@@ -6,10 +6,11 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robustpolish.analysis.poles.eigen import pair_text
 from robustpolish.analysis.poles.pbh_distance import deficiencies
-from robustpolish.analysis.poles.pbh_result import Feasibility, Kind, ModeTest, PbhTest, pair_text
+from robustpolish.analysis.poles.pbh_result import Feasibility, Kind, ModeTest, PbhTest
 from robustpolish.exact.realisation import Realisation, realisation
-from robustpolish.validation import described, invalid, matrix, positive
+from robustpolish.validation import described, invalid, matrix, positive, square
 
 
 def controllability(
@@ -198,9 +199,8 @@ def _read(kind: Kind, system, signals, states, dt) -> tuple[Realisation, list[st
             raise invalid(other, described(text), "None", "Pass either a system or two matrices.")
         model = realisation("system", system)
         return model, list(system.state_labels)
-    A = matrix("A", system)
+    A = square("A", system)
     n = A.shape[0]
-    A = matrix("A", A, (n, n))
     names = [f"x[{i}]" for i in range(n)] if states is None else list(states)
     if len(names) != n:
         raise invalid("states", names, f"{n} names", "Give one name per state.")

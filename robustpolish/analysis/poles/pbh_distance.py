@@ -11,11 +11,8 @@ from robustpolish.analysis.poles.eigen import EPS, eigensystem
 from robustpolish.analysis.poles.exact_poles import hidden_poles, sided_poles
 from robustpolish.analysis.scaling.decoupled_blocks import decoupled_blocks
 from robustpolish.analysis.scaling.units import even_scales, in_units
-from robustpolish.exact.rational import rational
+from robustpolish.exact.rational import EXACT_STATES, rational
 from robustpolish.exact.realisation import Realisation
-
-EXACT_STATES = 60
-"""Up to so many coupled states are split exactly into reachable and hidden ones."""
 
 
 @dataclass(frozen=True)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 
+from robustpolish.analysis.poles.eigen import pair_text
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.plotting import plot_bars
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Kind = Literal["controllability", "observability"]
 
@@ -209,10 +208,3 @@ class Feasibility(Displayed):
 
     def _card(self) -> Card:
         return Card(self.reason, self.test._card().tables)
-
-
-def pair_text(value: complex) -> str:
-    """Return a real eigenvalue, or a complex pair, as text."""
-    if value.imag == 0:
-        return f"{value.real:.6g}"
-    return f"{value.real:.6g} +/- {abs(value.imag):.6g}j"

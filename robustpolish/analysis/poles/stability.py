@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import control
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from robustpolish.analysis.poles.eigen import eigensystem
 from robustpolish.analysis.poles.exact_poles import count_poles
 from robustpolish.display import Card, Displayed, quantities
-from robustpolish.exact.rational import rational
+from robustpolish.exact.rational import EXACT_STATES, ExactModel, rational
 from robustpolish.exact.realisation import Realisation, realisation, rescaled
 from robustpolish.plotting import plot_poles
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-EXACT_STATES = 150
+COUNTED_STATES = 150
 """Largest number of coupled states whose poles are counted in exact arithmetic."""
 
 
@@ -151,7 +149,7 @@ def stability_of(model: Realisation) -> Stability:
     if clear.all() or (margins < -errors).any():
         verdict = "stable" if margin > 0 else "unstable"
         return Stability(verdict, pole, margin, False, _sentence(verdict, pole, model.discrete))
-    if model.states > EXACT_STATES:
+    if model.states > COUNTED_STATES:
         text = f"pole {_shown(pole, model.discrete)} too near the boundary to decide: not trusted"
         return Stability("marginal", pole, margin, False, text)
     return _exactly(model, pole, margin)
@@ -169,6 +167,15 @@ def _exactly(model: Realisation, pole: complex, margin: float) -> Stability:
         return Stability("stable", pole, abs(margin), True, text)
     pole, margin = pole * model.time, margin * model.time
     return Stability(verdict, pole, margin, True, _sentence(verdict, pole, model.discrete))
+
+
+def stable_part(model: Realisation, verdict: Stability) -> ExactModel | None:
+    """Return what inputs and outputs see of a marginal system, if that is strictly stable."""
+    if model.states > EXACT_STATES or not verdict.exact:
+        return None
+    seen = ExactModel.of(model).minimal()
+    left = count_poles(seen.A, model.discrete)
+    return None if left.marginal or left.unstable else seen
 
 
 def _excess(pole: complex, discrete: bool) -> float:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from robustpolish.validation import matrix, positive
+from robustpolish.validation import matrix, positive, square
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,8 @@ def decoupled_blocks(
     Block(states=(0,), inputs=(0,), outputs=())
     Block(states=(1,), inputs=(1,), outputs=(0,))
     """
-    A = matrix("A", A)
+    A = square("A", A)
     n = A.shape[0]
-    A = matrix("A", A, (n, n))
     B, C = matrix("B", B, (n, None)), matrix("C", C, (None, n))
     m, p = B.shape[1], C.shape[0]
     D = np.zeros((p, m)) if D is None else matrix("D", D, (p, m))

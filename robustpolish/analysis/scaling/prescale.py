@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import control
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.analysis.poles.eigen import EPS
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.exact.realisation import (
     Realisation,
+    named_like,
     realisation,
     rescaled,
     state_scales,
 )
 from robustpolish.plotting import plot_over_frequency
 from robustpolish.validation import described, invalid, matrix
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Vector = NDArray[np.float64]
 
@@ -171,19 +169,9 @@ def prescale(system: control.StateSpace, band: Sequence[float] | None = None) ->
         responses = _Responses.of(model, frequency * (1 + 1e-6))
     scales = _descend(responses, _start(model, responses))
     one = np.ones(model.states)
-    scaled = control.StateSpace(
-        model.A * scales / scales[:, None],
-        model.B / scales[:, None],
-        model.C * scales,
-        model.D,
-        system.dt,
-        states=system.state_labels,
-        inputs=system.input_labels,
-        outputs=system.output_labels,
-        remove_useless_states=False,
-    )
+    A, B, C = model.A * scales / scales[:, None], model.B / scales[:, None], model.C * scales
     return Prescaled(
-        scaled,
+        named_like(system, A, B, C, model.D),
         np.diag(1 / scales),
         np.diag(scales),
         frequency,

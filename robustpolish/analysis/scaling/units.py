@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import control
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.exact.realisation import (
     Realisation,
+    named_like,
     power_of_two,
     realisation,
     size,
@@ -22,9 +23,6 @@ from robustpolish.exact.realisation import (
 )
 from robustpolish.plotting import plot_bars
 from robustpolish.validation import described, invalid, matrix
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Vector = NDArray[np.float64]
 Groups = Sequence[Sequence[int]]
@@ -139,17 +137,7 @@ class Scaling(Displayed):
                 "Scale this system with scale_system.",
             )
         scaled = in_units(model, self)
-        return control.StateSpace(
-            scaled.A,
-            scaled.B,
-            scaled.C,
-            scaled.D,
-            system.dt,
-            states=system.state_labels,
-            inputs=system.input_labels,
-            outputs=system.output_labels,
-            remove_useless_states=False,
-        )
+        return named_like(system, scaled.A, scaled.B, scaled.C, scaled.D)
 
     def state_gain(self, gain: ArrayLike, inputs: Sequence[int] | None = None) -> Vector:
         """Map a state feedback u_s = F_s x_s to u = F x, F = U F_s T^-1 (thesis 10.60).
@@ -213,16 +201,12 @@ class Scaling(Displayed):
         K = realisation("controller", controller)
         U = self.inputs[_chosen("inputs", inputs, self.inputs.size)]
         Y = self.outputs[_chosen("outputs", outputs, self.outputs.size)]
-        return control.StateSpace(
+        return named_like(
+            controller,
             self.time * K.A,
             self.time * matrix("controller.B", K.B, (K.states, Y.size)) / Y,
             U[:, None] * matrix("controller.C", K.C, (U.size, K.states)),
             U[:, None] * K.D / Y,
-            controller.dt,
-            states=controller.state_labels,
-            inputs=controller.input_labels,
-            outputs=controller.output_labels,
-            remove_useless_states=False,
         )
 
 

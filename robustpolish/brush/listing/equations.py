@@ -51,6 +51,9 @@ from robustpolish.brush.parameters import BrushParameters
 LAYER = 0.001  # depth [m] of the liquid layer in which C1 and C2 move freely (D.1, line 86)
 UPRIGHT = 0.5 * pi  # psi_0
 
+# On a plane without friction the pushes of C1 and C2 are 0/0, as in the listings, and no error.
+# Said here, for Numba takes it from the first caller else: the order of calls would decide.
+
 
 def listing_constants(parameters: BrushParameters, defects: ListingDefects) -> NDArray[np.float64]:
     """Return the constants of the listings, in SI units."""
@@ -91,7 +94,7 @@ def _elevation(nx, ny, x, y, c):  # pragma: no cover - compiled
     return atan(nx * c[BEND_X] * x + ny * c[BEND_Y] * y)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def impact(t, theta, theta_rate, psi, psi_rate, c, flags):  # pragma: no cover - compiled
     """Contacts of the brush: D.1 lines 51 to 118, D.2 lines 64 to 126.
 
@@ -148,7 +151,7 @@ def impact(t, theta, theta_rate, psi, psi_rate, c, flags):  # pragma: no cover -
     return theta0, alpha, beta, force_psi, force_theta, touch1, touch3, touch4
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def brush_slope(t, w, c, flags, result):  # pragma: no cover - compiled
     """Right-hand side of D.1, w = (theta, theta', psi, psi')."""
     theta, theta_rate, psi, psi_rate = w[0], w[1], w[2], w[3]

@@ -16,17 +16,12 @@ def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:
     return u * values["gain"]
 
 
-def _linear_signal(values: Mapping[str, float]) -> tuple[float, float]:
-    return (values["gain"], 0.0)
-
-
 KIND = EffectKind(
     kind="input_gain",
     title="Gain of an input",
     domain="input",
     parameters=(Parameter("gain", "1", "true over measured", default=1.0),),
     on_signal=_on_signal,
-    linear_signal=_linear_signal,
     shapes=_shapes,
     looks_like="A residual that is a scaled copy of the simulated output, at all frequencies.",
     checks=("Calibration of the force sensor or amplifier, lever ratios, units of the column.",),

@@ -18,10 +18,6 @@ def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:
     return u * values["gain"]
 
 
-def _linear_signal(values: Mapping[str, float]) -> tuple[float, float]:
-    return (values["gain"], 0.0)
-
-
 def _values(c: Array) -> Mapping[str, float]:
     return {"gain": 1.0 / (1.0 - float(np.clip(c[0], -0.9, 0.9)))}
 
@@ -32,7 +28,6 @@ KIND = EffectKind(
     domain="output",
     parameters=(Parameter("gain", "1", "shown over true", default=1.0),),
     on_signal=_on_signal,
-    linear_signal=_linear_signal,
     shapes=_shapes,
     looks_like="This channel's residual is a scaled copy of the channel; the others fit.",
     checks=("Calibration of the sensor, its amplifier range, units of the column.",),

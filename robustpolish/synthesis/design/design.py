@@ -158,12 +158,7 @@ class Design(Displayed):
         ...
         robustpolish.errors.InvalidInputError: path: got missing.json (No such file or directory)...
         """
-        return cls.from_fields(read_saved(path, "design"))
-
-    @classmethod
-    def from_fields(cls, fields: Fields) -> Self:
-        """Return the design in a file that has been opened; see :meth:`load`."""
-        return cls(**design_fields(fields))
+        return design_from(read_saved(path, "design"))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the largest singular value from w to z without and with control.
@@ -258,3 +253,8 @@ class Design(Displayed):
         solved = self.backend not in ("none", self.method)
         how = f"{self.method}, {self.backend}" if solved else self.method
         return Card(f"Design ({how}): {self.status}", tuple(tables), (self.message,))
+
+
+def design_from(fields: Fields) -> Design:
+    """Return the design in a file that has been opened; see :meth:`Design.load`."""
+    return Design(**design_fields(fields))

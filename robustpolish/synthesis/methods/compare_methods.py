@@ -187,7 +187,7 @@ def compare_methods(
     *,
     norm: Norm = "hinf",
     tolerance: float = 4e-3,
-    time_limit: float = 5.0,
+    time_limit: float = 60.0,
 ) -> MethodComparison:
     """Run several methods of output feedback on one plant and compare what they achieve.
 
@@ -201,7 +201,7 @@ def compare_methods(
     tolerance : float
         As for :func:`output_feedback`.
     time_limit : float
-        Seconds for each method.
+        A safety net for each method, in seconds.
 
     Returns
     -------

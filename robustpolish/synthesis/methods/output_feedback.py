@@ -143,7 +143,8 @@ def output_feedback(
     ('optimal', 2.6, True)
     """
     _check(plant, norm, method, backend, tolerance, time_limit, effort)
-    plant = noisy(priced(plant, control_weight), measurement_noise)
+    if control_weight is not None or measurement_noise is not None:
+        plant = noisy(priced(plant, control_weight), measurement_noise)
     settings = Settings(norm, method, backend, solver, tolerance)
     budget = Budget(effort * POLICY.work, time_limit)
     diagnosis = diagnose(plant)
@@ -316,6 +317,8 @@ def _search(
     problem = Problem(matrices, norm, diagnosis.regular_feedthrough, settings.tolerance, bound)
     searches: list[Findings] = []
     for engine in (kind(settings) for kind in ORDER[norm, settings.method]):
+        if any(found.best <= problem.goal for found in searches):
+            break
         if engine.adds(problem, searches):
             searches.append(engine.search(problem, search))
     if search.exhausted:

@@ -160,8 +160,8 @@ class Engine(ABC):
         self.settings = settings
 
     def adds(self, problem: Problem, earlier: Sequence[Findings]) -> bool:
-        """Tell whether a search is of use after those of other engines."""
-        return not earlier or min(f.best for f in earlier) > problem.goal
+        """Tell whether a search is of use after those of other engines that missed the goal."""
+        return True
 
     @abstractmethod
     def search(self, problem: Problem, budget: Budget) -> Findings:

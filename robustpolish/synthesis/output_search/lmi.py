@@ -71,9 +71,8 @@ class LmiHinf(Engine):
 
     def adds(self, problem: Problem, earlier: Sequence[Findings]) -> bool:
         """Tell whether a small plant is left for which no limit of the gain explains the norm."""
-        if earlier and (problem.plant.nx > POLICY.lmi_states or any(f.falling for f in earlier)):
-            return False
-        return super().adds(problem, earlier)
+        small = problem.plant.nx <= POLICY.lmi_states
+        return not earlier or (small and not any(f.falling for f in earlier))
 
     def search(self, problem: Problem, budget: Budget) -> Findings:
         """Minimise the H-infinity norm of the loop."""

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.analysis import AxisZero, controllability, observability, zeros_on_axis
-from robustpolish.analysis.poles.pbh_distance import EXACT_STATES
 from robustpolish.errors import InfeasibleError
+from robustpolish.exact.rational import EXACT_STATES
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.problem.scaling import scale_plant
 

@@ -1,6 +1,7 @@
 """Mechanical models in files: the format, the way back, and what is refused."""
 
 import re
+from collections import Counter
 
 import pytest
 from hypothesis import given, settings
@@ -8,7 +9,6 @@ from hypothesis import strategies as st
 
 from robustpolish.errors import InvalidInputError
 from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
-from robustpolish.models.mechanical.toml_lines import line_of
 
 FILE = """\
 name = "air bearing, x axis"
@@ -43,6 +43,7 @@ at = ["x", "ground"]
 parameters = { force = 3.1 }
 """
 
+
 ROTATION = """\
 [dof.phi]
 inertia = 0.02
@@ -57,6 +58,7 @@ name = "phi"
 measures = "phi"
 quantity = "angle"
 """
+
 
 RIG = """\
 [dof.x]
@@ -188,43 +190,6 @@ def test_errors_carry_the_key():
         assert caught.value.key == key
 
 
-LINES = """\
-[dof."my x"]
-mass = 1
-[[spring]]
-stiffness = 1
-[[spring]] # the other
-between = "a, b"
-"stiffness" = 2
-[[input]]
-name = "F"
-[[input]]
-name = 'F'  # again
-gain = 3
-"""
-
-
-@pytest.mark.parametrize(
-    ("key", "line"),
-    [
-        (("dof", "my x"), 1),
-        (("dof", "my x", "mass"), 2),
-        (("spring", 0, "stiffness"), 4),
-        (("spring", 1, "stiffness"), 7),
-        (("spring", 1, "damping"), 5),
-        (("input", "F"), 10),
-        (("input", "F", "gain"), 12),
-        (("input", 0, "gain"), 8),
-        (("spring",), 3),
-        (("output", "y"), None),
-        (("spring", 7), 3),
-        ((), None),
-    ],
-)
-def test_line_of_a_key(key, line):
-    assert line_of(LINES, key) == line
-
-
 def test_unreadable_files_are_refused(tmp_path):
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"\xff\xfe\x00\x80")
@@ -235,18 +200,27 @@ def test_unreadable_files_are_refused(tmp_path):
             MechanicalModel.from_toml(source)
 
 
-def test_line_of_a_key_that_is_nowhere():
-    assert line_of("", ("spring", 3, "stiffness")) is None
-    assert line_of("[dof.x]\n", ("something",)) is None
-
-
 names = st.text(min_size=1, max_size=6).filter(lambda s: s.strip() and s != "ground")
+
+
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 
 
-@settings(max_examples=60, deadline=None)
-@given(names, names, st.floats(1e-9, 1e9), numbers, numbers, names, names, names)
-def test_any_names_and_numbers_survive(a, b, mass, stiffness, damping, force, motion, title):
+def test_any_names_and_numbers_survive():
+    outcomes = Counter()
+
+    @settings(max_examples=60, deadline=None, derandomize=True)
+    @given(names, names, st.floats(1e-9, 1e9), numbers, numbers, names, names, names)
+    def survive(a, b, mass, stiffness, damping, force, motion, title):
+        drawn = (a, b, mass, stiffness, damping, force, motion, title)
+        outcomes[written_and_read(*drawn)] += 1
+
+    survive()
+    assert outcomes["read"] >= 10  # many numbers are beyond any machine
+
+
+def written_and_read(a, b, mass, stiffness, damping, force, motion, title):
+    """Write a model and read it, unless its names or numbers are refused, and tell which."""
     try:
         model = MechanicalModel(
             [Dof(a, mass), Dof(b, 2 * mass, rotational=True)],
@@ -257,20 +231,36 @@ def test_any_names_and_numbers_survive(a, b, mass, stiffness, damping, force, mo
             name=title,
         )
     except InvalidInputError:
-        return  # two equal names
+        return "refused"  # two equal names, a dot in one, or a number beyond any machine
     text = model.to_toml()
     assert MechanicalModel.from_toml(text) == model
     assert model.state_space().nstates == 4
+    return "read"
 
 
 scalars = st.one_of(numbers, st.text(max_size=5), st.booleans(), st.integers(), st.none())
+
+
 values = st.recursive(scalars, lambda inner: st.lists(inner, max_size=3), max_leaves=4)
 
 
-@settings(max_examples=150, deadline=None)
-@given(st.data())
-def test_damaged_files_end_in_a_message(data):
+def test_damaged_files_end_in_a_message():
     """Lines are dropped, doubled, cut and given odd values; nothing but our error may come out."""
+    outcomes = Counter()
+
+    @settings(max_examples=150, deadline=None, derandomize=True)
+    @given(st.data())
+    def damaged(data):
+        outcomes[read_damaged(data)] += 1
+
+    damaged()
+    # Damage to a remark or a number is harmless, most is not: neither may be the only answer.
+    assert outcomes["read"] >= 12
+    assert outcomes["refused"] >= 90
+
+
+def read_damaged(data):
+    """Damage the file, read it if that is possible, and tell whether it was."""
     lines = FILE.splitlines()
     for _ in range(data.draw(st.integers(1, 4))):
         i = data.draw(st.integers(0, len(lines) - 1))
@@ -289,6 +279,7 @@ def test_damaged_files_end_in_a_message(data):
     try:
         model = MechanicalModel.from_toml("\n".join(lines) + "\n")
     except InvalidInputError:
-        return
+        return "refused"
     assert MechanicalModel.from_toml(model.to_toml()) == model
     model.state_space()
+    return "read"

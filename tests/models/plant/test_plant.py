@@ -1,4 +1,4 @@
-"""The generalised plant: its blocks, its loop and its complaints."""
+"""The generalised plant: its parts, its changes and its complaints."""
 
 import copy
 
@@ -8,52 +8,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-
-
-def random_plant(rng, nx=4, nw=2, nu=3, nz=2, ny=2, dt=0, D22=True):
-    def shape(*n):
-        return rng.standard_normal(n)
-
-    return rp.GeneralizedPlant.from_matrices(
-        shape(nx, nx),
-        shape(nx, nw),
-        shape(nx, nu),
-        shape(nz, nx),
-        shape(ny, nx),
-        shape(nz, nw),
-        shape(nz, nu),
-        shape(ny, nw),
-        shape(ny, nu) * D22,
-        dt=dt,
-    )
-
-
-def test_blocks_are_those_of_the_system():
-    plant = random_plant(np.random.default_rng(0))
-    again = rp.GeneralizedPlant(plant.system, measurements=2, controls=3)
-    for name in ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(plant, name))
-    assert (again.nx, again.nw, again.nu, again.nz, again.ny) == (4, 2, 3, 2, 2)
-    assert again.control_names == ("u1", "u2", "u3")
-    assert again.measurement_names == ("y1", "y2")
-
-
-@pytest.mark.parametrize("dt", [0, 0.1])
-def test_closed_loop_is_the_linear_fractional_transformation(dt):
-    rng = np.random.default_rng(1)
-    plant = random_plant(rng, dt=dt)
-    controller = control.ss(
-        rng.standard_normal((3, 3)),
-        rng.standard_normal((3, 2)),
-        rng.standard_normal((3, 3)),
-        rng.standard_normal((3, 2)) * 0.1,
-        dt,
-    )
-    loop = plant.closed_loop(controller)
-    for s in (0.3 + 2j, -0.7 + 0.1j, 5.0 + 0j):
-        P, K = plant.system(s), controller(s)
-        expected = P[:2, :2] + P[:2, 2:] @ K @ np.linalg.solve(np.eye(2) - P[2:, 2:] @ K, P[2:, :2])
-        np.testing.assert_allclose(loop(s), expected, rtol=1e-9)
+from tests.models.plant.random_plants import random_plant
 
 
 def test_state_feedback_loop_ignores_what_is_measured():
@@ -62,19 +17,6 @@ def test_state_feedback_loop_ignores_what_is_measured():
     loop = plant.state_feedback_loop(gain)
     np.testing.assert_allclose(loop.A, plant.A + plant.B2 @ gain)
     np.testing.assert_allclose(loop.C, plant.C1 + plant.D12 @ gain)
-
-
-def test_controller_states_get_names_of_their_own():
-    plant = random_plant(np.random.default_rng(4))
-    same_names = control.ss(-np.eye(2), np.ones((2, 2)), np.ones((3, 2)), 0, states=["x1", "x2"])
-    loop = plant.closed_loop(same_names)
-    assert len(set(loop.state_labels)) == 6
-
-
-def test_ill_posed_loop_is_refused():
-    plant = rp.GeneralizedPlant.from_matrices(-1, 1, 1, 1, 1, D22=2)
-    with pytest.raises(InvalidInputError, match="well-posed"):
-        plant.closed_loop([[0.5]])
 
 
 @pytest.mark.parametrize(
@@ -117,14 +59,6 @@ def test_bad_matrices_are_named(change, message):
     }
     with pytest.raises(InvalidInputError, match=message):
         rp.GeneralizedPlant.from_matrices(**(good | change))
-
-
-def test_controller_must_fit():
-    plant = random_plant(np.random.default_rng(6))
-    with pytest.raises(InvalidInputError, match=r"shape \(3, 2\)"):
-        plant.closed_loop(np.zeros((2, 3)))
-    with pytest.raises(InvalidInputError, match="sampling time"):
-        plant.closed_loop(control.ss(0.5, np.ones((1, 2)), np.ones((3, 1)), 0, 0.1))
 
 
 def named_plant():

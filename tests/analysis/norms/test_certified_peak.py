@@ -1,0 +1,46 @@
+"""The peak of the gain with a bracket, exact or estimated."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+from robustpolish.analysis.norms import certified_peak as module
+from robustpolish.analysis.norms.certified_peak import Peak, certified_peak
+from robustpolish.exact.realisation import realisation
+
+ZETA = 0.01
+OSCILLATOR = realisation("s", control.ss([[0, 1], [-1, -2 * ZETA]], [[0], [1]], [[1, 0]], 0))
+PEAK = 1 / (2 * ZETA * np.sqrt(1 - ZETA**2))
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_the_bracket_holds_the_peak(exact):
+    found = certified_peak(OSCILLATOR, 1e-9, exact)
+    assert found.lower <= PEAK <= found.upper
+    assert found.gain == pytest.approx(PEAK, rel=1e-9)
+    assert found.upper <= found.lower * (1 + 1e-6)
+    assert ("exact arithmetic" in found.proof) is exact
+
+
+def test_larger_systems_are_proven_exactly_where_doubles_say_nothing(monkeypatch):
+    monkeypatch.setattr(module, "EXACT_ALWAYS", 1)
+    assert "double precision" in certified_peak(OSCILLATOR, 1e-9, True).proof
+    monkeypatch.setattr(module, "bounds_gain", lambda *_: False)
+    assert "exact arithmetic" in certified_peak(OSCILLATOR, 1e-9, True).proof
+    monkeypatch.setattr(module, "EXACT_AT_MOST", 1)
+    unproven = certified_peak(OSCILLATOR, 1e-9, True)
+    assert unproven.upper == np.inf
+    assert unproven.lower == pytest.approx(PEAK, rel=1e-9)
+
+
+def test_what_cancels_has_no_gain():
+    nothing = realisation("s", control.ss(-np.eye(2), [[1], [1]], [[1, -1]], 0))
+    found = certified_peak(nothing, 1e-9, True)
+    assert (found.gain, found.upper, found.proof) == (0.0, 0.0, "the transfer function is zero")
+
+
+def test_units_are_undone():
+    scaled = Peak(2.0, 3.0, 2.5, 3.5, "p").in_units(replace(OSCILLATOR, time=10.0, gain=4.0))
+    assert scaled == Peak(20.0, 12.0, 10.0, 14.0, "p")

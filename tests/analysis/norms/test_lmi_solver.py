@@ -1,0 +1,29 @@
+"""The thesis's inequalities, handed to a solver."""
+
+import control
+import numpy as np
+import pytest
+
+from robustpolish.analysis.norms.lmi_proof import proves
+from robustpolish.analysis.norms.lmi_solver import minimise, well_inside
+from robustpolish.analysis.norms.modal_basis import modal_model
+from robustpolish.exact.rational import ExactModel
+from robustpolish.exact.realisation import realisation
+
+SYSTEM = realisation("s", control.ss([[0.0, 1.0], [-4.0, -0.4]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0))
+HINF = 1 / (0.4 * np.sqrt(4 - 0.04))
+
+
+@pytest.mark.parametrize("equation", ["10.17", "10.44"])
+def test_the_smallest_gamma_is_the_norm(equation):
+    answer = minimise(modal_model(SYSTEM), equation)
+    assert answer.status == "optimal"
+    assert answer.gamma == pytest.approx(HINF, rel=1e-4)
+
+
+@pytest.mark.parametrize(("equation", "gamma"), [("10.15", 1.0), ("10.17", 1.1 * HINF)])
+def test_a_matrix_well_inside_passes_the_exact_proof(equation, gamma):
+    answer = well_inside(modal_model(SYSTEM), equation, gamma)
+    assert answer.K is not None
+    np.testing.assert_array_equal(answer.K, answer.K.T)
+    assert proves(ExactModel.of(SYSTEM), equation, answer.K, gamma)

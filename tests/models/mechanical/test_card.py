@@ -1,0 +1,22 @@
+"""How a model shows itself."""
+
+from robustpolish.models import (
+    Damper,
+    Dof,
+    MechanicalModel,
+    Output,
+    Spring,
+)
+
+
+def test_the_table_shows_units_of_effects():
+    turning = MechanicalModel(
+        [Dof("phi", 1.0, rotational=True)],
+        [Spring(("phi", "ground"), 1.0)],
+        [Damper(("phi", "ground"), 1.0)],
+        outputs=[Output("angle", ("phi", "ground"))],
+    )
+    turning = turning.with_effect("cubic_stiffness", "phi", {"stiffness": 2.0})
+    shown = str(turning.with_effect("sensor_offset", "angle", {"offset": 0.1}))
+    for unit in ("kg m^2", "N m/rad\n", "N m s/rad", "N m/rad^3", "0.1  rad"):
+        assert unit in shown
