@@ -171,11 +171,9 @@ def linearize(
         return value
 
     def g(point: Vector) -> Vector:
-        return (
-            point[:n]
-            if output is None
-            else np.asarray(output(point[:n], point[n:]), dtype=float).ravel()
-        )
+        if output is None:
+            return point[:n]
+        return np.asarray(output(point[:n], point[n:]), dtype=float).ravel()
 
     if find_equilibrium and n:
         q = _equilibrium(f, q, u, size[:n])
@@ -220,11 +218,14 @@ def _derivative(f: Callable[[Vector], Vector], point: Vector, size: Vector) -> V
     rows = f(point).size
     jacobian = np.zeros((rows, point.size))
     for j in range(point.size):
-        slopes = []
-        for step in (1e-3 * size[j], 5e-4 * size[j]):
-            ahead, behind = point.copy(), point.copy()
-            ahead[j] += step
-            behind[j] -= step
-            slopes.append((f(ahead) - f(behind)) / (ahead[j] - behind[j]))
-        jacobian[:, j] = (4 * slopes[1] - slopes[0]) / 3
+        wide, narrow = (difference(f, point, j, share * size[j]) for share in (1e-3, 5e-4))
+        jacobian[:, j] = (4 * narrow - wide) / 3
     return jacobian
+
+
+def difference(f: Callable[[Vector], Vector], point: Vector, j: int, step: float) -> Vector:
+    """Return the slope of f over one variable by a central difference."""
+    ahead, behind = point.copy(), point.copy()
+    ahead[j] += step
+    behind[j] -= step
+    return (f(ahead) - f(behind)) / (ahead[j] - behind[j])

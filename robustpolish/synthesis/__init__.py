@@ -8,8 +8,10 @@ from robustpolish.synthesis.methods.compare_methods import (
     compare_methods,
 )
 from robustpolish.synthesis.methods.given_controller import given_controller
-from robustpolish.synthesis.methods.mixed_output_feedback import mixed_output_feedback
-from robustpolish.synthesis.methods.mixed_state_feedback import mixed_state_feedback
+from robustpolish.synthesis.methods.mixed_feedback import (
+    mixed_output_feedback,
+    mixed_state_feedback,
+)
 from robustpolish.synthesis.methods.observer_feedback import observer_feedback
 from robustpolish.synthesis.methods.output_feedback import output_feedback
 from robustpolish.synthesis.methods.passive_feedback import passive_feedback

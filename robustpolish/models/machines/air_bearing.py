@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from robustpolish.arrays import Matrix
 from robustpolish.models.machines.air_bearing_parameters import AirBearingParameters
@@ -80,10 +81,7 @@ def air_bearing(
     c = p.damping(dissipation)
     horizontal = _axis(p.m_x, p.m_t, p.k_t, p.k_x, c.c_A, c.c_D, 0.0)
     vertical = _axis(p.m_z, p.m_t, p.k_A, p.k_z, 0.0, c.c_R, c.c_Z)
-    A = np.zeros((12, 12))
-    for i, block in enumerate((horizontal, horizontal, vertical)):
-        A[4 * i : 4 * i + 4, 4 * i : 4 * i + 4] = block
-
+    A = np.asarray(block_diag(horizontal, horizontal, vertical))
     position = np.zeros((6, 12))
     position[range(6), range(0, 12, 2)] = 1.0
     masses = np.array([p.m_x, p.m_t, p.m_x, p.m_t, p.m_z, p.m_t])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import control
@@ -14,6 +14,7 @@ from scipy.signal import tf2ss
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.errors import RobustPolishWarning
+from robustpolish.models.linearization import difference
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import number
 from robustpolish.models.mechanical.ports import context_values, effect_ports
@@ -144,7 +145,7 @@ def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = Tru
         # Wherever the law has a slope at all, so small a step sees it: nothing in mechanics is
         # finer than 1e-12 in SI units, and at zero there is no rounding to fear.
         step = max(1e-12, 1e-7 * abs(point[j]))
-        wide, narrow = (_difference(both, point, j, h) for h in (step, step / 16))
+        wide, narrow = (difference(both, point, j, h) for h in (step, step / 16))
         jumps = np.abs(narrow) > 4 * np.abs(wide)
         if jumps.any() and warn:
             warnings.warn(
@@ -157,13 +158,6 @@ def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = Tru
     table[~np.isfinite(table)] = 0.0
     columns = (slice(0, n), slice(n, 2 * n), slice(2 * n, None))
     return [part[:, c] for part in (table[: kind.ports], table[kind.ports :]) for c in columns]
-
-
-def _difference(function: Callable[[Array], Array], point: Array, j: int, step: float) -> Array:
-    ahead, behind = point.copy(), point.copy()
-    ahead[j] += step
-    behind[j] -= step
-    return (function(ahead) - function(behind)) / (ahead[j] - behind[j])
 
 
 def signal_gains(model: MechanicalData) -> Array:

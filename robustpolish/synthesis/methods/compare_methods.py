@@ -84,7 +84,7 @@ class MethodResult(Displayed):
         -------
         tuple
         """
-        rounded = [float(f"{x:.{d}g}") for x, d in ((self.gain, 2), (self.condition, 2))]
+        rounded = [float(f"{x:.2g}") for x in (self.gain, self.condition)]
         order = self.order if self.order >= 0 else None
         figures = (self.claimed, self.achieved, *rounded, order, round(self.seconds, 2))
         return self.method, self.status, *figures
@@ -167,15 +167,11 @@ class MethodComparison(Displayed):
         'H-infinity norm achieved'
         """
         name = "H-infinity" if self.norm == "hinf" else "H2"
-        gain = {"long_name": "largest entry of the controller"}
+        gain, norm = "largest entry of the controller", f"{name} norm achieved"
         points = xr.Dataset(
             {
-                "gain": ("controller", [r.gain for r in self.results], gain),
-                "norm": (
-                    "controller",
-                    [r.achieved for r in self.results],
-                    {"long_name": f"{name} norm achieved"},
-                ),
+                "gain": ("controller", [r.gain for r in self.results], {"long_name": gain}),
+                "norm": ("controller", [r.achieved for r in self.results], {"long_name": norm}),
             },
             {"controller": [r.method for r in self.results]},
         )
@@ -268,10 +264,9 @@ def _run(
     except RobustPolishError as error:
         kinds = {"InfeasibleError": "infeasible", "MissingDependencyError": "missing"}
         status = kinds.get(type(error).__name__, "refused")
-        nothing = math.nan
-        return MethodResult(
-            name, status, nothing, nothing, nothing, nothing, -1, clock.elapsed, str(error)
-        )
+        none = math.nan
+        seconds = clock.elapsed
+        return MethodResult(name, status, none, none, none, none, -1, seconds, str(error))
     certificate = design.certificate
     _, vectors = np.linalg.eig(np.asarray(design.closed_loop.A))
     return MethodResult(

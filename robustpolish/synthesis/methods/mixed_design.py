@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
-from typing import Literal
 
 from numpy.typing import ArrayLike
 
@@ -21,42 +20,25 @@ from robustpolish.synthesis.methods.structured_design import (
 )
 from robustpolish.synthesis.problem.channels import Channel, channel
 from robustpolish.synthesis.problem.decoupling import decoupled_parts, undivided
-from robustpolish.synthesis.problem.pole_regions import PoleRegion
+from robustpolish.synthesis.problem.pole_regions import PoleRegion, checked_regions, outside
 from robustpolish.synthesis.problem.preflight import noisy, priced
 from robustpolish.synthesis.structured_search.mixed_structure import MixedStructure
-from robustpolish.validation import described, invalid, one_of, positive
-
-
-@dataclass(frozen=True, eq=False)
-class MixedSpecifications:
-    """What the user asks for; the names are those of the arguments.
-
-    Attributes
-    ----------
-    minimise : {"hinf", "h2"}
-    hinf_channel, h2_channel : Channel or None
-    hinf_bound, h2_bound : float or None
-    pole_region : PoleRegion, sequence of PoleRegion or None
-    gain_bound : float or None
-    control_weight, measurement_noise : array_like or None
-    """
-
-    minimise: Literal["hinf", "h2"]
-    hinf_channel: Channel | None
-    h2_channel: Channel | None
-    hinf_bound: float | None
-    h2_bound: float | None
-    pole_region: PoleRegion | Sequence[PoleRegion] | None
-    gain_bound: float | None
-    control_weight: ArrayLike | None
-    measurement_noise: ArrayLike | None = None
+from robustpolish.validation import invalid, one_of, positive
 
 
 def design_mixed(
     plant: GeneralizedPlant,
-    asked: MixedSpecifications,
     *,
     static: bool,
+    minimise: Norm,
+    hinf_channel: Channel | None,
+    h2_channel: Channel | None,
+    hinf_bound: float | None,
+    h2_bound: float | None,
+    pole_region: PoleRegion | Sequence[PoleRegion] | None,
+    gain_bound: float | None,
+    control_weight: ArrayLike | None,
+    measurement_noise: ArrayLike | None = None,
     backend: str,
     solver: str | None,
     time_limit: float,
@@ -67,17 +49,16 @@ def design_mixed(
     Parameters
     ----------
     plant : GeneralizedPlant
-    asked : MixedSpecifications
     static : bool
         u = F y instead of a controller of full order.
-    backend, solver, time_limit, seed
+    minimise, hinf_channel, h2_channel, hinf_bound, h2_bound, pole_region, gain_bound, \
+    control_weight, measurement_noise, backend, solver, time_limit, seed
         As in :func:`mixed_output_feedback`.
     """
-    minimise: Norm = asked.minimise
     one_of("minimise", minimise, ("hinf", "h2"))
     one_of("backend", backend, BACKENDS)
     orders = Orders.checked(minimise, time_limit, seed)
-    bounds = {"hinf": asked.hinf_bound, "h2": asked.h2_bound}
+    bounds = {"hinf": hinf_bound, "h2": h2_bound}
     if bounds[minimise] is not None:
         raise invalid(
             f"{minimise}_bound",
@@ -89,10 +70,10 @@ def design_mixed(
     bound = bounds[other]
     if bound is not None:
         bound = positive(f"{other}_bound", bound)
-    gain_bound = checked_bound(asked.gain_bound)
-    regions = _regions(asked.pole_region)
-    whole = noisy(priced(plant, asked.control_weight), asked.measurement_noise)
-    given = {"hinf": asked.hinf_channel, "h2": asked.h2_channel}
+    gain_bound = checked_bound(gain_bound)
+    regions = checked_regions("pole_region", pole_region)
+    whole = noisy(priced(plant, control_weight), measurement_noise)
+    given = {"hinf": hinf_channel, "h2": h2_channel}
     goal = _channel(plant, whole, given[minimise], f"{minimise}_channel")
     side = None if bound is None else _channel(plant, whole, given[other], f"{other}_channel")
 
@@ -109,9 +90,7 @@ def design_mixed(
         certificates[other] = certify(side, controller, other)
         if not certificates[other].valid or certificates[other].achieved > bound * (1 + 1e-6):
             broken.append(f"the {other} norm is {certificates[other].achieved:g}, not {bound:g}")
-    for region in regions:
-        if not region.contains(design.certificate.poles):
-            broken.append(f"a pole lies outside {region}")
+    broken += outside(regions, design.certificate.poles)
     if broken:
         raise SolverError(
             f"The best controller found breaks a specification: {'; '.join(broken)}. "
@@ -124,17 +103,6 @@ def design_mixed(
         "pole_regions": regions,
     }
     return replace(design, details=MappingProxyType(details), elapsed=orders.budget.elapsed)
-
-
-def _regions(given: PoleRegion | Sequence[PoleRegion] | None) -> tuple[PoleRegion, ...]:
-    if given is None:
-        return ()
-    regions = tuple(given) if isinstance(given, Sequence) else (given,)
-    for region in regions:
-        if not isinstance(region, PoleRegion):
-            shown = described(type(region).__name__)
-            raise invalid("pole_region", shown, "HalfPlane, Disk or Sector", "Build one of them.")
-    return regions
 
 
 def _channel(

@@ -110,12 +110,11 @@ def passive_feedback(
     wanted += [("damper", _place("dampers", p, mechanics)) for p in dampers]
     if not wanted or len(set(wanted)) != len(wanted):
         raise invalid("springs", wanted, "different places, at least one", "Name them once each.")
-    limits = [
-        _limit("stiffness_bound", stiffness_bound, place)
-        if kind == "spring"
-        else _limit("damping_bound", damping_bound, place)
-        for kind, place in wanted
-    ]
+    bounds = {
+        "spring": ("stiffness_bound", stiffness_bound),
+        "damper": ("damping_bound", damping_bound),
+    }
+    limits = [_limit(*bounds[kind], place) for kind, place in wanted]
     structure = PassiveStructure(norm, mechanics, wanted, np.array(limits))
     parts = decoupled_parts(whole, structure.joined)
     return design_structured(whole, whole, parts, structure, norm, orders)

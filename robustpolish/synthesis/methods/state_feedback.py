@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robustpolish.analysis import controllability, h2_norm, hinf_norm
-from robustpolish.arrays import Matrix
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.budget import Budget, same_bits
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.models import GeneralizedPlant
@@ -23,7 +23,7 @@ from robustpolish.synthesis.design.status import Status, worst_status
 from robustpolish.synthesis.lmi.semidefinite import BACKENDS
 from robustpolish.synthesis.lmi.state.engine import LmiStateEngine
 from robustpolish.synthesis.problem.decoupling import PlantPart, decoupled_parts, undivided
-from robustpolish.synthesis.problem.pole_regions import PoleRegion
+from robustpolish.synthesis.problem.pole_regions import PoleRegion, checked_regions, outside
 from robustpolish.synthesis.problem.preflight import priced
 from robustpolish.synthesis.riccati.state import RiccatiStateEngine
 from robustpolish.synthesis.state_search.engine import StateEngine
@@ -199,10 +199,7 @@ def _checked(
         positive("gain_bound", gain_bound)
     if pole_region is None:
         return ()
-    regions = tuple(pole_region) if isinstance(pole_region, Sequence) else (pole_region,)
-    for region in regions:
-        if not isinstance(region, PoleRegion):
-            raise invalid("pole_region", region, "HalfPlane, Disk or Sector", "Build one of these.")
+    regions = checked_regions("pole_region", pole_region)
     if method != "lmi" or gain_bound is not None:
         other = "method='riccati'" if method != "lmi" else "gain_bound"
         raise invalid(
@@ -300,10 +297,7 @@ def _broken(
     reasons = []
     if gain_bound is not None and np.linalg.norm(F, 2) > gain_bound:
         reasons.append(f"the gain {np.linalg.norm(F, 2):.8g} exceeds {gain_bound:.8g}")
-    for region in regions:
-        if not all(region.contains(pole) for pole in certificate.poles):
-            reasons.append(f"a pole lies outside {region}")
-    return tuple(reasons)
+    return (*reasons, *outside(regions, certificate.poles))
 
 
 def _performance_norm(plant: GeneralizedPlant, F: Matrix, norm: str) -> float:

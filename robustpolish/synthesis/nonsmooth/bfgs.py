@@ -80,15 +80,11 @@ def bfgs(
             return Descent(x, f, count, ended_by(budget))
         direction = -H @ g
         slope = float(g @ direction)
-        if not np.isfinite(slope) or slope >= 0:
-            if fresh:
-                return Descent(x, f, count, "stationary")
-            H, fresh = np.eye(len(x)) / max(1.0, float(np.linalg.norm(g))), True
-            continue
-        step = _weak_wolfe(counted, x, f, g, direction, slope, budget)
+        downhill = np.isfinite(slope) and slope < 0
+        step = _weak_wolfe(counted, x, f, g, direction, slope, budget) if downhill else None
         if step is None:
             if fresh:
-                return Descent(x, f, count, "stalled")
+                return Descent(x, f, count, "stalled" if downhill else "stationary")
             H, fresh = np.eye(len(x)) / max(1.0, float(np.linalg.norm(g))), True
             continue
         x_new, f_new, g_new = step

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.arrays import AnyVector as Vector
+from robustpolish.arrays import Vector
 from robustpolish.budget import step_cost
 from robustpolish.synthesis.nonsmooth.problem import ActivePiece
 from robustpolish.synthesis.problem.matrices import PlantMatrices

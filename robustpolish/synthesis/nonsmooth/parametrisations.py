@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.arrays import AnyVector as Vector
-from robustpolish.arrays import Array
+from robustpolish.arrays import Array, Vector
 
 
 class Parametrisation(Protocol):

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.arrays import AnyVector as Vector
+from robustpolish.arrays import Vector
 from robustpolish.synthesis.nonsmooth.parametrisations import Parametrisation
 
 

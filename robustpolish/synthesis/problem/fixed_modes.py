@@ -92,18 +92,14 @@ def refuse_fixed_modes(
     found = unstable_fixed_modes(loop, mask, states, unit_of_time)
     if not found:
         return
-    modes = [mode.eigenvalue for mode in found]
     unit = "" if loop.discrete else " rad/s"
-    named = ", ".join(
-        f"{_shown(value)}{unit} (state {mode.state})"
-        for value, mode in zip(modes, found, strict=True)
-    )
+    named = ", ".join(f"{_shown(mode.eigenvalue)}{unit} (state {mode.state})" for mode in found)
     kind = "of this structure " if not mask.all() else ""
     raise InfeasibleError(
         f"No {what} {kind}stabilises the plant: no gain moves the mode {named}. "
         "Add an actuator or a sensor that reaches it"
         + (", or free more entries of the structure." if kind else "."),
-        modes,
+        [mode.eigenvalue for mode in found],
     )
 
 

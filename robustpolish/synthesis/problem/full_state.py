@@ -12,7 +12,7 @@ import control
 import numpy as np
 
 from robustpolish.analysis import h2_norm, hinf_norm
-from robustpolish.arrays import Matrix
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 
 

@@ -42,16 +42,8 @@ class PoleRegion(Protocol):
         ...
 
 
-class _Region:
+class _Region(PoleRegion):
     """What the regions share."""
-
-    @property
-    def L(self) -> Matrix:
-        raise NotImplementedError
-
-    @property
-    def M(self) -> Matrix:
-        raise NotImplementedError
 
     def violation(self, pole: complex) -> float:
         """Return the largest eigenvalue of the region's matrix at `pole`: negative inside."""
@@ -258,15 +250,32 @@ class Sector(_Region):
         return Sector(self.damping, self.apex * seconds)
 
 
-def boundaries(
-    regions: PoleRegion | Sequence[PoleRegion],
-) -> dict[str, tuple[Matrix, Matrix]]:
-    """Return L and M of each region by a name that tells its numbers, to be drawn."""
-    several = [regions] if isinstance(regions, PoleRegion) else list(regions)
+def checked_regions(
+    argument: str, given: PoleRegion | Sequence[PoleRegion] | None
+) -> tuple[PoleRegion, ...]:
+    """Return one region, several or none as a tuple.
+
+    Raises
+    ------
+    InvalidInputError
+        If one of them is no region.
+    """
+    several = given if isinstance(given, Sequence) else () if given is None else (given,)
     for region in several:
         if not isinstance(region, PoleRegion):
             shown = described(type(region).__name__)
-            raise invalid("regions", shown, "pole regions", "Pass HalfPlane, Disk or Sector.")
+            raise invalid(argument, shown, "HalfPlane, Disk or Sector", "Build one of these.")
+    return tuple(several)
+
+
+def outside(regions: Sequence[PoleRegion], poles: ArrayLike) -> list[str]:
+    """Say of each region that some of the poles miss that they do."""
+    return [f"a pole lies outside {region}" for region in regions if not region.contains(poles)]
+
+
+def boundaries(regions: PoleRegion | Sequence[PoleRegion]) -> dict[str, tuple[Matrix, Matrix]]:
+    """Return L and M of each region by a name that tells its numbers, to be drawn."""
+    several = checked_regions("regions", regions)
     return {f"outside {region}": (region.L, region.M) for region in several}
 
 

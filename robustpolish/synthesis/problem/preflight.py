@@ -254,12 +254,11 @@ def priced(plant: GeneralizedPlant, weight: ArrayLike | None) -> GeneralizedPlan
     paid = np.flatnonzero(weights)
     if not paid.size:
         return plant
-    price = np.zeros((paid.size, plant.nu))
-    price[np.arange(paid.size), paid] = weights[paid]
+    more = ((0, paid.size), (0, 0))
     return plant.replace(
-        C1=np.vstack([plant.C1, np.zeros((paid.size, plant.nx))]),
-        D11=np.vstack([plant.D11, np.zeros((paid.size, plant.nw))]),
-        D12=np.vstack([plant.D12, price]),
+        C1=np.pad(plant.C1, more),
+        D11=np.pad(plant.D11, more),
+        D12=np.vstack([plant.D12, np.diag(weights)[paid]]),
         performance=[*plant.performance_names, *(f"price_{plant.control_names[i]}" for i in paid)],
     )
 
@@ -291,13 +290,12 @@ def noisy(plant: GeneralizedPlant, noise: ArrayLike | None) -> GeneralizedPlant:
     heard = np.flatnonzero(sizes)
     if not heard.size:
         return plant
-    size = np.zeros((plant.ny, heard.size))
-    size[heard, np.arange(heard.size)] = sizes[heard]
+    more = ((0, 0), (0, heard.size))
     names = [NOISE_PREFIX + plant.measurement_names[i] for i in heard]
     return plant.replace(
-        B1=np.hstack([plant.B1, np.zeros((plant.nx, heard.size))]),
-        D11=np.hstack([plant.D11, np.zeros((plant.nz, heard.size))]),
-        D21=np.hstack([plant.D21, size]),
+        B1=np.pad(plant.B1, more),
+        D11=np.pad(plant.D11, more),
+        D21=np.hstack([plant.D21, np.diag(sizes)[:, heard]]),
         disturbances=[*plant.disturbance_names, *names],
     )
 

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.synthesis.problem.matrices import PlantMatrices
@@ -85,35 +86,17 @@ def augmented(loop: PlantMatrices, order: int) -> PlantMatrices:
     """
     if order == 0:
         return loop
-    nx, nu, ny = len(loop.A), loop.B2.shape[1], len(loop.C2)
-    nw, nz = loop.B1.shape[1], len(loop.C1)
-    eye = np.eye(order)
-
-    def diagonal(a: Matrix, b: Matrix) -> Matrix:
-        rows, columns = a.shape[0] + b.shape[0], a.shape[1] + b.shape[1]
-        joined = np.zeros((rows, columns))
-        joined[: a.shape[0], : a.shape[1]] = a
-        joined[a.shape[0] :, a.shape[1] :] = b
-        return joined
-
-    none = np.zeros((0, 0))
-    swap_in = np.block(
-        [[np.zeros((nx, order)), loop.B2], [eye, np.zeros((order, nu))]],
-    )
-    swap_out = np.block(
-        [[np.zeros((order, nx)), eye], [loop.C2, np.zeros((ny, order))]],
-    )
-    return PlantMatrices(
-        A=diagonal(loop.A, np.zeros((order, order))),
-        B1=np.vstack([loop.B1, np.zeros((order, nw))]),
-        B2=swap_in,
-        C1=np.hstack([loop.C1, np.zeros((nz, order))]),
-        C2=swap_out,
-        D11=loop.D11,
-        D12=np.hstack([np.zeros((nz, order)), loop.D12]),
-        D21=np.vstack([np.zeros((order, nw)), loop.D21]),
-        D22=diagonal(np.zeros((order, order)), loop.D22) if loop.D22.size else none,
-        discrete=loop.discrete,
+    eye, none = np.eye(order), np.zeros((order, order))
+    more_x = np.zeros((loop.nx, order))
+    return loop.replace(
+        A=block_diag(loop.A, none),
+        B1=np.pad(loop.B1, ((0, order), (0, 0))),
+        B2=np.block([[more_x, loop.B2], [eye, np.zeros((order, loop.nu))]]),
+        C1=np.pad(loop.C1, ((0, 0), (0, order))),
+        C2=np.block([[more_x.T, eye], [loop.C2, np.zeros((loop.ny, order))]]),
+        D12=np.pad(loop.D12, ((0, 0), (order, 0))),
+        D21=np.pad(loop.D21, ((order, 0), (0, 0))),
+        D22=block_diag(none, loop.D22) if loop.D22.size else np.zeros((0, 0)),
     )
 
 
@@ -122,18 +105,18 @@ def controller_loop(order: int, left: Matrix, right: Matrix, discrete: bool) -> 
 
     K = [[Ak, Bk], [Ck, Dk]] is closed around `order` integrators (delays) alone.
     """
-    nu, ny = left.shape[1], right.shape[0]
-    rows, columns = left.shape[0], right.shape[1]
-    eye, nothing = np.eye(order), np.zeros
-    return PlantMatrices(
-        A=nothing((order, order)),
-        B1=nothing((order, columns)),
-        B2=np.hstack([eye, nothing((order, nu))]),
-        C1=nothing((rows, order)),
-        C2=np.vstack([eye, nothing((ny, order))]),
+    (rows, nu), (ny, columns) = left.shape, right.shape
+    nothing = np.zeros
+    gain = PlantMatrices(
+        A=nothing((0, 0)),
+        B1=nothing((0, columns)),
+        B2=nothing((0, nu)),
+        C1=nothing((rows, 0)),
+        C2=nothing((ny, 0)),
         D11=nothing((rows, columns)),
-        D12=np.hstack([nothing((rows, order)), left]),
-        D21=np.vstack([nothing((order, columns)), right]),
-        D22=nothing((order + ny, order + nu)),
+        D12=left,
+        D21=right,
+        D22=nothing((ny, nu)),
         discrete=discrete,
     )
+    return augmented(gain, order)

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import Any
 
-from robustpolish.arrays import Matrix
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.budget import Budget
 from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.design.status import Status

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robustpolish.arrays import Matrix
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.budget import Budget
 from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant

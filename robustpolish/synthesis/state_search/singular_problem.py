@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -63,20 +63,16 @@ def solve_singular(
     return _Descent(engine, plant, target, size, budget).run()[0] or found
 
 
+@dataclass(frozen=True, eq=False)
 class _Descent:
     """One descent of the price; every rung is a design with that price."""
 
-    def __init__(
-        self,
-        engine: StateEngine,
-        plant: PlantMatrices,
-        target: float,
-        size: Callable[[np.ndarray], float],
-        budget: Budget,
-    ) -> None:
-        self.engine, self.plant, self.target = engine, plant, target
-        self.size, self.budget = size, budget
-        self.history: list[dict[str, Any]] = []
+    engine: StateEngine
+    plant: PlantMatrices
+    target: float
+    size: Callable[[np.ndarray], float]
+    budget: Budget
+    history: list[dict[str, Any]] = field(default_factory=list)
 
     def run(self) -> tuple[StateGain | None, bool]:
         """Return the rung that was chosen, and whether the norm still fell at the target."""

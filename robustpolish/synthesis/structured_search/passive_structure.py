@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import control
@@ -75,10 +76,11 @@ class Mechanics:
         return f"{of_u}/{of_q}" if kind == "spring" else f"{of_u} s/{of_q}"
 
 
+@dataclass(frozen=True, eq=False)
 class PassiveStructure(Structure):
     """Coefficients of springs and dampers, not negative.
 
-    Parameters
+    Attributes
     ----------
     norm : {"hinf", "h2"}
     mechanics : Mechanics
@@ -87,18 +89,16 @@ class PassiveStructure(Structure):
         Largest coefficient of each; infinite for none.
     """
 
+    norm: Norm
+    mechanics: Mechanics
+    wanted: Sequence[tuple[str, Place]]
+    limits: Vector
     method: ClassVar[str] = "passive"
 
-    def __init__(
-        self,
-        norm: Norm,
-        mechanics: Mechanics,
-        wanted: Sequence[tuple[str, Place]],
-        limits: Vector,
-    ) -> None:
-        self.norm: Norm = norm
-        self.mechanics, self.wanted, self.limits = mechanics, wanted, limits
-        self.elements = np.array([mechanics.gain(kind, place) for kind, place in wanted])
+    @cached_property
+    def elements(self) -> Matrix:
+        """State feedback of each element with coefficient 1."""
+        return np.array([self.mechanics.gain(kind, place) for kind, place in self.wanted])
 
     @property
     def joined(self) -> Matrix:

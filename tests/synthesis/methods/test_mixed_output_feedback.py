@@ -5,7 +5,7 @@ from small_plants import oscillator
 
 from robustpolish.analysis import h2_norm, hinf_norm
 from robustpolish.errors import InvalidInputError, SolverError
-from robustpolish.synthesis.methods.mixed_output_feedback import mixed_output_feedback
+from robustpolish.synthesis.methods.mixed_feedback import mixed_output_feedback
 from robustpolish.synthesis.problem.channels import channel
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
 

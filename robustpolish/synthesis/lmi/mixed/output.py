@@ -16,13 +16,14 @@ import numpy as np
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
-from robustpolish.synthesis.lmi.output.inequalities import Variables, stacked
+from robustpolish.synthesis.lmi.output.inequalities import Unknowns, stacked
 from robustpolish.synthesis.lmi.output.reconstruction import reconstruct
 from robustpolish.synthesis.lmi.semidefinite import (
     ProgramSolver,
     SemidefiniteProgram,
     SemidefiniteSolution,
 )
+from robustpolish.synthesis.lmi.state.inequalities import region_matrix
 from robustpolish.synthesis.problem.matrices import PlantMatrices, shift
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 
@@ -41,15 +42,6 @@ class Specification(NamedTuple):
     plant: GeneralizedPlant
     norm: str
     bound: float | None
-
-
-class _Variables(NamedTuple):
-    X: Affine
-    Y: Affine
-    A: Affine
-    B: Affine
-    C: Affine
-    D: Affine
 
 
 def mixed_start(
@@ -101,7 +93,7 @@ def mixed_start(
     return None if third.x is None else reconstructed(P, variables, third)
 
 
-def _size(program: SemidefiniteProgram, v: _Variables) -> Affine:
+def _size(program: SemidefiniteProgram, v: Unknowns) -> Affine:
     """Bound the largest singular value of all variables by a scalar."""
     size = program.scalar()
     whole = stacked([[v.A, v.B], [v.C, v.D]])
@@ -114,49 +106,27 @@ def _size(program: SemidefiniteProgram, v: _Variables) -> Affine:
 
 def mixed_program(
     specifications: Sequence[Specification], regions: Sequence[PoleRegion], level: float | None
-) -> tuple[SemidefiniteProgram, _Variables, Affine]:
+) -> tuple[SemidefiniteProgram, Unknowns, Affine]:
     """State the inequalities; `level` fixes the square of the norm that is minimised."""
     P = specifications[0].plant
-    n = P.nx
     program = SemidefiniteProgram()
-    v = _Variables(
-        program.symmetric(n),
-        program.symmetric(n),
-        program.matrix(n, n),
-        program.matrix(n, P.ny),
-        program.matrix(P.nu, n),
-        program.matrix(P.nu, P.ny),
-    )
+    v = Unknowns.of(program, PlantMatrices.of(P), "hinf")
     square = program.scalar() if level is None else Affine.of(level)
-    eye = np.eye(n)
-    lyapunov = symmetric_block([[v.Y, eye], [v.X]])
+    lyapunov = symmetric_block([[v.Y, np.eye(P.nx)], [v.X]])
     program.positive(lyapunov)
     A = stacked([[P.A @ v.Y + P.B2 @ v.C, P.B2 @ v.D @ P.C2 + P.A], [v.A, v.X @ P.A + v.B @ P.C2]])
     for s in specifications:
         target = square if s.bound is None else Affine.of(s.bound**2)
         _add_norm(program, s, v, lyapunov, A, target)
     for region in regions:
-        size = region.L.shape[0]
-        rows = []
-        for i in range(size):
-            rows.append(
-                [
-                    -(
-                        lyapunov * float(region.L[i, j])
-                        + A * float(region.M[i, j])
-                        + A.T * float(region.M[j, i])
-                    )
-                    for j in range(i, size)
-                ]
-            )
-        program.positive(symmetric_block(rows))
+        program.positive(region_matrix(region.L, region.M, lyapunov, A))
     return program, v, square
 
 
 def _add_norm(
     program: SemidefiniteProgram,
     s: Specification,
-    v: _Variables,
+    v: Unknowns,
     lyapunov: Affine,
     A: Affine,
     square: Affine,
@@ -179,11 +149,11 @@ def _add_norm(
 
 
 def reconstructed(
-    P: GeneralizedPlant, variables: _Variables, solution: SemidefiniteSolution
+    P: GeneralizedPlant, variables: Unknowns, solution: SemidefiniteSolution
 ) -> Matrix | None:
     """Undo the change of variables, (10.23) and (10.24)."""
-    X, Y, Ah, Bh, Ch, Dk = (solution.value(M) for M in variables)
-    inner = reconstruct(PlantMatrices.of(P).without_d22(), Variables(Y, X, Ah, Bh, Ch, Dk))
+    v = variables.at(solution)
+    inner = reconstruct(PlantMatrices.of(P).without_d22(), v._replace(X=v.Y, Y=v.X))
     K = None if inner is None else shift(inner, P.D22)
     if K is None or not all(np.isfinite(M).all() for M in K):
         return None

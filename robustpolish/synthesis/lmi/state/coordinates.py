@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 
-from robustpolish.arrays import Matrix
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.synthesis.problem.full_state import in_states
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.state_search.policy import POLICY

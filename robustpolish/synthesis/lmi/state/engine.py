@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 
-from robustpolish.arrays import Matrix
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.budget import Budget
 from robustpolish.synthesis.lmi.state.coordinates import Coordinates
 from robustpolish.synthesis.lmi.state.program import Demand, SolvedProgram, StatePrograms

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
-from robustpolish.arrays import Matrix
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
 from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram
 from robustpolish.synthesis.problem.matrices import PlantMatrices
@@ -110,11 +110,15 @@ def region_inequalities(
     S = p.A @ Y + p.B2 @ M
     for region in regions:
         L = region.L + POLICY.region_margin * np.linalg.norm(region.L, 2) * np.eye(len(region.L))
-        blocks = [
-            [-(Y * L[i, j] + S * region.M[i, j] + S.T * region.M[j, i]) for j in range(i, len(L))]
-            for i in range(len(L))
-        ]
-        program.positive(symmetric_block(blocks))
+        program.positive(region_matrix(L, region.M, Y, S))
+
+
+def region_matrix(L: Matrix, M: Matrix, Y: Affine, S: Affine) -> Affine:
+    """Return -(kron(L, Y) + kron(M, S) + kron(M, S)'), positive for poles in a region; S = A Y."""
+    size = range(len(L))
+    return symmetric_block(
+        [[-(Y * L[i, j] + S * M[i, j] + S.T * M[j, i]) for j in size[i:]] for i in size]
+    )
 
 
 def gain_inequality(

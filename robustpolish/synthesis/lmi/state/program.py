@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
-from robustpolish.arrays import Matrix
+from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.budget import Budget
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
 from robustpolish.synthesis.lmi.semidefinite import ProgramSolver, SemidefiniteProgram

@@ -7,7 +7,7 @@ from small_plants import oscillator
 from robustpolish.budget import Budget
 from robustpolish.synthesis.lmi.mixed.output import Specification, mixed_start
 from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
-from robustpolish.synthesis.methods.mixed_output_feedback import mixed_output_feedback
+from robustpolish.synthesis.methods.mixed_feedback import mixed_output_feedback
 from robustpolish.synthesis.nonsmooth import HinfMeasure
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.pole_regions import HalfPlane

@@ -1,4 +1,4 @@
-"""Dynamic output feedback under H-infinity, H2, pole-region and gain specifications."""
+"""Output and state feedback under H-infinity, H2, pole-region and gain specifications."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from robustpolish.budget import same_bits
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.design.design import Design
-from robustpolish.synthesis.methods.mixed_design import MixedSpecifications, design_mixed
+from robustpolish.synthesis.methods.mixed_design import design_mixed
 from robustpolish.synthesis.problem.channels import Channel
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.structured_search.policy import TIME_LIMIT
@@ -106,18 +106,118 @@ def mixed_output_feedback(
     """
     return design_mixed(
         plant,
-        MixedSpecifications(
-            minimise=minimise,
-            hinf_channel=hinf_channel,
-            h2_channel=h2_channel,
-            hinf_bound=hinf_bound,
-            h2_bound=h2_bound,
-            pole_region=pole_region,
-            gain_bound=gain_bound,
-            control_weight=control_weight,
-            measurement_noise=measurement_noise,
-        ),
+        minimise=minimise,
+        hinf_channel=hinf_channel,
+        h2_channel=h2_channel,
+        hinf_bound=hinf_bound,
+        h2_bound=h2_bound,
+        pole_region=pole_region,
+        gain_bound=gain_bound,
+        control_weight=control_weight,
+        measurement_noise=measurement_noise,
         static=False,
+        backend=backend,
+        solver=solver,
+        time_limit=time_limit,
+        seed=seed,
+    )
+
+
+@same_bits
+def mixed_state_feedback(
+    plant: GeneralizedPlant,
+    minimise: Literal["hinf", "h2"] = "hinf",
+    *,
+    hinf_channel: Channel | None = None,
+    h2_channel: Channel | None = None,
+    hinf_bound: float | None = None,
+    h2_bound: float | None = None,
+    pole_region: PoleRegion | Sequence[PoleRegion] | None = None,
+    gain_bound: float | None = None,
+    control_weight: ArrayLike | None = None,
+    backend: Literal["cvxpy", "picos"] = "cvxpy",
+    solver: str | None = None,
+    time_limit: float = TIME_LIMIT,
+    seed: int = 0,
+) -> Design:
+    r"""Design u = F x for one norm while others are bounded.
+
+    Linear matrix inequalities in Y and F Y with one Y for all specifications give a first
+    gain. Sharing Y is conservative; descents on the true norms and poles then lower
+    the goal while the specifications hold. What is returned is checked against every one of them.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+        Continuous or discrete; all its states are taken as measured, whatever y is. In discrete
+        time only descents are used.
+    minimise : {"hinf", "h2"}
+        The norm to be minimised, on its channel; the other norm may be bounded on its own.
+    hinf_channel, h2_channel : (names, names), optional
+        Names of the disturbances and of the performance outputs of each norm; all by default.
+        Prices belong to both channels.
+    hinf_bound, h2_bound : float, optional
+        Bound of the norm that is not minimised, in the plant's units.
+    pole_region : PoleRegion or sequence of PoleRegion, optional
+        Where all closed-loop poles have to be: ``HalfPlane``, ``Disk``, ``Sector``, in rad/s.
+    gain_bound : float, optional
+        Largest singular value of F, in the plant's units.
+    control_weight : float or array_like, shape (nu,), optional
+        Price on u: ``control_weight`` times u joins z. In units of z per unit of u.
+    backend, solver : str, optional
+        Who solves the linear matrix inequalities; "cvxpy" (with Clarabel) or "picos".
+    time_limit : float
+        Safety net in s for the search, whose work is limited otherwise; the status says if it
+        was reached.
+    seed : int
+        Of the random starts.
+
+    Returns
+    -------
+    Design
+        For the channel of the norm that was minimised. ``details["certificates"]`` has the
+        certificate of each specified norm, ``details["whole_loop"]`` the loop with all w and z.
+
+    Raises
+    ------
+    InvalidInputError
+        If an argument does not fit the plant, or a bound is given for the norm that is minimised.
+    InfeasibleError
+        If an unstable mode cannot be moved; it is named.
+    SolverError
+        If no gain that meets all specifications was found.
+
+    References
+    ----------
+    Chilali and Gahinet, "H-infinity design with pole placement constraints: an LMI approach", IEEE
+    TAC 41 (1996). M.L. Postma, Polishing robot: vibrations due to impact, (10.18) to (10.28).
+
+    Examples
+    --------
+    A mass whose motion decays at least like exp(-2 t):
+
+    >>> import robustpolish as rp
+    >>> mass = rp.GeneralizedPlant.from_matrices(
+    ...     [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[0.0], [1.0]],
+    ...     [[1.0, 0.0], [0.0, 0.0]], [[1.0, 0.0]], D12=[[0.0], [1.0]],
+    ... )
+    >>> design = rp.mixed_state_feedback(
+    ...     mass, "h2", pole_region=rp.HalfPlane(-2.0), time_limit=5.0
+    ... )
+    >>> bool(design.certificate.poles.real.max() < -2)
+    True
+    """
+    return design_mixed(
+        plant.with_full_state(),
+        minimise=minimise,
+        hinf_channel=hinf_channel,
+        h2_channel=h2_channel,
+        hinf_bound=hinf_bound,
+        h2_bound=h2_bound,
+        pole_region=pole_region,
+        gain_bound=gain_bound,
+        control_weight=control_weight,
+        static=True,
         backend=backend,
         solver=solver,
         time_limit=time_limit,
