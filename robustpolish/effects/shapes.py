@@ -86,7 +86,7 @@ class Scan:
         Returns
         -------
         list of float
-            None if the motion, or the missing force, says nothing about the parameter.
+            Empty if the motion, or the missing force, says nothing about the parameter.
         """
         if self.of == "percentile":
             levels = [level for share in self.shares for level in (share, 100 - share)]
