@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.identification.observer.reproducibility import Reproducibility
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.plotting import plot_overlay, plot_response
 from robustpolish.validation import one_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)

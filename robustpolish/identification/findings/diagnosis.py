@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.identification.findings.findings import Findings
@@ -15,9 +16,6 @@ from robustpolish.identification.findings.saved import content, findings_from
 from robustpolish.identification.findings.words import explain, headline, plain
 from robustpolish.plotting import plot_time_series
 from robustpolish.saved_file import Fields, read_saved, write_saved
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, eq=False, repr=False)

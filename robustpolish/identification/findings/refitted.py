@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import lmfit
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.plotting import plot_bars
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, eq=False, repr=False)

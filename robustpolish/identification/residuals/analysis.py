@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from robustpolish.analysis import modes
@@ -30,10 +32,6 @@ from robustpolish.identification.residuals.words import explain, to_dict
 from robustpolish.measurements import sampling_time
 from robustpolish.plotting import plot_residual_analysis, plot_residual_map, plot_surface
 from robustpolish.validation import described, invalid, one_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _PHASES = 24
 _HARMONICS = 5

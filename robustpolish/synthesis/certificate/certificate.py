@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import control
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from robustpolish.analysis import stability
@@ -31,9 +32,6 @@ from robustpolish.synthesis.certificate.norm_proof import NormProof, prove_compu
 from robustpolish.synthesis.certificate.tightest_proof import TIGHT, tightest_proof
 from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries
 from robustpolish.validation import described, invalid, one_of, positive
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Norm = Literal["hinf", "h2"]
 

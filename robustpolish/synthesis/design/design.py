@@ -6,10 +6,11 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import Any, Literal
 
 import control
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from robustpolish.analysis import singular_values, stability
@@ -21,9 +22,6 @@ from robustpolish.synthesis.certificate.certificate import Certificate
 from robustpolish.synthesis.design.design_file import design_content, design_fields
 from robustpolish.synthesis.design.status import Status
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -128,7 +126,7 @@ class Design(Displayed):
         write_saved(path, "design", design_content(self), force)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Self:
+    def load(cls, path: str | os.PathLike[str]) -> Design:
         """Read a design from a file, and certify it again: the file is not believed.
 
         Parameters

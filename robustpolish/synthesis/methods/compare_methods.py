@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 
 from robustpolish.budget import Budget
 from robustpolish.display import Card, Displayed, Table, quantities
@@ -20,9 +21,6 @@ from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.methods.output_feedback import output_feedback
 from robustpolish.validation import invalid, one_of, positive
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 METHODS = ("auto", "riccati", "lmi/cvxpy", "lmi/picos", "slycot")
 _HEADER = ("method", "status", "claimed", "achieved", "gain", "condition", "order", "seconds")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +85,7 @@ class _Response:
         self.A, self.B, self.C, self.D = _continuous(closed)
         self.feedthrough = float(np.linalg.norm(self.D, 2)) if self.D.any() else 0.0
 
-    def point(self, frequency: float | Vector) -> complex | NDArray[np.complex128]:
+    def point(self, frequency: float | Vector) -> Any:
         """Return the point of the s plane (or z plane) at a frequency."""
         return np.exp(1j * frequency) if self.discrete else 1j * frequency
 

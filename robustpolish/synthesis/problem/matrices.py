@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
-import control
 import numpy as np
 from scipy import linalg
 
@@ -203,8 +202,3 @@ def balancing_scale(size: Matrix) -> Matrix:
     with np.errstate(invalid="ignore"):
         _, (scale, _) = linalg.matrix_balance(size, permute=False, separate=True)
     return np.asarray(scale)
-
-
-def as_system(K: Controller, dt: float | bool = 0) -> control.StateSpace:
-    """Return the controller as a system."""
-    return control.StateSpace(K.A, K.B, K.C, K.D, dt)
