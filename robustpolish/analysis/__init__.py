@@ -17,7 +17,7 @@ from robustpolish.analysis.poles.zeros import AxisZero, zeros_on_axis
 from robustpolish.analysis.scaling.decoupled_blocks import Block, decoupled_blocks
 from robustpolish.analysis.scaling.prescale import Prescaled, prescale
 from robustpolish.analysis.scaling.units import Scaling, scale_system
-from robustpolish.exact.definite import is_positive_definite
+from robustpolish.exact.rational import is_positive_definite
 
 __all__ = [
     "AxisZero",

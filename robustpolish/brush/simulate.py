@@ -13,7 +13,7 @@ from robustpolish.brush.listing.run import Workaround, run_listing
 from robustpolish.brush.parameters import BrushParameters
 from robustpolish.brush.physical.dataset import physical_dataset
 from robustpolish.brush.physical.run import run_refined
-from robustpolish.progress import working
+from robustpolish.long_calls import working
 from robustpolish.validation import instance_of, invalid, one_of, positive
 
 _PHYSICAL = {"disc": "two-angle", "start": "pressed", "max_passes": 4}

@@ -13,8 +13,8 @@ from robustpolish.closed_loop.parameter_samples import draw
 from robustpolish.closed_loop.robustness_result import RobustnessCheck
 from robustpolish.closed_loop.uncertain_plant import in_place_of, loop_norm
 from robustpolish.errors import RobustPolishWarning
+from robustpolish.long_calls import working
 from robustpolish.models import GeneralizedPlant, MechanicalModel
-from robustpolish.progress import working
 from robustpolish.synthesis.design.design import Design
 from robustpolish.validation import described, instance_of, invalid
 

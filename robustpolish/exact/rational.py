@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from flint import acb, acb_mat, arb, arb_mat, fmpq, fmpq_mat, fmpz, fmpz_mat, nmod, nmod_mat
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.exact.balls import precision
 from robustpolish.exact.realisation import Realisation
+from robustpolish.validation import described, invalid, square
 
 _PRIME = 4611686018427387847  # the largest below 2^62
 
@@ -199,3 +200,54 @@ def _transfer(model: ExactModel, x: fmpq | None) -> acb_mat:
     for i in range(n):
         resolvent[i, i] += z
     return D + acb_mat(arb_mat(model.C)) * resolvent.solve(acb_mat(arb_mat(model.B)))
+
+
+def is_positive_definite(M: ArrayLike) -> bool:
+    r"""Decide without rounding whether a symmetric matrix is positive definite.
+
+    The eigenvalues are real, so by Descartes' rule of signs all are positive exactly if the
+    coefficients of the characteristic polynomial alternate in sign; they are computed in
+    rational arithmetic. There is no tolerance: a singular matrix is not definite.
+
+    Parameters
+    ----------
+    M : array_like, shape (n, n)
+        Symmetric to the last bit.
+
+    Returns
+    -------
+    bool
+        True for n = 0.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not square, not finite or not symmetric.
+
+    Examples
+    --------
+    >>> from robustpolish.analysis import is_positive_definite
+    >>> is_positive_definite([[1.0, 1.0], [1.0, 1.0 + 2**-52]])
+    True
+    >>> is_positive_definite([[1.0, 1.0], [1.0, 1.0]])
+    False
+    """
+    array = square("M", M)
+    if not np.array_equal(array, array.T):
+        gap = float(np.abs(array - array.T).max())
+        raise invalid(
+            "M",
+            described(f"entries that differ by {gap:.3g} from their mirror images"),
+            "a symmetric matrix",
+            "Pass (M + M.T) / 2.",
+        )
+    return exactly_positive_definite(rational(array))
+
+
+def exactly_positive_definite(M: fmpq_mat) -> bool:
+    """Decide it for a symmetric rational matrix."""
+    if M.nrows() == 0:
+        return True
+    coefficients = M.charpoly().coeffs()
+    top = M.nrows()
+    return all(c * (-1) ** (top - k) > 0 for k, c in enumerate(coefficients))

@@ -12,11 +12,11 @@ from matplotlib.axes import Axes
 from robustpolish.analysis.norms.certified_peak import Peak, certified_peak
 from robustpolish.analysis.norms.singular_values import singular_values
 from robustpolish.analysis.poles.stability import Stability, stability_of, stable_part
-from robustpolish.analysis.scaling.parts import parts
-from robustpolish.budget import same_bits
+from robustpolish.analysis.scaling.decoupled_blocks import parts
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.exact.rational import to_float
 from robustpolish.exact.realisation import Realisation, realisation, rescaled
+from robustpolish.long_calls import same_bits
 from robustpolish.plotting import plot_gains
 from robustpolish.validation import invalid, positive, source_of
 

@@ -20,7 +20,7 @@ from robustpolish.analysis.norms.lmi_proof import proves
 from robustpolish.analysis.norms.lmi_solver import Equation, minimise, well_inside
 from robustpolish.analysis.norms.modal_basis import ModalModel, modal_model, rebased
 from robustpolish.analysis.norms.peak_search import largest_response
-from robustpolish.analysis.scaling.parts import parts_with_indices
+from robustpolish.analysis.scaling.decoupled_blocks import parts_with_indices
 from robustpolish.analysis.scaling.units import Scaling, even_scales, in_units
 from robustpolish.arrays import Matrix
 from robustpolish.display import Card, Displayed, quantities

@@ -6,8 +6,14 @@ from flint import fmpq, fmpq_mat
 from numpy.typing import NDArray
 
 from robustpolish.analysis.norms.lmi_solver import Equation
-from robustpolish.exact.definite import exactly_positive_definite
-from robustpolish.exact.rational import ExactModel, fraction, identity, joined, rational
+from robustpolish.exact.rational import (
+    ExactModel,
+    exactly_positive_definite,
+    fraction,
+    identity,
+    joined,
+    rational,
+)
 
 
 def proves(system: ExactModel, equation: Equation, K: NDArray, gamma: float) -> bool:

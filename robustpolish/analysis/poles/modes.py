@@ -15,7 +15,7 @@ from scipy.optimize import linear_sum_assignment
 
 from robustpolish.analysis.poles.eigen import eigensystem, pair_text
 from robustpolish.analysis.poles.exact_poles import eigenvalues
-from robustpolish.analysis.scaling.parts import parts_with_states
+from robustpolish.analysis.scaling.decoupled_blocks import parts_with_states
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.exact.rational import EXACT_STATES, rational
 from robustpolish.exact.realisation import Realisation, realisation, rescaled

@@ -16,8 +16,8 @@ from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.fit.prepared import prepare
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, record_of
+from robustpolish.long_calls import working
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.progress import working
 
 
 def diagnose(

@@ -16,9 +16,9 @@ from robustpolish.identification.fit.least_squares import Fit, covariance_of, er
 from robustpolish.identification.fit.prepared import PreparedRecord, prepare
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, record_of
+from robustpolish.long_calls import working
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import unit_of
-from robustpolish.progress import working
 
 
 def refit(

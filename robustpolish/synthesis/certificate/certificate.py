@@ -16,8 +16,8 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from robustpolish.analysis import stability
-from robustpolish.budget import same_bits
 from robustpolish.display import Card, Displayed, quantities
+from robustpolish.long_calls import same_bits
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_poles
 from robustpolish.synthesis.certificate.achieved_norm import achieved_h2, achieved_hinf

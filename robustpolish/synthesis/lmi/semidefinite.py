@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
 from robustpolish.arrays import Matrix
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.lmi.affine import Affine
 from robustpolish.synthesis.lmi.limited import run_limited
 from robustpolish.validation import one_of

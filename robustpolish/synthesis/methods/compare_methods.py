@@ -11,12 +11,11 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from robustpolish.budget import Budget
 from robustpolish.display import Card, Displayed, Table, quantities
 from robustpolish.errors import RobustPolishError
+from robustpolish.long_calls import Budget, working
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_gain_against_norm
-from robustpolish.progress import working
 from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.methods.output_feedback import output_feedback

@@ -7,7 +7,7 @@ from typing import Literal
 
 from numpy.typing import ArrayLike
 
-from robustpolish.budget import same_bits
+from robustpolish.long_calls import same_bits
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.methods.mixed_design import design_mixed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from robustpolish.budget import same_bits
+from robustpolish.long_calls import same_bits
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.methods.structured_design import (

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robustpolish.analysis import h2_norm, hinf_norm
-from robustpolish.budget import Budget, same_bits
 from robustpolish.errors import SolverError
+from robustpolish.long_calls import Budget, same_bits, working
 from robustpolish.models import GeneralizedPlant
-from robustpolish.progress import working
 from robustpolish.synthesis.certificate.certificate import Certificate, Norm, certify
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.design.status import Status, worst_status

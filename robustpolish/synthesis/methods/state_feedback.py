@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike
 
 from robustpolish.analysis import controllability, h2_norm, hinf_norm
 from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.budget import Budget, same_bits
 from robustpolish.errors import InfeasibleError, SolverError
+from robustpolish.long_calls import Budget, same_bits, working
 from robustpolish.models import GeneralizedPlant
-from robustpolish.progress import working
 from robustpolish.synthesis.certificate.certificate import Certificate, certify
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.design.status import Status, worst_status

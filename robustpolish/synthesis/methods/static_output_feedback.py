@@ -6,7 +6,7 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.budget import same_bits
+from robustpolish.long_calls import same_bits
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.methods.structured_design import (

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from robustpolish.analysis import h2_norm, hinf_norm
-from robustpolish.budget import Budget
 from robustpolish.errors import SolverError
+from robustpolish.long_calls import Budget, working
 from robustpolish.models import GeneralizedPlant
-from robustpolish.progress import working
 from robustpolish.synthesis.certificate.certificate import certify
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.design.status import Status

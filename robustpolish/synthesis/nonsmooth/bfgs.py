@@ -9,7 +9,7 @@ import numpy as np
 
 from robustpolish.arrays import AnyVector as Vector
 from robustpolish.arrays import Array
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 
 Function = Callable[[Vector], tuple[float, Vector]]
 

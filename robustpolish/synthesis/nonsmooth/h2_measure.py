@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.budget import step_cost
+from robustpolish.long_calls import step_cost
 from robustpolish.synthesis.nonsmooth.problem import ActivePiece
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.static_loop import close_static

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.arrays import Vector
-from robustpolish.budget import step_cost
+from robustpolish.long_calls import step_cost
 from robustpolish.synthesis.nonsmooth.problem import ActivePiece
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.static_loop import StaticLoop, close_static

@@ -18,7 +18,7 @@ from scipy import sparse
 
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.arrays import AnyVector as Vector
-from robustpolish.budget import Budget, step_cost
+from robustpolish.long_calls import Budget, step_cost
 from robustpolish.synthesis.nonsmooth.bfgs import Descent, ended_by
 from robustpolish.synthesis.nonsmooth.problem import Model, Problem
 

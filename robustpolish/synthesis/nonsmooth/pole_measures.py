@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.budget import step_cost
+from robustpolish.long_calls import step_cost
 from robustpolish.synthesis.nonsmooth.problem import ActivePiece, Measure
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.static_loop import close_static

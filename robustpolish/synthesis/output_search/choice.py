@@ -10,7 +10,7 @@ import control
 import numpy as np
 from scipy import linalg
 
-from robustpolish.budget import Budget, step_cost
+from robustpolish.long_calls import Budget, step_cost
 from robustpolish.synthesis.certificate.certificate import Certificate, certify
 from robustpolish.synthesis.design.status import Status
 from robustpolish.synthesis.output_search.engine import Candidate, Findings, Problem, examine

@@ -12,7 +12,7 @@ import numpy as np
 
 from robustpolish.analysis import h2_norm, hinf_norm
 from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.budget import Budget, step_cost
+from robustpolish.long_calls import Budget, step_cost
 from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.certificate.quick_norm import quick_norm
 from robustpolish.synthesis.output_search.policy import POLICY

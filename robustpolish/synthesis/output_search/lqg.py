@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustpolish.budget import Budget, step_cost
+from robustpolish.long_calls import Budget, step_cost
 from robustpolish.synthesis.output_search.engine import Engine, Findings, Problem, examine
 from robustpolish.synthesis.output_search.policy import POLICY
 from robustpolish.synthesis.problem.matrices import regularise

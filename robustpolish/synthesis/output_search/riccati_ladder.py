@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustpolish.budget import Budget, step_cost
+from robustpolish.long_calls import Budget, step_cost
 from robustpolish.synthesis.output_search.engine import (
     Candidate,
     Engine,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.backends.slycot_backend import synthesise
 from robustpolish.synthesis.output_search.engine import Engine, Findings, Problem, examine
 from robustpolish.synthesis.output_search.policy import POLICY

@@ -120,13 +120,17 @@ def regularise(plant: PlantMatrices, epsilon: float) -> PlantMatrices:
     )
 
 
-class Controller(NamedTuple):
-    """A controller x' = A x + B y, u = C x + D y."""
+class SystemMatrices(NamedTuple):
+    """x' = A x + B u, y = C x + D u, without names: a closed loop from w to z, or a controller."""
 
     A: Matrix
     B: Matrix
     C: Matrix
     D: Matrix
+
+
+class Controller(SystemMatrices):
+    """A controller x' = A x + B y, u = C x + D y."""
 
     @property
     def gain(self) -> float:
@@ -134,19 +138,10 @@ class Controller(NamedTuple):
         return max(float(np.abs(M).max(initial=0.0)) for M in self)
 
 
-class LoopMatrices(NamedTuple):
-    """The closed loop from w to z."""
-
-    A: Matrix
-    B: Matrix
-    C: Matrix
-    D: Matrix
-
-
-def close(plant: PlantMatrices, K: Controller) -> LoopMatrices:
+def close(plant: PlantMatrices, K: Controller) -> SystemMatrices:
     """Connect u = K y to a plant without D22."""
     P = plant
-    return LoopMatrices(
+    return SystemMatrices(
         np.block([[P.A + P.B2 @ K.D @ P.C2, P.B2 @ K.C], [K.B @ P.C2, K.A]]),
         np.vstack([P.B1 + P.B2 @ K.D @ P.D21, K.B @ P.D21]),
         np.hstack([P.C1 + P.D12 @ K.D @ P.C2, P.D12 @ K.C]),

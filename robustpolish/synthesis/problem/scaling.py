@@ -60,10 +60,6 @@ class ScaledPlant:
         """Return F of u = F x in the plant's units, equation (10.60)."""
         return self.control[:, None] * np.asarray(scaled, dtype=float) / self.state
 
-    def scaled_state_gain(self, gain: ArrayLike) -> Matrix:
-        """Return F, given in the plant's units, for the scaled plant."""
-        return np.asarray(gain, dtype=float) * self.state / self.control[:, None]
-
     def output_gain(self, scaled: ArrayLike) -> Matrix:
         """Return F of u = F y in the plant's units."""
         return self.control[:, None] * np.asarray(scaled, dtype=float) / self.measurement

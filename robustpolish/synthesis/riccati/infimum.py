@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.budget import Budget, step_cost
+from robustpolish.long_calls import Budget, step_cost
 from robustpolish.synthesis.problem.matrices import PlantMatrices, regularise
 from robustpolish.synthesis.riccati.two_riccati import (
     Attempt,

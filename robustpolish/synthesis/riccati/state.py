@@ -9,7 +9,7 @@ import numpy as np
 from scipy import linalg
 
 from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.problem.full_state import (
     is_regular,
     measuring_states,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.design.status import Status
 from robustpolish.synthesis.problem.matrices import PlantMatrices

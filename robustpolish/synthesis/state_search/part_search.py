@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.budget import Budget
 from robustpolish.errors import SolverError
+from robustpolish.long_calls import Budget
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.problem.full_state import (
     is_regular,

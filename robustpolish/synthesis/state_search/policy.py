@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robustpolish.budget import step_cost
+from robustpolish.long_calls import step_cost
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.problem.full_state import only_effort, state_gain_norm, with_price
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.riccati.state import lqr_gain

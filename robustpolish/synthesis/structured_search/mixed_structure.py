@@ -10,7 +10,7 @@ import numpy as np
 
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.arrays import AnyVector as Vector
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.lmi.mixed.output import Specification, mixed_start
 from robustpolish.synthesis.lmi.mixed.state import mixed_state_start

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from robustpolish.arrays import AnyVector as Vector
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.nonsmooth import Bounds, Measure, Problem, bfgs, ended_by, minimax
 from robustpolish.synthesis.structured_search.policy import POLICY, Effort
 

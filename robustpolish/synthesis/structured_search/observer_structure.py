@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.arrays import AnyVector as Vector
-from robustpolish.budget import Budget, step_cost
 from robustpolish.errors import InfeasibleError
+from robustpolish.long_calls import Budget, step_cost
 from robustpolish.models import GeneralizedPlant
 from robustpolish.models.plant.blocks import named_system
 from robustpolish.synthesis.nonsmooth import ObserverGain

@@ -8,8 +8,8 @@ from itertools import chain
 import numpy as np
 
 from robustpolish.arrays import AnyVector as Vector
-from robustpolish.budget import Budget
 from robustpolish.errors import SolverError
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.certificate.certificate import certify
 from robustpolish.synthesis.nonsmooth import (
     GainMeasure,

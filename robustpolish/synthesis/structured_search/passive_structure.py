@@ -12,7 +12,7 @@ import numpy as np
 
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.arrays import AnyVector as Vector
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.nonsmooth import FrobeniusMeasure, PositiveElements
 from robustpolish.synthesis.problem.decoupling import PlantPart, named_controller

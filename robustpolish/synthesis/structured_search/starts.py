@@ -13,7 +13,7 @@ from scipy import linalg
 
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.arrays import AnyVector as Vector
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
 from robustpolish.synthesis.lmi.stabilising_gain import stabilising_gain
 from robustpolish.synthesis.problem.matrices import PlantMatrices

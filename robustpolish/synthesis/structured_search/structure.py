@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.arrays import AnyVector as Vector
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.nonsmooth import (
     Bounds,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_plants import static_plant
 
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
 from robustpolish.synthesis.lmi.stabilising_gain import stabilising_gain
 from robustpolish.synthesis.problem.static_loop import close_static

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.nonsmooth import (
     ActivePiece,
     GainMeasure,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import scale_plant
 from robustpolish.synthesis.riccati.infimum import EXACT, lower_bound, reduced_halves

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.problem.full_state import measuring_states, state_gain_norm
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.riccati.state import RiccatiStateEngine, least_state_norm

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.lmi.state.engine import LmiStateEngine
 from robustpolish.synthesis.methods.state_feedback import ENGINES
 from robustpolish.synthesis.problem.full_state import measuring_states, state_gain_norm

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import linalg
 
 from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.lmi.state.coordinates import Coordinates
 from robustpolish.synthesis.lmi.state.program import Demand, SolvedProgram, StatePrograms
 from robustpolish.synthesis.problem.full_state import compressed, state_gain_norm, with_price

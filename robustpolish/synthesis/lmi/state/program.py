@@ -10,7 +10,7 @@ import numpy as np
 from scipy import linalg
 
 from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
 from robustpolish.synthesis.lmi.semidefinite import ProgramSolver, SemidefiniteProgram
 from robustpolish.synthesis.lmi.state.coordinates import Coordinates

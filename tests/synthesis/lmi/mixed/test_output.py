@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_plants import oscillator
 
-from robustpolish.budget import Budget
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.lmi.mixed.output import Specification, mixed_start
 from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
 from robustpolish.synthesis.methods.mixed_feedback import mixed_output_feedback

@@ -3,7 +3,11 @@
 import control
 import numpy as np
 
-from robustpolish.analysis.scaling.parts import parts, parts_with_indices, parts_with_states
+from robustpolish.analysis.scaling.decoupled_blocks import (
+    parts,
+    parts_with_indices,
+    parts_with_states,
+)
 from robustpolish.exact.realisation import realisation
 
 A = np.array([[-1.0, 0.0, 3.0], [0.0, -2.0, 0.0], [4.0, 0.0, -5.0]])

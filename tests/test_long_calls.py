@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from robustpolish.budget import Budget, same_bits, step_cost
+from robustpolish.long_calls import Budget, same_bits, step_cost
 
 
 def test_work_ends_a_search_whatever_the_time():

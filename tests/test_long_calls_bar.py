@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from robustpolish import progress
+from robustpolish import long_calls
 
 
 class Terminal(io.StringIO):
@@ -20,7 +20,7 @@ def terminal(monkeypatch):
         # Not before the test runs: between fixture and test pytest sets stderr anew.
         stream = Terminal()
         monkeypatch.setattr(sys, "stderr", stream)
-        monkeypatch.setattr(progress, "PATIENCE", 0.05)
+        monkeypatch.setattr(long_calls, "PATIENCE", 0.05)
         return stream
 
     return open_terminal
@@ -28,7 +28,7 @@ def terminal(monkeypatch):
 
 def test_a_bar_appears_after_a_while_and_leaves_no_trace(terminal):
     stream = terminal()
-    with progress.working("Polishing", total=4) as tell:
+    with long_calls.working("Polishing", total=4) as tell:
         for i in range(3):
             tell(f"place {i}")
         time.sleep(0.8)
@@ -41,21 +41,21 @@ def test_a_bar_appears_after_a_while_and_leaves_no_trace(terminal):
 
 def test_without_steps_the_time_is_shown(terminal):
     stream = terminal()
-    with progress.working("Polishing"):
+    with long_calls.working("Polishing"):
         time.sleep(0.8)
     assert "Polishing 00:00" in stream.getvalue()
 
 
 def test_quick_work_shows_nothing(terminal):
     stream = terminal()
-    with progress.working("Polishing"):
+    with long_calls.working("Polishing"):
         pass
     assert stream.getvalue() == ""
 
 
 def test_only_the_outermost_has_a_bar(terminal):
     stream = terminal()
-    with progress.working("Outer"), progress.working("Inner") as tell:
+    with long_calls.working("Outer"), long_calls.working("Inner") as tell:
         tell("unheard")
         time.sleep(0.5)
     assert "Inner" not in stream.getvalue()
@@ -64,16 +64,16 @@ def test_only_the_outermost_has_a_bar(terminal):
 def test_pipes_stay_silent(monkeypatch):
     stream = io.StringIO()
     monkeypatch.setattr(sys, "stderr", stream)
-    monkeypatch.setattr(progress, "PATIENCE", 0.01)
-    with progress.working("Polishing"):
+    monkeypatch.setattr(long_calls, "PATIENCE", 0.01)
+    with long_calls.working("Polishing"):
         time.sleep(0.2)
     assert stream.getvalue() == ""
 
 
 def test_an_error_ends_the_bar(terminal):
     stream = terminal()
-    with pytest.raises(ArithmeticError), progress.working("Polishing"):
+    with pytest.raises(ArithmeticError), long_calls.working("Polishing"):
         raise ArithmeticError
-    with progress.working("Again"):
+    with long_calls.working("Again"):
         time.sleep(0.5)
     assert "Again" in stream.getvalue()
