@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from robustpolish.cli.options import brush_options, reports_errors, to_json, write_json
+from robustpolish.cli.options import brush_options, reports_errors, show, to_json
 from robustpolish.errors import InfeasibleError, InvalidInputError
 from tests.cli.command_line import run
 
@@ -30,13 +30,15 @@ def test_json_is_strict():
     }  # fmt: skip
 
 
-def test_a_file_is_replaced_only_by_force(tmp_path):
+def test_a_file_is_replaced_only_by_force(tmp_path, capsys):
     path = tmp_path / "a.json"
-    write_json({"a": 1}, str(path))
+    show({"a": 1}, "one", str(path))
+    assert capsys.readouterr().out == "one\n"
     with pytest.raises(InvalidInputError, match="expected a file that does not exist yet"):
-        write_json({"a": 2}, str(path))
+        show({"a": 2}, "two", str(path))
     assert json.loads(path.read_text()) == {"a": 1}
-    write_json({"a": 2}, str(path), force=True)
+    assert capsys.readouterr().out == ""
+    show({"a": 2}, "two", str(path), force=True)
     assert json.loads(path.read_text()) == {"a": 2}
 
 

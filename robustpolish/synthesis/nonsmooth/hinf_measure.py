@@ -71,7 +71,7 @@ class HinfMeasure:
         count = max(1, int(np.sum(sigma >= level)))
         found = []
         for i in range(count):
-            slope = np.outer(U[:, i].conj() @ left, right @ Vh[i].conj()).real
+            slope = np.real(np.outer(U[:, i].conj() @ left, right @ Vh[i].conj()))
             found.append(ActivePiece(float(sigma[i]), closed.back(slope), frequency))
         return found
 
