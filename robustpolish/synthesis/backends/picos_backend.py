@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+import math
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from robustpolish.errors import MissingDependencyError
+from robustpolish.long_calls import Budget
 from robustpolish.synthesis.lmi.semidefinite import ConicForm
 from robustpolish.validation import one_of
 
@@ -40,7 +41,7 @@ def solve(
     problem.set_objective("min", picos.Constant(form.objective.reshape(1, -1)) * x)
     if time_limit is not None and name != "cvxopt":
         problem.options.timelimit = max(1, round(time_limit))
-    start = time.perf_counter()
+    budget = Budget(seconds=math.inf if time_limit is None else time_limit)
     status = "failed"
     # CVXOPT breaks down, and loses its iterate, where it cannot reach the tolerance.
     for eased in (tolerance, 10 * tolerance, 100 * tolerance, 1000 * tolerance):
@@ -54,7 +55,7 @@ def solve(
                 values = np.array(x.value, dtype=float).ravel()
                 return values, str(solution.claimedStatus)
             status = str(solution.claimedStatus)
-        if time_limit is not None and time.perf_counter() - start > time_limit:
+        if budget.late:
             break
     return None, status
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
@@ -188,7 +187,7 @@ class SemidefiniteProgram:
         def call() -> tuple[Matrix | None, str]:
             return run(form, solver, tolerance, time_limit)
 
-        start = time.perf_counter()
+        clock = Budget()
         quick = backend == "cvxpy" and solver is None and form.objective.size <= _QUICK_UNKNOWNS
         if time_limit is None or quick:
             x, status = call()
@@ -196,7 +195,7 @@ class SemidefiniteProgram:
             x, status = run_limited(call, time_limit) or (None, "time limit")
         if x is not None and not np.isfinite(x).all():
             x = None
-        return SemidefiniteSolution(x, status, time.perf_counter() - start)
+        return SemidefiniteSolution(x, status, clock.elapsed)
 
     def _declared(self, shape: tuple[int, int], entries: Integers, numbers: Integers) -> Affine:
         size = shape[0] * shape[1]

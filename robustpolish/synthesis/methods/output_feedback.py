@@ -19,7 +19,7 @@ from robustpolish.synthesis.certificate.certificate import Certificate, Norm, ce
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.design.status import Status, worst_status
 from robustpolish.synthesis.output_search.choice import Chosen, choose
-from robustpolish.synthesis.output_search.engine import Findings, Problem, Settings
+from robustpolish.synthesis.output_search.engine import Found, Settings, Task
 from robustpolish.synthesis.output_search.engines import METHODS, ORDER
 from robustpolish.synthesis.output_search.policy import POLICY
 from robustpolish.synthesis.problem.decoupling import (
@@ -30,7 +30,7 @@ from robustpolish.synthesis.problem.decoupling import (
 )
 from robustpolish.synthesis.problem.fixed_modes import refuse_unstable
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.preflight import Diagnosis, diagnose, noisy, priced, refuse
+from robustpolish.synthesis.problem.preflight import Preflight, diagnose, noisy, priced, refuse
 from robustpolish.synthesis.problem.scaling import SolverPlant
 from robustpolish.synthesis.riccati.infimum import lower_bound
 from robustpolish.synthesis.riccati.lqg import (
@@ -229,7 +229,7 @@ def _check(
 
 
 def _solve_parts(
-    parts: Sequence[PlantPart], settings: Settings, diagnosis: Diagnosis, budget: Budget
+    parts: Sequence[PlantPart], settings: Settings, diagnosis: Preflight, budget: Budget
 ) -> list[Chosen | None]:
     """Solve every decoupled part with its share of the work; identical ones once."""
     searched: dict[tuple[bytes, ...], PartSearch] = {}
@@ -259,8 +259,8 @@ class PartSearch:
     """One part in the units of the engines, what they found, and the work left to choose."""
 
     part: SolverPlant
-    problem: Problem
-    searches: list[Findings]
+    problem: Task
+    searches: list[Found]
     budget: Budget
 
     @property
@@ -298,7 +298,7 @@ def _padded(M: Any, shape: tuple[int, int]) -> Any:
 
 
 def _search(
-    plant: GeneralizedPlant, settings: Settings, diagnosis: Diagnosis, budget: Budget
+    plant: GeneralizedPlant, settings: Settings, diagnosis: Preflight, budget: Budget
 ) -> PartSearch:
     """Scale a part, bound its norm from below and let the engines search."""
     norm = settings.norm
@@ -311,8 +311,8 @@ def _search(
     else:
         matrices, feedback = cancel_feedthrough(matrices)
         bound = h2_lower_bound(matrices)
-    problem = Problem(matrices, norm, diagnosis.regular_feedthrough, settings.tolerance, bound)
-    searches: list[Findings] = []
+    problem = Task(matrices, norm, diagnosis.regular_feedthrough, settings.tolerance, bound)
+    searches: list[Found] = []
     for engine in (kind(settings) for kind in ORDER[norm, settings.method]):
         if any(found.best <= problem.goal for found in searches):
             break
@@ -331,7 +331,7 @@ def _search(
     return PartSearch(part, problem, searches, budget)
 
 
-def _choose(search: PartSearch, diagnosis: Diagnosis, enough: float) -> Chosen:
+def _choose(search: PartSearch, diagnosis: Preflight, enough: float) -> Chosen:
     chosen, reasons = choose(search.part, search.problem, search.searches, enough, search.budget)
     if chosen is not None:
         return chosen
@@ -413,7 +413,7 @@ def _overall(
 
 def _message(
     status: Status,
-    diagnosis: Diagnosis,
+    diagnosis: Preflight,
     certificate: Certificate,
     done: Sequence[Chosen],
     bound: float,

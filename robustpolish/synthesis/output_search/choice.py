@@ -13,7 +13,7 @@ from scipy import linalg
 from robustpolish.long_calls import Budget, step_cost
 from robustpolish.synthesis.certificate.certificate import Certificate, certify
 from robustpolish.synthesis.design.status import Status
-from robustpolish.synthesis.output_search.engine import Candidate, Findings, Problem, examine
+from robustpolish.synthesis.output_search.engine import Candidate, Found, Task, examine
 from robustpolish.synthesis.output_search.policy import POLICY
 from robustpolish.synthesis.problem.matrices import Controller
 from robustpolish.synthesis.problem.scaling import SolverPlant
@@ -27,15 +27,15 @@ class Chosen:
     controller: control.StateSpace
     certificate: Certificate
     claim: float
-    findings: Findings
+    findings: Found
     status: Status
     bound: LowerBound | None
 
 
 def choose(
     part: SolverPlant,
-    problem: Problem,
-    searches: Sequence[Findings],
+    problem: Task,
+    searches: Sequence[Found],
     enough: float,
     budget: Budget,
 ) -> tuple[Chosen | None, list[str]]:
@@ -44,8 +44,8 @@ def choose(
     Parameters
     ----------
     part : SolverPlant
-    problem : Problem
-    searches : sequence of Findings
+    problem : Task
+    searches : sequence of Found
     enough : float
         A norm, in the plant's units, below which a falling search need not go.
     budget : Budget
@@ -91,13 +91,13 @@ def choose(
     return min(spare, key=lambda c: c.certificate.achieved, default=None), reasons
 
 
-def _in_units(part: SolverPlant, problem: Problem) -> LowerBound | None:
+def _in_units(part: SolverPlant, problem: Task) -> LowerBound | None:
     """Return the lower bound in the plant's units."""
     bound = problem.bound
     return bound and bound._replace(value=part.norm(bound.value, problem.norm))
 
 
-def _limit(problem: Problem, best: float) -> float:
+def _limit(problem: Task, best: float) -> float:
     """Return the norm up to which a smaller gain is preferred to a smaller norm."""
     if problem.norm == "h2":
         return best * (1 + min(problem.tolerance, POLICY.h2_tolerance))
@@ -129,7 +129,7 @@ def _trials(count: int) -> list[int]:
 
 
 def _certified(
-    part: SolverPlant, candidate: Candidate, problem: Problem, reasons: list[str]
+    part: SolverPlant, candidate: Candidate, problem: Task, reasons: list[str]
 ) -> tuple[control.StateSpace, Certificate] | None:
     K = part.controller(candidate.controller)
     if K is None:
@@ -145,7 +145,7 @@ def _certified(
     return None
 
 
-def _zero_level(searches: Sequence[Findings], enough: float) -> float:
+def _zero_level(searches: Sequence[Found], enough: float) -> float:
     """Return the norm below which a falling search need not go; zero if none is falling."""
     falling = [found for found in searches if found.falling and found.candidates]
     if not falling:
@@ -156,14 +156,14 @@ def _zero_level(searches: Sequence[Findings], enough: float) -> float:
     return max(zero, enough if enough > 2 * best else 0.0)
 
 
-def _status(problem: Problem, searches: Sequence[Findings], achieved: float) -> Status:
+def _status(problem: Task, searches: Sequence[Found], achieved: float) -> Status:
     bound = problem.bound
     if bound is not None and achieved <= bound.value * (1 + problem.tolerance):
         return "optimal"
     return "infimum_not_attained" if any(found.falling for found in searches) else "suboptimal"
 
 
-def _simplified(problem: Problem, candidate: Candidate, limit: float, budget: Budget) -> Candidate:
+def _simplified(problem: Task, candidate: Candidate, limit: float, budget: Budget) -> Candidate:
     """Remove modes of the controller while the norm of its loop stays below a limit.
 
     Near the optimum the central controller has a mode that runs away; elsewhere modes
@@ -181,7 +181,7 @@ def _simplified(problem: Problem, candidate: Candidate, limit: float, budget: Bu
     return current
 
 
-def _halved(problem: Problem, current: Candidate, limit: float, budget: Budget) -> Candidate:
+def _halved(problem: Task, current: Candidate, limit: float, budget: Budget) -> Candidate:
     """Remove the fastest half, quarter or eighth of many modes, for every trial takes long."""
     speeds = np.sort(np.abs(np.linalg.eigvals(current.controller.A)))
     n = len(speeds)
@@ -200,9 +200,7 @@ def _halved(problem: Problem, current: Candidate, limit: float, budget: Budget) 
     return current
 
 
-def _shorter(
-    problem: Problem, current: Candidate, limit: float, budget: Budget
-) -> Candidate | None:
+def _shorter(problem: Task, current: Candidate, limit: float, budget: Budget) -> Candidate | None:
     for K in _reductions(current.controller, problem.norm):
         if budget.over:
             return None

@@ -32,7 +32,7 @@ class Settings:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Task:
     """One part of a plant as the engines see it.
 
     Attributes
@@ -114,7 +114,7 @@ class Candidate:
 
 
 @dataclass
-class Findings:
+class Found:
     """What an engine has found on one part.
 
     Attributes
@@ -154,17 +154,17 @@ class Engine(ABC):
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
 
-    def adds(self, problem: Problem, earlier: Sequence[Findings]) -> bool:
+    def adds(self, problem: Task, earlier: Sequence[Found]) -> bool:
         """Tell whether a search is of use after those of other engines that missed the goal."""
         return True
 
     @abstractmethod
-    def search(self, problem: Problem, budget: Budget) -> Findings:
+    def search(self, problem: Task, budget: Budget) -> Found:
         """Look for controllers with a small norm."""
 
 
 def examine(
-    problem: Problem, K: Controller, claimed: float, origin: str, budget: Budget
+    problem: Task, K: Controller, claimed: float, origin: str, budget: Budget
 ) -> Candidate | None:
     """Balance a controller and check its loop; None if it does not stabilise."""
     if not all(np.isfinite(M).all() for M in K):

@@ -19,7 +19,7 @@ from robustpolish.synthesis.lmi.output.inequalities import (
 from robustpolish.synthesis.lmi.output.projected import Projected, rebalanced, solve_projected
 from robustpolish.synthesis.lmi.output.reconstruction import conditioned, reconstruct
 from robustpolish.synthesis.lmi.semidefinite import ProgramSolver, SemidefiniteProgram
-from robustpolish.synthesis.output_search.engine import Engine, Findings, Problem, examine
+from robustpolish.synthesis.output_search.engine import Engine, Found, Task, examine
 from robustpolish.synthesis.output_search.policy import POLICY
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, regularise
 from robustpolish.synthesis.riccati.infimum import search_gamma
@@ -69,14 +69,14 @@ _POLICY = LmiPolicy()
 class LmiHinf(Engine):
     """Inequalities (10.20) to (10.24); the claims of the candidates are the backed-off bounds."""
 
-    def adds(self, problem: Problem, earlier: Sequence[Findings]) -> bool:
+    def adds(self, problem: Task, earlier: Sequence[Found]) -> bool:
         """Tell whether a small plant is left for which no limit of the gain explains the norm."""
         small = problem.plant.nx <= POLICY.lmi_states
         return not earlier or (small and not any(f.falling for f in earlier))
 
-    def search(self, problem: Problem, budget: Budget) -> Findings:
+    def search(self, problem: Task, budget: Budget) -> Found:
         """Minimise the H-infinity norm of the loop."""
-        plant, found = problem.plant, Findings("lmi", self.settings.backend)
+        plant, found = problem.plant, Found("lmi", self.settings.backend)
         solver = ProgramSolver(self.settings.backend, self.settings.solver, budget)
         # Numbers of order one suit the solver; those below do no harm.
         hardly = _hardly_regular_optimum(plant, budget)
@@ -115,9 +115,9 @@ class LmiHinf(Engine):
 class LmiH2(Engine):
     """Inequalities (10.29) to (10.32)."""
 
-    def search(self, problem: Problem, budget: Budget) -> Findings:
+    def search(self, problem: Task, budget: Budget) -> Found:
         """Minimise the H2 norm of the loop."""
-        plant, found = problem.plant, Findings("lmi", self.settings.backend)
+        plant, found = problem.plant, Found("lmi", self.settings.backend)
         solver = ProgramSolver(self.settings.backend, self.settings.solver, budget)
         optimum, frame = np.inf, plant
         trial: PlantMatrices | None = plant
@@ -158,7 +158,7 @@ def _in_unit(plant: PlantMatrices, unit: float) -> PlantMatrices:
 
 
 def _balanced_optimum(
-    plant: PlantMatrices, solver: ProgramSolver, found: Findings, epsilon: float
+    plant: PlantMatrices, solver: ProgramSolver, found: Found, epsilon: float
 ) -> tuple[Projected | None, PlantMatrices | None]:
     """Alternate between solving and rebalancing until gamma no longer falls."""
     frame: PlantMatrices | None = plant
@@ -202,7 +202,7 @@ def _h2_optimum(plant: PlantMatrices, solver: ProgramSolver) -> tuple[float, Var
 
 
 def _note(
-    problem: Problem, K: Controller, bound: float, origin: str, found: Findings, budget: Budget
+    problem: Task, K: Controller, bound: float, origin: str, found: Found, budget: Budget
 ) -> None:
     candidate = examine(problem, K, bound, origin, budget)
     if candidate is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robustpolish.long_calls import Budget, step_cost
-from robustpolish.synthesis.output_search.engine import Engine, Findings, Problem, examine
+from robustpolish.synthesis.output_search.engine import Engine, Found, Task, examine
 from robustpolish.synthesis.output_search.policy import POLICY
 from robustpolish.synthesis.problem.matrices import regularise
 from robustpolish.synthesis.riccati.lqg import lqg
@@ -18,9 +18,9 @@ class Lqg(Engine):
     true loop settles.
     """
 
-    def search(self, problem: Problem, budget: Budget) -> Findings:
+    def search(self, problem: Task, budget: Budget) -> Found:
         """Minimise the H2 norm of the loop."""
-        found = Findings("riccati", "scipy")
+        found = Found("riccati", "scipy")
         if _try(problem, 0.0, found, budget):
             return found
         quiet = 0
@@ -39,7 +39,7 @@ class Lqg(Engine):
         return found
 
 
-def _try(problem: Problem, epsilon: float, found: Findings, budget: Budget) -> bool:
+def _try(problem: Task, epsilon: float, found: Found, budget: Budget) -> bool:
     budget.spend(step_cost(problem.plant.nx))
     K = lqg(regularise(problem.plant, epsilon))
     origin = f"riccati, {epsilon:.1e}"

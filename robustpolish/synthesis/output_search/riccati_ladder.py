@@ -14,8 +14,8 @@ from robustpolish.long_calls import Budget, step_cost
 from robustpolish.synthesis.output_search.engine import (
     Candidate,
     Engine,
-    Findings,
-    Problem,
+    Found,
+    Task,
     examine,
 )
 from robustpolish.synthesis.output_search.policy import POLICY
@@ -32,7 +32,7 @@ from robustpolish.synthesis.riccati.two_riccati import (
 class RiccatiLadder(Engine):
     """Two Riccati equations on plants regularised less and less."""
 
-    def search(self, problem: Problem, budget: Budget) -> Findings:
+    def search(self, problem: Task, budget: Budget) -> Found:
         """Descend the ladder; a regular plant is solved as it is as well."""
         return _Descent(problem, budget).run()
 
@@ -40,11 +40,11 @@ class RiccatiLadder(Engine):
 class _Descent:
     """One descent, and what it knows so far."""
 
-    def __init__(self, problem: Problem, budget: Budget) -> None:
+    def __init__(self, problem: Task, budget: Budget) -> None:
         self.problem, self.budget = problem, budget
         self.plant = problem.plant
         self.costly = self.plant.nx > POLICY.costly_states
-        self.found = Findings("riccati", "scipy")
+        self.found = Found("riccati", "scipy")
         self.gamma = 1.0
         # A finer tolerance than the usual one asks for finer steps.
         fineness = min(1.0, problem.tolerance / 4e-3)
@@ -55,7 +55,7 @@ class _Descent:
         ]
         self.refinements = [1 + (f - 1) * fineness for f in POLICY.refinements]
 
-    def run(self) -> Findings:
+    def run(self) -> Found:
         """Descend until the norm is good enough, settles or cannot be computed any more."""
         found, regular = self.found, self._solve_regular()
         quiet, failures = 0, 0

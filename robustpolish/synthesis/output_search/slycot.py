@@ -6,7 +6,7 @@ import numpy as np
 
 from robustpolish.long_calls import Budget
 from robustpolish.synthesis.backends.slycot_backend import synthesise
-from robustpolish.synthesis.output_search.engine import Engine, Findings, Problem, examine
+from robustpolish.synthesis.output_search.engine import Engine, Found, Task, examine
 from robustpolish.synthesis.output_search.policy import POLICY
 from robustpolish.synthesis.problem.matrices import Controller, regularise
 
@@ -17,9 +17,9 @@ class Slycot(Engine):
     They find at most one controller, whose claim may be false; a remark says so.
     """
 
-    def search(self, problem: Problem, budget: Budget) -> Findings:
+    def search(self, problem: Task, budget: Budget) -> Found:
         """Run the routine in a process of its own, which the safety net ends."""
-        found = Findings("slycot", "slycot")
+        found = Found("slycot", "slycot")
         # The routines need D12 and D21 of full rank.
         P = regularise(problem.plant, 0.0 if problem.regular else POLICY.slycot_epsilon)
         whole = (

@@ -56,7 +56,7 @@ class FixedMode:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Preflight:
     """Findings about a plant.
 
     Attributes
@@ -95,7 +95,7 @@ class Diagnosis:
             return None
         return not (self.control_zeros or self.measurement_zeros)
 
-    def with_zeros(self, plant: GeneralizedPlant) -> Diagnosis:
+    def with_zeros(self, plant: GeneralizedPlant) -> Preflight:
         """Return the diagnosis of the plant with its zeros on the axis, which take longer."""
         P = plant
         return replace(
@@ -123,7 +123,7 @@ class Diagnosis:
         return tuple(found)
 
 
-def diagnose(plant: GeneralizedPlant) -> Diagnosis:
+def diagnose(plant: GeneralizedPlant) -> Preflight:
     """Look for what makes an output feedback impossible or singular."""
     scaled = scale_plant(plant)
     P = scaled.plant
@@ -132,7 +132,7 @@ def diagnose(plant: GeneralizedPlant) -> Diagnosis:
         *_fixed(P.A, P.B2, plant, scaled.time, "uncontrollable"),
         *_fixed(P.A.T, P.C2.T, plant, scaled.time, "unobservable"),
     ]
-    return Diagnosis(tuple(modes), rank12, rank21, rank12 == plant.nu, rank21 == plant.ny)
+    return Preflight(tuple(modes), rank12, rank21, rank12 == plant.nu, rank21 == plant.ny)
 
 
 def refuse(modes: Sequence[FixedMode]) -> InfeasibleError:
