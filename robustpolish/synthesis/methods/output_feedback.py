@@ -272,29 +272,14 @@ class PartSearch:
 
 def _with_signals(part: GeneralizedPlant) -> GeneralizedPlant:
     """Add a w or a z without effect to a part that has none and only has to be stabilised."""
-    P = part
-    if P.nw and P.nz:
-        return P
-    w, z = max(P.nw, 1), max(P.nz, 1)
-    return GeneralizedPlant.from_matrices(
-        P.A,
-        _padded(P.B1, (P.nx, w)),
-        P.B2,
-        _padded(P.C1, (z, P.nx)),
-        P.C2,
-        _padded(P.D11, (z, w)),
-        _padded(P.D12, (z, P.nu)),
-        _padded(P.D21, (P.ny, w)),
-        P.D22,
-        dt=P.dt,
-        states=P.states,
-        controls=P.control_names,
-        measurements=P.measurement_names,
+    if part.nw and part.nz:
+        return part
+    return part.replace(
+        B1=part.B1 if part.nw else np.zeros((part.nx, 1)),
+        C1=part.C1 if part.nz else np.zeros((1, part.nx)),
+        disturbances=part.disturbance_names or None,
+        performance=part.performance_names or None,
     )
-
-
-def _padded(M: Any, shape: tuple[int, int]) -> Any:
-    return M if M.shape == shape else np.zeros(shape)
 
 
 def _search(
