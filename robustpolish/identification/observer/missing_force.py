@@ -107,11 +107,12 @@ def following(
         run = Runner(model, record.dt, amplitude, level, scales).run(model)
         found = run.over(piece, keep=True)
         tail = (record.Y - found.outputs)[record.samples // 20 :]
-        with np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            # minus infinity where nothing is left: data that this very model has made
             score = float(np.sum(np.log(np.mean(tail**2, axis=0))))
         if chosen is None or score < best:
             chosen = level, found
-            best = score if np.isfinite(score) else np.inf
+            best = np.inf if np.isnan(score) else score
     assert chosen is not None
     return chosen
 
