@@ -23,7 +23,7 @@ import numpy as np
 from numba import types
 
 from robustpolish.arrays import Array
-from robustpolish.effects.shapes import Motion, Scan, Shape
+from robustpolish.effects.shapes import LINE, Motion, Scan, Shape
 from robustpolish.validation import described, invalid, one_of
 
 Values = Mapping[str, float]
@@ -314,6 +314,11 @@ class EffectKind:
     def has_memory(self) -> bool:
         """Whether the force depends on the past."""
         return self.states > 0
+
+    @property
+    def line(self) -> str | None:
+        """The parameter that is the frequency in Hz of a force from outside, if it makes one."""
+        return next((scan.parameter for scan in self.scan if scan.of == LINE), None)
 
     def signal_slope(self, values: Values) -> tuple[float, float]:
         """Return the factor and the delay in s that a linear model keeps of an effect on a signal.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Coefficients = NDArray[np.float64]
+LINE = "line of the force"
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ class Scan:
         if self.of == "percentile":
             levels = [level for share in self.shares for level in (share, 100 - share)]
             return np.percentile(motion.q[0], levels).tolist()
-        if self.of == "line of the force":
+        if self.of == LINE:
             return [] if motion.force is None else _lines(motion, [int(n) for n in self.shares])
         if self.of == "per slip":
             travel = 0.5 * motion.speed * float(motion.time[1] - motion.time[0])

@@ -14,6 +14,9 @@ from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import Input, Output
 from robustpolish.validation import described, invalid
 
+_REPEATS = 0.98
+"""Correlation of inputs with themselves, a period later, from which they repeat."""
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
@@ -99,6 +102,39 @@ def long_enough(model: MechanicalModel, record: Record) -> Record:
         shown = described(f"{record.samples} samples")
         raise invalid("data", shown, f"at least {least}", "Record for longer.")
     return record
+
+
+def repetition(inputs: Array, dt: float) -> float | None:
+    """Return the period in s with which inputs repeat, None if they do not.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (samples, nu)
+    dt : float
+        Sampling step in s.
+
+    Returns
+    -------
+    float or None
+        The shortest period; at most half of the record, so that it is seen twice.
+    """
+    U = inputs[:, np.ptp(inputs, axis=0) > 0]
+    if not U.size:
+        return None
+    U = (U - U.mean(axis=0)) / U.std(axis=0)
+    n, half = len(U), len(U) // 2
+    spectrum = np.abs(np.fft.rfft(U, 2 * n, axis=0)) ** 2
+    products = np.fft.irfft(spectrum, axis=0)[: half + 1].sum(axis=1)
+    power = np.concatenate([[0.0], np.cumsum(np.sum(U**2, axis=1))])
+    lags = np.arange(half + 1)
+    likeness = 2 * products / (power[n - lags] + power[n] - power[lags])
+    apart = np.flatnonzero(likeness < 0)  # short lags are alike in every smooth signal
+    again = np.flatnonzero(likeness > _REPEATS)
+    again = again[again > apart[0]] if apart.size else again[:0]
+    if not again.size:
+        return None
+    run = again[: int(np.argmax(np.append(np.diff(again) > 1, True))) + 1]
+    return float(run[np.argmax(likeness[run])] * dt)
 
 
 def checked_data(model: MechanicalModel, data: Any, outputs: bool = True) -> xr.Dataset:

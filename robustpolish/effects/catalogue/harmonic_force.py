@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Scan
+from robustpolish.effects.shapes import LINE, Scan
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
@@ -23,7 +23,7 @@ KIND = EffectKind(
     ),
     law=_law,
     linear_in=("amplitude",),
-    scan=(Scan("frequency", "line of the force", (0, 1, 2)),),
+    scan=(Scan("frequency", LINE, (0, 1, 2)),),
     looks_like="One line in the residual's spectrum, whatever the input does.",
     checks=(
         "Fans, pumps, mains hum, drives and neighbours that run at this frequency.",

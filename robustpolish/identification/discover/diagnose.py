@@ -117,7 +117,7 @@ def _refits(search: Search, start: MechanicalModel, screening: Screening) -> lis
         if explained and candidate.score < search.policy.near_score * first[0].score:
             break
         if candidate in further and any(
-            not objection(search.stage, item.fitted, search.policy) for item in refits
+            not objection(search.stage, item.fitted, search.prepared) for item in refits
         ):
             break
         search.say(f"refit with {candidate.effect}")

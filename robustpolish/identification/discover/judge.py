@@ -7,13 +7,17 @@ from itertools import combinations
 
 import numpy as np
 
+from robustpolish.arrays import Array
+from robustpolish.effects import Effect
 from robustpolish.identification.discover.candidates import rivals
 from robustpolish.identification.discover.confusion import confused
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.fit.homotopy import JudgedFit
 from robustpolish.identification.fit.least_squares import covariance_of, errors_from
 from robustpolish.identification.fit.parameters import connected
-from robustpolish.identification.policy import Policy
+from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.record import repetition
+from robustpolish.simulation.signals import signals
 
 
 def chosen(refits: Sequence[RefittedEffect], search: Search) -> RefittedEffect | None:
@@ -25,6 +29,7 @@ def chosen(refits: Sequence[RefittedEffect], search: Search) -> RefittedEffect |
         The best first.
     search : Search
     """
+    refits = _unbeaten(refits, search)
     earned = _first_earned(_in_turn(refits, search), search)
     if earned is None:
         return _hiding(refits, search)
@@ -44,17 +49,20 @@ def judgement(fitted: JudgedFit, among: Sequence[RefittedEffect]) -> float:
     return float(np.mean(np.log(np.maximum(errors, 1e-300))))
 
 
-def objection(before: JudgedFit, after: JudgedFit, policy: Policy, place: int = -1) -> str | None:
+def objection(
+    before: JudgedFit, after: JudgedFit, prepared: PreparedRecord, place: int = -1
+) -> str | None:
     """Say why an effect does not earn its place.
 
     Parameters
     ----------
     before, after : JudgedFit
         Without and with it.
-    policy : Policy
+    prepared : PreparedRecord
     place : int, optional
         Where it stands among the effects of the model; it is the last one by default.
     """
+    policy = prepared.policy
     free = before.reproducible and after.reproducible
     old, new = (before.free, after.free) if free else (before.guided, after.guided)
     fall = 1 - new / old
@@ -64,15 +72,51 @@ def objection(before: JudgedFit, after: JudgedFit, policy: Policy, place: int = 
         return "one output gains what another loses"
     index = place % len(after.model.effects)
     effect = after.model.effects[index]
-    implausible = effect.definition.implausible(effect.values)
-    if implausible:
-        return implausible
+    refused = effect.definition.implausible(effect.values) or _line_of_inputs(
+        effect, signals(after.model, prepared.record.data), prepared.record.dt
+    )
+    if refused:
+        return refused
     errors = errors_from(covariance_of(after.fit))
     lead = next(p.name for p in effect.definition.parameters if p.fitted)
     error, largest = errors.get(f"effect[{index}].{lead}", 0.0), abs(effect.values[lead])
     if not error < policy.determined * largest and effect.definition.domain != "input":
         return f"its {lead} is not determined"
     return None
+
+
+def _line_of_inputs(effect: Effect, inputs: Array, dt: float) -> str | None:
+    """Say whether a force from outside has a line of the inputs.
+
+    What depends on the motion repeats with the inputs, so such a line may be any law of motion.
+    """
+    frequency = effect.definition.line
+    period = None if frequency is None else repetition(inputs, dt)
+    if frequency is None or period is None:
+        return None
+    turns = effect.values[frequency] * period
+    if abs(turns - round(turns)) > 0.5 * period / (len(inputs) * dt):
+        return None
+    return f"the inputs repeat every {period:.4g} s, and what they move has this line too"
+
+
+def _unbeaten(refits: Sequence[RefittedEffect], search: Search) -> list[RefittedEffect]:
+    """Leave out what a force explains visibly better that merely repeats with the inputs.
+
+    Then the motion has a law that none of these effects is.
+    """
+    prepared = search.prepared
+    inputs = signals(search.reference, prepared.record.data)
+    lines = [
+        judgement(item.fitted, refits)
+        for item in refits
+        if _line_of_inputs(item.fitted.model.effects[-1], inputs, prepared.record.dt)
+    ]
+    limit = min(lines, default=np.inf) - np.log(1 - search.policy.visible_fall)
+    beaten = [item for item in refits if judgement(item.fitted, refits) > limit]
+    why = "a force that merely repeats with the inputs explains visibly more"
+    search.reasons += [f"{item.effect} was not added: {why}." for item in beaten]
+    return [item for item in refits if item not in beaten]
 
 
 def _tolerance(search: Search) -> float:
@@ -125,7 +169,7 @@ def _simpler_first(ordered: list[RefittedEffect], search: Search) -> list[Refitt
 def _first_earned(ordered: Sequence[RefittedEffect], search: Search) -> RefittedEffect | None:
     """Return the first candidate that earns its place."""
     for item in ordered:
-        remark = objection(search.stage, item.fitted, search.policy)
+        remark = objection(search.stage, item.fitted, search.prepared)
         if not remark:
             return item
         search.reasons.append(f"{item.effect} was not added: {remark}.")
@@ -148,7 +192,7 @@ def _before_constant(
         if item.constant:
             continue
         both = search.fitted_with(item.fitted.model, alone.model.effects[-1])
-        if both is not None and not objection(alone, both, search.policy, place=-2):
+        if both is not None and not objection(alone, both, search.prepared, place=-2):
             found.append((float(np.mean(np.log(both.error))), item))
     return min(found, key=lambda pair: pair[0])[1] if found else earned
 
@@ -169,8 +213,8 @@ def _hiding(ranked: Sequence[RefittedEffect], search: Search) -> RefittedEffect 
         both = search.fitted_with(one.fitted.model, other.fitted.model.effects[-1])
         if both is None:
             continue
-        kept = objection(other.fitted, both, policy, place=-2)
-        if not kept and not objection(one.fitted, both, policy):
+        kept = objection(other.fitted, both, search.prepared, place=-2)
+        if not kept and not objection(one.fitted, both, search.prepared):
             first, second = (other, one) if one.constant else (one, other)
             search.reasons.append(f"{first.effect} earns its place only beside {second.effect}.")
             return first

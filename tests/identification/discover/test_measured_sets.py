@@ -32,7 +32,14 @@ def pooled(model, records, name, **options):
 
 
 def test_silverbox(shared):
-    """An electronic Duffing oscillator: a cubic spring, then the offset of the amplifier."""
+    """An electronic Duffing oscillator: a cubic spring, then the offset of the amplifier.
+
+    The last two effects are small, and both are there: fitted to the three multisines of the
+    estimation, the quadratic spring lowers the error of the six unseen ones from 0.346 to 0.301 mV
+    and that of the unseen arrow, which extrapolates, from 0.451 to 0.390 mV; damping with v|v|
+    lowers them again, to 0.236 and 0.301 mV. So they are expected here, and the limits are those
+    of the whole model.
+    """
     model = rp.MechanicalModel.from_toml("""
         [dof.y]
         mass = 1.0
@@ -55,11 +62,13 @@ def test_silverbox(shared):
     data = read_measurement(shared / "data/silverbox/SNLS80mV.mat", sampling_rate=1e7 / 2**14)
     first, length = 40585, 8692
     diagnosis = rp.diagnose(model, data.isel(time=slice(first, first + 3 * length)))
-    assert kinds(diagnosis) == ["cubic_stiffness", "constant_force"]
+    assert kinds(diagnosis) == [
+        "cubic_stiffness", "constant_force", "quadratic_stiffness", "quadratic_damping",
+    ]  # fmt: skip
     multisines = data.isel(time=slice(first + 3 * length, first + 9 * length))
     arrow = data.isel(time=slice(0, 40400))
-    assert rp.compare(diagnosis.model, multisines).outputs["V2"].rmse < 0.36e-3
-    assert rp.compare(diagnosis.model, arrow).outputs["V2"].rmse < 0.47e-3
+    assert rp.compare(diagnosis.model, multisines).outputs["V2"].rmse < 0.25e-3
+    assert rp.compare(diagnosis.model, arrow).outputs["V2"].rmse < 0.32e-3
 
 
 def test_positioning_system(shared):
