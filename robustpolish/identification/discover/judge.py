@@ -101,20 +101,26 @@ def _line_of_inputs(effect: Effect, inputs: Array, dt: float) -> str | None:
 
 
 def _unbeaten(refits: Sequence[RefittedEffect], search: Search) -> list[RefittedEffect]:
-    """Leave out what a force explains visibly better that merely repeats with the inputs.
+    """Leave out what shows in free runs alone, and there no better than a mere repetition.
 
-    Then the motion has a law that none of these effects is.
+    Where a force that only repeats with the inputs explains as much, and the fine structure of
+    the missing force speaks against an effect, the motion has a law that this effect is not.
     """
     prepared = search.prepared
     inputs = signals(search.reference, prepared.record.data)
     lines = [
-        judgement(item.fitted, refits)
+        item
         for item in refits
         if _line_of_inputs(item.fitted.model.effects[-1], inputs, prepared.record.dt)
     ]
-    limit = min(lines, default=np.inf) - np.log(1 - search.policy.visible_fall)
-    beaten = [item for item in refits if judgement(item.fitted, refits) > limit]
-    why = "a force that merely repeats with the inputs explains visibly more"
+    least = min((judgement(item.fitted, refits) for item in lines), default=np.inf)
+    limit = least + np.log(1 - search.policy.visible_fall)
+    beaten = [
+        item
+        for item in refits
+        if item.screened.score < 0 and judgement(item.fitted, refits) > limit and item not in lines
+    ]
+    why = "a force that merely repeats with the inputs explains as much"
     search.reasons += [f"{item.effect} was not added: {why}." for item in beaten]
     return [item for item in refits if item not in beaten]
 
