@@ -109,7 +109,11 @@ def symplectic_scaling(A: Matrix, R: Matrix, Q: Matrix) -> tuple[Matrix, float]:
 
 
 def solve_lyapunov(A: Matrix, Q: Matrix) -> Matrix | None:
-    """Return X of A'X + XA + Q = 0 for a stable A; None if the equation is singular."""
+    """Return X of A'X + XA + Q = 0 for a stable A; None where numbers are not finite.
+
+    Where eigenvalues lie on the axis, to working accuracy, LAPACK moves them: X is then no more
+    than a start.
+    """
     if A.shape[0] == 0:
         return np.zeros((0, 0))
     if not (np.isfinite(A).all() and np.isfinite(Q).all()):

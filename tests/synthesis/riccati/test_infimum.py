@@ -8,7 +8,6 @@ from robustpolish.long_calls import Budget
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import scale_plant
 from robustpolish.synthesis.riccati.infimum import EXACT, lower_bound, reduced_halves
-from robustpolish.synthesis.riccati.lqg import h2_lower_bound
 
 # Infima of the full-order H-infinity norm of COMPleib plants, most of them singular.
 INFIMUM = {
@@ -106,19 +105,3 @@ def test_a_bound_above_a_norm_that_was_reached_is_left_out():
         PlantMatrices.of(scaled.plant), 1e-4, Budget(), 0.5 * scaled.scaled_norm(value)
     )
     assert spoilt is None
-
-
-def test_the_singular_h2_infimum_is_the_limit_of_vanishing_price_and_noise():
-    rng = np.random.default_rng(0)
-    draw = rng.standard_normal
-    parts = draw((3, 3)), draw((3, 2)), draw((3, 1)), draw((2, 3)), draw((1, 3))
-    singular = PlantMatrices.of(rp.GeneralizedPlant.from_matrices(*parts))
-    bound = h2_lower_bound(singular)
-    assert bound is not None
-    norms = []
-    for size in (1e-2, 1e-3, 1e-4):
-        plant = rp.GeneralizedPlant.from_matrices(*parts)
-        design = rp.output_feedback(plant, "h2", control_weight=size, measurement_noise=size)
-        norms.append(design.certificate.achieved)
-    assert norms[0] > norms[1] > norms[2] > bound.value
-    assert norms[2] == pytest.approx(bound.value, rel=0.05)

@@ -7,7 +7,6 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.long_calls import Budget
-from robustpolish.synthesis.lmi.state.engine import LmiStateEngine
 from robustpolish.synthesis.methods.state_feedback import ENGINES
 from robustpolish.synthesis.problem.full_state import measuring_states, state_gain_norm
 from robustpolish.synthesis.problem.matrices import PlantMatrices
@@ -38,19 +37,6 @@ def test_every_engine_answers_and_counts_its_work(method, norm):
     assert found.status == "suboptimal"  # only a lower bound can tell more
     idle = state_gain_norm(plant, np.zeros((plant.nu, plant.nx)), norm)
     assert found.achieved < idle
-
-
-def test_inequalities_end_with_their_work():
-    plant = priced_mass()
-    whole = Budget(1e4)
-    full = LmiStateEngine("hinf").search(plant, whole)
-    short = Budget(0.3 * whole.spent)
-    stopped = LmiStateEngine("hinf").search(plant, short)
-    assert full is not None
-    assert stopped is not None
-    assert len(stopped.history) < len(full.history)
-    assert short.exhausted
-    assert not short.late
 
 
 def unpriced_plant():
