@@ -132,30 +132,25 @@ class Fields:
     def items(self, key: str) -> list[Any]:
         """Return the list at a key."""
         value = self.raw(key)
-        if not isinstance(value, list):
-            raise self._bad(key, value, "a list")
-        return value
+        return self._checked(key, value, isinstance(value, list), "a list")
 
     def text(self, key: str, choices: tuple[str, ...] = ()) -> str:
         """Return the text at a key."""
         value = self.raw(key)
-        if not isinstance(value, str) or (choices and value not in choices):
-            raise self._bad(key, value, f"one of {', '.join(choices)}" if choices else "a text")
-        return value
+        right = isinstance(value, str) and (not choices or value in choices)
+        want = f"one of {', '.join(choices)}" if choices else "a text"
+        return self._checked(key, value, right, want)
 
     def texts(self, key: str) -> tuple[str, ...]:
         """Return the list of texts at a key."""
         value = self.items(key)
-        if not all(isinstance(item, str) for item in value):
-            raise self._bad(key, value, "a list of texts")
-        return tuple(value)
+        right = all(isinstance(item, str) for item in value)
+        return tuple(self._checked(key, value, right, "a list of texts"))
 
     def truth(self, key: str) -> bool:
         """Return the truth value at a key."""
         value = self.raw(key)
-        if not isinstance(value, bool):
-            raise self._bad(key, value, "true or false")
-        return value
+        return self._checked(key, value, isinstance(value, bool), "true or false")
 
     def number(self, key: str) -> float:
         """Return the number at a key; the words inf, -inf and nan count as such."""
@@ -169,9 +164,8 @@ class Fields:
     def whole(self, key: str) -> int:
         """Return the whole number at a key."""
         value = self.raw(key)
-        if not isinstance(value, int) or isinstance(value, bool):
-            raise self._bad(key, value, "a whole number")
-        return value
+        right = isinstance(value, int) and not isinstance(value, bool)
+        return self._checked(key, value, right, "a whole number")
 
     def array(self, key: str, *shape: int | None) -> NDArray[np.float64]:
         """Return the array at a key; None in the shape leaves a length free."""
@@ -193,14 +187,18 @@ class Fields:
     def _number(self, key: str, value: Any) -> float:
         if isinstance(value, str) and value in _WORDS:
             return _WORDS[value]
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self._bad(key, value, "a number")
-        return float(value)
+        right = isinstance(value, int | float) and not isinstance(value, bool)
+        return float(self._checked(key, value, right, "a number"))
 
     def _as_table(self, key: str, value: Any) -> Fields:
-        if not isinstance(value, dict):
-            raise self._bad(key, value, "a table")
-        return Fields(value, f"{self.where}: {key}")
+        content = self._checked(key, value, isinstance(value, dict), "a table")
+        return Fields(content, f"{self.where}: {key}")
+
+    def _checked(self, key: str, value: Any, right: bool, want: str) -> Any:
+        """Return a value if it is right, which the message calls `want`."""
+        if not right:
+            raise self._bad(key, value, want)
+        return value
 
     def _bad(self, key: str, value: Any, want: str) -> Exception:
         return invalid(f"{self.where}: {key}", value, want, _EDITED)

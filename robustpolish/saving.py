@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from robustpolish.errors import InvalidInputError
 from robustpolish.validation import invalid
 
 
@@ -63,20 +64,16 @@ def _check(target: Path, force: bool) -> None:
     if not target.exists():
         return
     if not force:
-        raise invalid(
-            "out",
-            str(target),
-            "a folder that does not exist yet",
-            "Choose another one, or replace it with --force.",
-        )
+        remedy = "Choose another one, or replace it with --force."
+        raise _refused(target, "a folder that does not exist yet", remedy)
     empty = target.is_dir() and not any(target.iterdir())
     if not empty and not (target / _MARK).is_file():
-        raise invalid(
-            "out",
-            str(target),
-            "a folder of results made by robustpolish",
-            "It holds something else and is left alone; choose another folder.",
-        )
+        remedy = "It holds something else and is left alone; choose another folder."
+        raise _refused(target, "a folder of results made by robustpolish", remedy)
+
+
+def _refused(target: Path, expected: str, remedy: str) -> InvalidInputError:
+    return invalid("out", str(target), expected, remedy)
 
 
 @contextmanager
@@ -108,20 +105,12 @@ def new_file(
     """
     target = Path(path)
     if suffixes and target.suffix not in suffixes:
-        raise invalid(
-            "out", str(target), f"a name that ends in {' or '.join(suffixes)}", "Rename the file."
-        )
+        raise _refused(target, f"a name that ends in {' or '.join(suffixes)}", "Rename the file.")
     if target.exists() and not force:
-        raise invalid(
-            "out",
-            str(target),
-            "a file that does not exist yet",
-            "Replace it with force=True (--force).",
-        )
+        remedy = "Replace it with force=True (--force)."
+        raise _refused(target, "a file that does not exist yet", remedy)
     if not target.parent.is_dir():
-        raise invalid(
-            "out", str(target), "a path in an existing folder", "Create the folder first."
-        )
+        raise _refused(target, "a path in an existing folder", "Create the folder first.")
     with tempfile.TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent) as folder:
         draft = Path(folder) / target.name
         yield draft

@@ -166,7 +166,9 @@ def one_of(
     return value
 
 
-def instance_of(argument: str | Key, value: Any, kind: type[C], expected: str, remedy: str) -> C:
+def instance_of(
+    argument: str | Key, value: Any, kind: type[C] | tuple[type[C], ...], expected: str, remedy: str
+) -> C:
     """Return `value` if it is an instance of `kind`, which the message calls `expected`."""
     if not isinstance(value, kind):
         raise invalid(argument, described(type(value).__name__), expected, remedy)

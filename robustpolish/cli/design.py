@@ -10,7 +10,7 @@ import click
 
 import robustpolish
 from robustpolish.cli.machine import READINGS, machine_options
-from robustpolish.cli.options import brush_options, result_options, show, to_json
+from robustpolish.cli.options import brush_options, choice, result_options, show, to_json
 from robustpolish.closed_loop import design_against_brush
 from robustpolish.report import render_html
 from robustpolish.report.brush_design import (
@@ -25,24 +25,10 @@ DEFAULT_OUT = "robustpolish-results"
 
 @click.command()
 @brush_options
-@click.option(
-    "--actuation",
-    type=click.Choice(["force", "displacement"]),
-    default="force",
-    show_default=True,
-    help="Where the control enters: (10.41) or (10.40).",
-)
-@click.option(
-    "--norm",
-    type=click.Choice(["hinf", "h2"]),
-    default="hinf",
-    show_default=True,
-    help="Minimised.",
-)
-@click.option("--method", type=click.Choice(["lmi", "riccati"]), default="lmi", show_default=True)
-@click.option(
-    "--backend", type=click.Choice(["cvxpy", "picos"]), default="cvxpy", show_default=True
-)
+@choice("--actuation", ("force", "displacement"), "Where the control enters: (10.41) or (10.40).")
+@choice("--norm", ("hinf", "h2"), "Minimised.")
+@choice("--method", ("lmi", "riccati"))
+@choice("--backend", ("cvxpy", "picos"))
 @click.option(
     "--control-weight",
     type=float,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import click
@@ -28,16 +28,20 @@ def options(*several: Callable[[F], F]) -> Callable[[F], F]:
     return decorated
 
 
+def choice(name: str, values: Sequence[str], what: str | None = None) -> Callable[[F], F]:
+    """Return an option that takes one of several words, the first by default."""
+    kind = click.Choice(values)
+    return click.option(name, type=kind, default=values[0], show_default=True, help=what)
+
+
 brush_options = options(
     click.option(
         "--run", type=click.IntRange(1, 4), default=1, show_default=True, help="Table 9.2."
     ),
-    click.option(
+    choice(
         "--simulator",
-        type=click.Choice(["physical", "listing"]),
-        default="physical",
-        show_default=True,
-        help="Well-posed contact, or the thesis's listing with its defects.",
+        ("physical", "listing"),
+        "Well-posed contact, or the thesis's listing with its defects.",
     ),
     click.option("--duration", default=5.0, show_default=True, help="Seconds."),
 )

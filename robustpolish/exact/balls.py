@@ -53,13 +53,18 @@ def identity(n: int) -> Ball:
 
 def block(rows: Sequence[Sequence[Ball]]) -> Ball:
     """Assemble a matrix of blocks."""
-    table: list[list[Any]] = []
-    for row in rows:
-        listed = [part.tolist() for part in row if part.ncols()]
-        height = row[0].nrows()
-        table += [[entry for part in listed for entry in part[i]] for i in range(height)]
+    table = joined_rows(rows)
     columns = sum(part.ncols() for part in rows[0])
     return flint.arb_mat(table) if table and columns else zeros(len(table), columns)
+
+
+def joined_rows(blocks: Sequence[Sequence[Any]]) -> list[list[Any]]:
+    """Join rows of blocks, of any kind of number; blocks without columns are passed over."""
+    rows: list[list[Any]] = []
+    for line in blocks:
+        tables = [block.tolist() for block in line if block.ncols()]
+        rows += [[entry for table in tables for entry in table[i]] for i in range(line[0].nrows())]
+    return rows
 
 
 def midpoint(matrix: Ball) -> Matrix:
@@ -104,7 +109,8 @@ def is_positive_definite(matrix: Ball) -> bool:
     diagonal = np.array([float(matrix[i, i].lower()) for i in range(n)])
     if not (np.isfinite(diagonal).all() and (diagonal > 0).all()):
         return False
-    scale = ball(np.diag(_powers_of_two(diagonal)))
+    # Powers of two bring the diagonal to about one without rounding.
+    scale = ball(np.diag(np.exp2(-np.round(np.log2(diagonal) / 2))))
     turned = scale * matrix * scale
     for _ in range(flint.ctx.prec // _BITS_PER_PASS + 1):
         centre = midpoint(turned)
@@ -120,8 +126,3 @@ def is_positive_definite(matrix: Ball) -> bool:
         if np.isfinite(rest).all() and (rest.sum(axis=1) * (1 + 1e-12)).max() < 1:
             return True
     return False
-
-
-def _powers_of_two(diagonal: Matrix) -> Matrix:
-    """Scale a diagonal to about one without rounding."""
-    return np.exp2(-np.round(np.log2(diagonal) / 2))

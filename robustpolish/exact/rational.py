@@ -12,7 +12,7 @@ import numpy as np
 from flint import acb, acb_mat, arb, arb_mat, fmpq, fmpq_mat, fmpz, fmpz_mat, nmod, nmod_mat
 from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.exact.balls import precision
+from robustpolish.exact.balls import joined_rows, precision
 from robustpolish.exact.realisation import Realisation
 from robustpolish.validation import described, invalid, square
 
@@ -50,11 +50,7 @@ def identity(n: int) -> fmpq_mat:
 
 def joined(blocks: list[list[fmpq_mat]]) -> fmpq_mat:
     """Join rows of blocks into one matrix; blocks without columns are passed over."""
-    rows: list[list[fmpq]] = []
-    for line in blocks:
-        tables = [block.table() for block in line if block.ncols()]
-        rows += [[e for table in tables for e in table[i]] for i in range(line[0].nrows())]
-    return fmpq_mat(rows)
+    return fmpq_mat(joined_rows(blocks))
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -127,15 +128,17 @@ def rescaled(system: Realisation) -> Realisation:
     """Balance the states, then choose units of time and gain that make the entries near one."""
     if system.states == 0:
         return system
-    model = _balanced(_unit_gain(_unit_rate(_balanced(_tamed(system), signals=False))))
-    return _unit_gain(_balanced(_unit_gain(model)))
+    # The largest entry of A comes first, so that squares neither overflow nor vanish.
+    tamed = _in_unit_of_rate(system, lambda A: float(np.abs(A).max()))
+    model = _in_unit_of_rate(_balanced(tamed, signals=False), typical_rate)
+    return _unit_gain(_balanced(_unit_gain(_balanced(_unit_gain(model)))))
 
 
-def _tamed(system: Realisation) -> Realisation:
-    """Bring the largest entry of A near one, so that squares neither overflow nor vanish."""
+def _in_unit_of_rate(system: Realisation, rate: Callable[[Matrix], float]) -> Realisation:
+    """Bring a rate of the state matrix near one; discrete time is left alone."""
     if system.discrete:
         return system
-    time = power_of_two(float(np.abs(system.A).max()))
+    time = power_of_two(rate(system.A))
     return replace(system, A=system.A / time, B=system.B / time, time=system.time * time)
 
 
@@ -148,13 +151,6 @@ def _balanced(system: Realisation, signals: bool = True) -> Realisation:
         B=system.B / scales[:, None] * signal,
         C=system.C * scales / signal,
     )
-
-
-def _unit_rate(system: Realisation) -> Realisation:
-    if system.discrete:
-        return system
-    time = power_of_two(typical_rate(system.A))
-    return replace(system, A=system.A / time, B=system.B / time, time=system.time * time)
 
 
 def _unit_gain(system: Realisation) -> Realisation:

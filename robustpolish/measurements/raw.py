@@ -79,7 +79,7 @@ def real_vector(values: Any) -> np.ndarray | None:
     return array.reshape(-1)
 
 
-def add_arrays(table: RawTable, arrays: dict[str, Any], chosen: str | None, source: str) -> None:
+def table_of(arrays: dict[str, Any], chosen: str | None, source: str) -> RawTable:
     """Sort the named arrays of a file into columns, a sampling rate, and what is left out.
 
     A matrix is a table of columns; `chosen` picks one of several. A text array as long as the
@@ -95,10 +95,10 @@ def add_arrays(table: RawTable, arrays: dict[str, Any], chosen: str | None, sour
         raise invalid("table", chosen, f"a matrix of the file: {listed}", "Check its name.")
     if chosen is None and len(matrices) == 1 and not _vectors(arrays, matrices):
         chosen = next(iter(matrices))
-    table.sampling_rate = table.sampling_rate or _rate(arrays)
+    table = RawTable(sampling_rate=_rate(arrays))
     if chosen is not None:
         _add_matrix(table, chosen, matrices[chosen], arrays)
-        return
+        return table
     for name, vector in _vectors(arrays, matrices).items():
         table.add(name, vector)
     if not table.columns and matrices:
@@ -115,6 +115,7 @@ def add_arrays(table: RawTable, arrays: dict[str, Any], chosen: str | None, sour
     ]
     if left:
         table.notes.append(f"left out, as they are no signals: {', '.join(sorted(left))}")
+    return table
 
 
 def _vectors(arrays: dict[str, Any], matrices: dict[str, Any]) -> dict[str, np.ndarray]:

@@ -19,7 +19,7 @@ from robustpolish.measurements.quality import (
 from robustpolish.measurements.raw import RawTable
 from robustpolish.measurements.time_axis import UniformTime, uniform_time
 from robustpolish.measurements.units import to_si
-from robustpolish.validation import described, invalid, positive
+from robustpolish.validation import described, instance_of, invalid, positive
 
 _WITHOUT_TABLES: dict[str, Callable[[Path], RawTable]] = {
     ".csv": readers.read_csv,
@@ -127,14 +127,8 @@ def _raw(source: Any, table: str | None) -> RawTable:
     found = readers.read_object(source)
     if found is not None:
         return found
-    if not isinstance(source, str | Path):
-        raise invalid(
-            "measurement",
-            described(type(source).__name__),
-            "a path, or a pandas or xarray object",
-            "Convert it to a pandas.DataFrame.",
-        )
-    path = Path(source)
+    expected, remedy = "a path, or a pandas or xarray object", "Convert it to a pandas.DataFrame."
+    path = Path(instance_of("measurement", source, (str, Path), expected, remedy))
     if not path.is_file():
         what = "a folder" if path.is_dir() else "no such file"
         raise invalid("measurement", described(f"{path} ({what})"), "a file", "Check the path.")

@@ -45,8 +45,5 @@ def plot_distribution(
     ax.set_ylabel(f"number per bin ({values.dims[0]})")
     if note:
         ax.set_title(note, fontsize="medium")
-    if marks:
-        ax.legend(loc="best")
-    else:
-        legend(ax)
+    legend(ax, least=1 if marks else 2)
     return ax

@@ -55,8 +55,7 @@ def plot_gains(
             ax.axhline(value, color="black", linewidth=0.8, linestyle=":", label=label)
     log_axis(ax, "x", "frequency", "Hz")
     log_axis(ax, "y", name, unit)
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(loc="best")
+    legend(ax, least=1)
     return ax
 
 

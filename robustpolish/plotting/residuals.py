@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from robustpolish.plotting.style import LINE_STYLES, log_axis, new_axes, si_axis
+from robustpolish.plotting.style import LINE_STYLES, legend, log_axis, new_axes, si_axis
 
 _LAGS = 200
 Banded = tuple[xr.DataArray, xr.DataArray]
@@ -117,8 +117,7 @@ def plot_band_shares(
     ax.set_xlim(low[0], high[-1])
     log_axis(ax, "x", "frequency", "Hz")
     ax.set_ylabel("share of the error [%]")
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(loc="best")
+    legend(ax, least=1)
     return ax
 
 

@@ -126,7 +126,7 @@ def log_axis(ax: Axes, which: str, name: str, unit: str) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def legend(ax: Axes) -> None:
-    """Add a legend where more than one thing has a name."""
-    if len(ax.get_legend_handles_labels()[0]) > 1:
+def legend(ax: Axes, least: int = 2) -> None:
+    """Add a legend where at least so many things have a name."""
+    if len(ax.get_legend_handles_labels()[0]) >= least:
         ax.legend(loc="best")

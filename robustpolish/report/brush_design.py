@@ -184,9 +184,5 @@ def _load(job: BrushDesign) -> Section:
 
 def _machine(job: BrushDesign) -> Section:
     rows = tuple(job.parameters.table())
-    return Section(
-        "Machine",
-        (),
-        (),
-        (Table("Parameters", ("parameter", "value", "unit", "source"), rows),),
-    )
+    head = ("parameter", "value", "unit", "source")
+    return Section("Machine", tables=(Table("Parameters", head, rows),))

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-
-from matplotlib.axes import Axes
 
 from robustpolish.display import Table
 from robustpolish.effects import lookup
@@ -63,7 +60,10 @@ def _where(diagnosis: Diagnosis, before: Comparison | None) -> Section | None:
     pictures = [
         picture(f"The error of {analysis.worst}, as the model was.", analysis.plot),
         *(
-            picture(f"Force that the model lacked at {place}.", _surface(analysis, place))
+            picture(
+                f"Force that the model lacked at {place}.",
+                lambda axes, p=place: analysis.plot_surface(axes, place=p),
+            )
             for place in _places(diagnosis, analysis)
         ),
     ]
@@ -72,10 +72,6 @@ def _where(diagnosis: Diagnosis, before: Comparison | None) -> Section | None:
 
 def _tests(lines: list[str]) -> str:
     return next(line for line in lines if not line.startswith(" "))
-
-
-def _surface(analysis: ResidualAnalysis, place: str) -> Callable[[Axes], Axes]:
-    return lambda axes: analysis.plot_surface(axes, place=place)
 
 
 def _places(diagnosis: Diagnosis, analysis: ResidualAnalysis) -> list[str]:

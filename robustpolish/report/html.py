@@ -33,7 +33,7 @@ def render_html(report: Report, version: str) -> str:
     """
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     environment.filters["svg"] = _svg
-    environment.filters["cell"] = _cell
+    environment.filters["cell"] = lambda value, digits: shown(value, digits, missing="–")
     environment.filters["numbers"] = _numbers
     source = resources.files("robustpolish.report").joinpath("template.html").read_text("utf-8")
     return environment.from_string(source).render(report=report, version=version)
@@ -48,10 +48,6 @@ def _svg(figure: Figure) -> Markup:
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     text = buffer.getvalue()
     return Markup(text[text.index("<svg") :])
-
-
-def _cell(value: Any, digits: int) -> str:
-    return shown(value, digits, missing="–")
 
 
 def _numbers(table: Table) -> list[bool]:

@@ -6,17 +6,15 @@ import pytest
 from robustpolish.errors import InvalidInputError
 from robustpolish.measurements.raw import (
     RawTable,
-    add_arrays,
     real_vector,
     split_header,
+    table_of,
     unreadable,
 )
 
 
 def sorted_out(chosen=None, **arrays):
-    table = RawTable()
-    add_arrays(table, arrays, chosen, "a.npz")
-    return table
+    return table_of(arrays, chosen, "a.npz")
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from robustpolish.measurements.raw import RawTable, add_arrays, split_header, unreadable
+from robustpolish.measurements.raw import RawTable, split_header, table_of, unreadable
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
@@ -18,7 +18,6 @@ def read_hdf5(path: Path, table: str | None = None) -> RawTable:
 
     Datasets in groups are named ``group/name``.
     """
-    result = RawTable()
     arrays: dict[str, Any] = {}
     units: dict[str, str] = {}
     try:
@@ -29,7 +28,7 @@ def read_hdf5(path: Path, table: str | None = None) -> RawTable:
                     arrays[key] = file.attrs[key]
     except Exception as error:  # h5py raises OSError, RuntimeError and KeyError on damage
         raise unreadable(path, "HDF5", error) from None
-    add_arrays(result, arrays, table, str(path))
+    result = table_of(arrays, table, str(path))
     for name, unit in units.items():
         column = split_header(name)[0]
         if column in result.columns:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.io
 
-from robustpolish.measurements.raw import RawTable, add_arrays, unreadable
+from robustpolish.measurements.raw import RawTable, table_of, unreadable
 from robustpolish.measurements.readers.hdf5_file import SIGNATURE, read_hdf5
 from robustpolish.measurements.readers.mat_structure import readable_variables
 
@@ -24,13 +24,11 @@ def read_mat(path: Path, table: str | None = None) -> RawTable:
         content = scipy.io.loadmat(path, variable_names=readable_variables(path.read_bytes()))
     except Exception as error:  # SciPy raises many kinds for a damaged file
         raise unreadable(path, "MATLAB", error) from None
-    result = RawTable()
     arrays: dict[str, Any] = {}
     for name, value in content.items():
         if not name.startswith("__"):
             _flatten(name, value, arrays)
-    add_arrays(result, arrays, table, str(path))
-    return result
+    return table_of(arrays, table, str(path))
 
 
 def _flatten(name: str, value: Any, arrays: dict[str, Any]) -> None:

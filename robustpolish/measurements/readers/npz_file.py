@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robustpolish.measurements.raw import RawTable, add_arrays, unreadable
+from robustpolish.measurements.raw import RawTable, table_of, unreadable
 
 
 def read_npz(path: Path, table: str | None = None) -> RawTable:
@@ -16,6 +16,4 @@ def read_npz(path: Path, table: str | None = None) -> RawTable:
             arrays = {name: archive[name] for name in archive.files}
     except Exception as error:  # zipfile, zlib, NumPy and AttributeError for a lone array
         raise unreadable(path, "NPZ", error) from None
-    result = RawTable()
-    add_arrays(result, arrays, table, str(path))
-    return result
+    return table_of(arrays, table, str(path))

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 from robustpolish.arrays import Matrix
 from robustpolish.models.machines.air_bearing_parameters import AirBearingParameters
 from robustpolish.models.plant.plant import GeneralizedPlant
-from robustpolish.validation import described, invalid, one_of
+from robustpolish.validation import instance_of, one_of
 
 COORDINATES = ("x_m", "x", "y_m", "y", "z_m", "z")
 FORCES = ("F_x", "F_y", "F_z", "F_p")
@@ -67,13 +67,8 @@ def air_bearing(
     (12, 4, 6, 6, 12)
     """
     p = AirBearingParameters() if parameters is None else parameters
-    if not isinstance(p, AirBearingParameters):
-        raise invalid(
-            "parameters",
-            described(type(parameters).__name__),
-            "AirBearingParameters",
-            "Build them with AirBearingParameters(...).",
-        )
+    remedy = "Build them with AirBearingParameters(...)."
+    instance_of("parameters", p, AirBearingParameters, "AirBearingParameters", remedy)
     one_of("actuation", actuation, ("displacement", "force"))
     one_of("measured", measured, ("state", "displacement"))
     one_of("load", load, ("corrected", "printed"))

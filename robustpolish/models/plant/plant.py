@@ -22,7 +22,7 @@ from robustpolish.models.plant.blocks import (
 )
 from robustpolish.models.plant.file import plant_arguments, plant_content
 from robustpolish.saved_file import read_saved, write_saved
-from robustpolish.validation import invalid, matrix, state_space
+from robustpolish.validation import invalid, matrix, square, state_space
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -158,9 +158,8 @@ class GeneralizedPlant(PlantBlocks, Displayed):
         InvalidInputError
             If a matrix does not fit the others, or a list of names its matrix.
         """
-        A = matrix("A", A)
+        A = square("A", A)
         nx = A.shape[0]
-        A = matrix("A", A, (nx, nx))
         B1, B2 = matrix("B1", B1, (nx, None)), matrix("B2", B2, (nx, None))
         C1, C2 = matrix("C1", C1, (None, nx)), matrix("C2", C2, (None, nx))
         nw, nu, nz, ny = B1.shape[1], B2.shape[1], C1.shape[0], C2.shape[0]

@@ -31,7 +31,7 @@ from robustpolish.synthesis.certificate.loop_balls import (
 from robustpolish.synthesis.certificate.norm_proof import NormProof, prove_computed_norm
 from robustpolish.synthesis.certificate.tightest_proof import TIGHT, tightest_proof
 from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries
-from robustpolish.validation import described, invalid, one_of, positive
+from robustpolish.validation import described, instance_of, invalid, one_of, positive
 
 Norm = Literal["hinf", "h2"]
 
@@ -229,13 +229,8 @@ def certify(
     if claimed is not None:
         claimed = positive("claimed", claimed, zero=True)
     positive("tolerance", tolerance, zero=True)
-    if not isinstance(plant, GeneralizedPlant):
-        raise invalid(
-            "plant",
-            described(type(plant).__name__),
-            "a GeneralizedPlant",
-            "Build one with GeneralizedPlant(control.ss(...), measurements=..., controls=...).",
-        )
+    remedy = "Build one with GeneralizedPlant(control.ss(...), measurements=..., controls=...)."
+    instance_of("plant", plant, GeneralizedPlant, "a GeneralizedPlant", remedy)
     K = controller_system(plant, controller)
     rounded = plant.closed_loop(K)  # checks shapes, times and that the loop is well posed
     reasons: list[str] = []
@@ -261,7 +256,8 @@ def certify(
         # Doubles and a first proof leave doubt: everything is computed once more, with care.
         stable = bool(stability(system))
         if not stable:
-            reasons.append(f"the loop is unstable: {_worst(poles, plant.is_discrete)}")
+            worst = poles[np.argmax(np.abs(poles) if plant.is_discrete else poles.real)]
+            reasons.append(f"the loop is unstable: a pole at {worst:.6g}")
         elif norm == "hinf":
             achieved, peak = achieved_hinf(system, rounded, level, reasons)
         else:
@@ -324,11 +320,6 @@ def _poles(
 def _all_inside(poles: NDArray[np.complex128], discrete: bool) -> bool:
     """Tell whether all poles, as doubles see them, are stable."""
     return bool((np.abs(poles) < 1).all() if discrete else (poles.real < 0).all())
-
-
-def _worst(poles: NDArray[np.complex128], discrete: bool) -> str:
-    worst = poles[np.argmax(np.abs(poles) if discrete else poles.real)]
-    return f"a pole at {worst:.6g}"
 
 
 def _gap(claimed: float | None, achieved: float) -> float | None:

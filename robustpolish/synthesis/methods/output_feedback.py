@@ -38,7 +38,7 @@ from robustpolish.synthesis.riccati.lqg import (
     h2_lower_bound,
     no_finite_h2_norm,
 )
-from robustpolish.validation import described, invalid, one_of, positive
+from robustpolish.validation import described, instance_of, invalid, one_of, positive
 
 Method = Literal["auto", "riccati", "lmi", "slycot"]
 
@@ -199,13 +199,8 @@ def _check(
     time_limit: float,
     effort: float,
 ) -> None:
-    if not isinstance(plant, GeneralizedPlant):
-        raise invalid(
-            "plant",
-            described(type(plant).__name__),
-            "a GeneralizedPlant",
-            "Build one with GeneralizedPlant(system, measurements=..., controls=...).",
-        )
+    remedy = "Build one with GeneralizedPlant(system, measurements=..., controls=...)."
+    instance_of("plant", plant, GeneralizedPlant, "a GeneralizedPlant", remedy)
     one_of("norm", norm, ("hinf", "h2"))
     one_of("method", method, METHODS)
     one_of("backend", backend, ("cvxpy", "picos"))

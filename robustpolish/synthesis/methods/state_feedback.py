@@ -29,7 +29,7 @@ from robustpolish.synthesis.state_search.engine import StateEngine
 from robustpolish.synthesis.state_search.message import message
 from robustpolish.synthesis.state_search.part_search import solve_parts
 from robustpolish.synthesis.state_search.policy import POLICY
-from robustpolish.validation import described, invalid, one_of, positive
+from robustpolish.validation import described, instance_of, invalid, one_of, positive
 
 ENGINES: Mapping[str, type[StateEngine]] = {"lmi": LmiStateEngine, "riccati": RiccatiStateEngine}
 
@@ -181,13 +181,8 @@ def _checked(
     pole_region: PoleRegion | Sequence[PoleRegion] | None,
 ) -> tuple[PoleRegion, ...]:
     """Check the arguments that exclude each other, and return the regions as a tuple."""
-    if not isinstance(plant, GeneralizedPlant):
-        raise invalid(
-            "plant",
-            described(type(plant).__name__),
-            "a GeneralizedPlant",
-            "Make one with GeneralizedPlant(system, measurements=..., controls=...).",
-        )
+    remedy = "Make one with GeneralizedPlant(system, measurements=..., controls=...)."
+    instance_of("plant", plant, GeneralizedPlant, "a GeneralizedPlant", remedy)
     for count, what in ((plant.nx, "states"), (plant.nu, "controls"), (plant.nw, "disturbances")):
         if count == 0:
             raise invalid("plant", described(f"no {what}"), f"a plant with {what}", "Add some.")

@@ -7,44 +7,23 @@ them: BFGS for functions that are smooth almost everywhere, and a bundle method 
 sees all active peaks at once.
 """
 
-from robustpolish.synthesis.nonsmooth.bfgs import bfgs, ended_by
-from robustpolish.synthesis.nonsmooth.gain_measures import FrobeniusMeasure, GainMeasure
-from robustpolish.synthesis.nonsmooth.h2_measure import H2Measure
-from robustpolish.synthesis.nonsmooth.hinf_measure import HinfMeasure
-from robustpolish.synthesis.nonsmooth.minimax import Bounds, minimax
-from robustpolish.synthesis.nonsmooth.parametrisations import (
-    AffineGain,
-    MaskedGain,
-    ObserverGain,
-    Parametrisation,
-    PositiveElements,
-)
-from robustpolish.synthesis.nonsmooth.pole_measures import (
-    RegionMeasure,
-    StabilityMeasure,
-    WorstMeasure,
-)
-from robustpolish.synthesis.nonsmooth.problem import ActivePiece, Measure, Problem, Requirement
-
-__all__ = [
-    "ActivePiece",
-    "AffineGain",
-    "Bounds",
-    "FrobeniusMeasure",
-    "GainMeasure",
-    "H2Measure",
-    "HinfMeasure",
-    "MaskedGain",
-    "Measure",
-    "ObserverGain",
-    "Parametrisation",
-    "PositiveElements",
-    "Problem",
-    "RegionMeasure",
-    "Requirement",
-    "StabilityMeasure",
-    "WorstMeasure",
-    "bfgs",
-    "ended_by",
-    "minimax",
-]
+from robustpolish.synthesis.nonsmooth.bfgs import bfgs as bfgs
+from robustpolish.synthesis.nonsmooth.bfgs import ended_by as ended_by
+from robustpolish.synthesis.nonsmooth.gain_measures import FrobeniusMeasure as FrobeniusMeasure
+from robustpolish.synthesis.nonsmooth.gain_measures import GainMeasure as GainMeasure
+from robustpolish.synthesis.nonsmooth.h2_measure import H2Measure as H2Measure
+from robustpolish.synthesis.nonsmooth.hinf_measure import HinfMeasure as HinfMeasure
+from robustpolish.synthesis.nonsmooth.minimax import Bounds as Bounds
+from robustpolish.synthesis.nonsmooth.minimax import minimax as minimax
+from robustpolish.synthesis.nonsmooth.parametrisations import AffineGain as AffineGain
+from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain as MaskedGain
+from robustpolish.synthesis.nonsmooth.parametrisations import ObserverGain as ObserverGain
+from robustpolish.synthesis.nonsmooth.parametrisations import Parametrisation as Parametrisation
+from robustpolish.synthesis.nonsmooth.parametrisations import PositiveElements as PositiveElements
+from robustpolish.synthesis.nonsmooth.pole_measures import RegionMeasure as RegionMeasure
+from robustpolish.synthesis.nonsmooth.pole_measures import StabilityMeasure as StabilityMeasure
+from robustpolish.synthesis.nonsmooth.pole_measures import WorstMeasure as WorstMeasure
+from robustpolish.synthesis.nonsmooth.problem import ActivePiece as ActivePiece
+from robustpolish.synthesis.nonsmooth.problem import Measure as Measure
+from robustpolish.synthesis.nonsmooth.problem import Problem as Problem
+from robustpolish.synthesis.nonsmooth.problem import Requirement as Requirement

@@ -174,7 +174,8 @@ def _simplified(problem: Task, candidate: Candidate, limit: float, budget: Budge
     if candidate.order > POLICY.costly_states:
         return _halved(problem, candidate, limit, budget)
     while current.order and not budget.over:
-        shorter = _shorter(problem, current, limit, budget)
+        trials = _reductions(current.controller, problem.norm)
+        shorter = _as_good(problem, trials, current, limit, budget)
         if shorter is None:
             break
         current = shorter
@@ -191,17 +192,17 @@ def _halved(problem: Task, current: Candidate, limit: float, budget: Budget) -> 
         trials = _without(
             current.controller, lambda v, b=bound: np.abs(v) > b, residualise=problem.norm == "hinf"
         )
-        for K in trials:
-            if budget.over:
-                return current
-            found = examine(problem, K, limit, current.origin, budget)
-            if found is not None and found.achieved <= limit and found.gain <= 1.5 * current.gain:
-                return found
+        shorter = _as_good(problem, trials, current, limit, budget)
+        if shorter is not None:
+            return shorter
     return current
 
 
-def _shorter(problem: Task, current: Candidate, limit: float, budget: Budget) -> Candidate | None:
-    for K in _reductions(current.controller, problem.norm):
+def _as_good(
+    problem: Task, trials: Iterator[Controller], current: Candidate, limit: float, budget: Budget
+) -> Candidate | None:
+    """Return the first trial within the limit whose gain is not much larger than the current."""
+    for K in trials:
         if budget.over:
             return None
         found = examine(problem, K, limit, current.origin, budget)

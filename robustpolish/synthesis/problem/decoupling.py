@@ -62,14 +62,8 @@ def decoupled_parts(
 
 def undivided(plant: GeneralizedPlant) -> PlantPart:
     """Return the whole plant as its only part."""
-    return PlantPart(
-        plant,
-        tuple(range(plant.nx)),
-        tuple(range(plant.nw)),
-        tuple(range(plant.nu)),
-        tuple(range(plant.nz)),
-        tuple(range(plant.ny)),
-    )
+    counts = (plant.nx, plant.nw, plant.nu, plant.nz, plant.ny)
+    return PlantPart(plant, *(tuple(range(count)) for count in counts))
 
 
 def _part(
@@ -87,14 +81,8 @@ def _part(
         performance=performance if inputs else [],
         measurements=measurements if inputs else [],
     )
-    return PlantPart(
-        part,
-        tuple(states),
-        tuple(disturbances),
-        tuple(controls),
-        tuple(performance),
-        tuple(measurements),
-    )
+    kept = (states, disturbances, controls, performance, measurements)
+    return PlantPart(part, *(tuple(indices) for indices in kept))
 
 
 def joined_controller(

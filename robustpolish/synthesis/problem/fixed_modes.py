@@ -93,7 +93,7 @@ def refuse_fixed_modes(
     if not found:
         return
     unit = "" if loop.discrete else " rad/s"
-    named = ", ".join(f"{_shown(mode.eigenvalue)}{unit} (state {mode.state})" for mode in found)
+    named = ", ".join(f"{mode.value_text}{unit} (state {mode.state})" for mode in found)
     kind = "of this structure " if not mask.all() else ""
     raise InfeasibleError(
         f"No {what} {kind}stabilises the plant: no gain moves the mode {named}. "
@@ -118,9 +118,3 @@ def refuse_unstable(plant: GeneralizedPlant) -> None:
             f"(state {state}) to a control and a measurement. Add an actuator and a sensor there.",
             [complex(poles[worst])],
         )
-
-
-def _shown(value: complex) -> str:
-    if abs(value.imag) <= 1e-9 * abs(value):
-        return f"{value.real:+.6g}"
-    return f"{value.real:+.6g} +- {abs(value.imag):.6g}j"

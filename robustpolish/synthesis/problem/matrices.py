@@ -107,8 +107,7 @@ def regularise(plant: PlantMatrices, epsilon: float) -> PlantMatrices:
     if epsilon == 0:
         return plant
     P = plant
-    n, nw, nu = P.A.shape[0], P.B1.shape[1], P.B2.shape[1]
-    nz, ny = P.C1.shape[0], P.C2.shape[0]
+    n, nw, nu, nz, ny = P.nx, P.nw, P.nu, P.nz, P.ny
     D11 = np.zeros((nz + n + nu, nw + n + ny))
     D11[:nz, :nw] = P.D11
     return P.replace(

@@ -48,11 +48,17 @@ class FixedMode:
     exact: bool
 
     def __str__(self) -> str:
+        nearly = "" if self.exact else "nearly "
+        return f"{nearly}{self.lack} mode {self.value_text} (state {self.state})"
+
+    @property
+    def value_text(self) -> str:
+        """The eigenvalue, or the pair of them, as text."""
         value = self.eigenvalue
         text = f"{value.real:+.6g}"
         if abs(value.imag) > 1e-9 * abs(value):
             text += f" +- {abs(value.imag):.6g}j"
-        return f"{'' if self.exact else 'nearly '}{self.lack} mode {text} (state {self.state})"
+        return text
 
 
 @dataclass(frozen=True)
