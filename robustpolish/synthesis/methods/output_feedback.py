@@ -27,6 +27,7 @@ from robustpolish.synthesis.problem.decoupling import (
     decoupled_parts,
     joined_controller,
     undivided,
+    with_signals,
 )
 from robustpolish.synthesis.problem.fixed_modes import refuse_unstable
 from robustpolish.synthesis.problem.matrices import PlantMatrices
@@ -242,7 +243,7 @@ def _solve_parts(
         keys.append(key)
         if key not in searched:
             share = budget.share(weights[i] / sum(weights[i:]))
-            searched[key] = _search(_with_signals(P), settings, diagnosis, share)
+            searched[key] = _search(with_signals(P), settings, diagnosis, share)
     # No part has to be much better than the one that decides the norm of the whole.
     enough = POLICY.enough * max((s.best for s in searched.values()), default=0.0)
     chosen = {key: _choose(search, diagnosis, enough) for key, search in searched.items()}
@@ -263,18 +264,6 @@ class PartSearch:
         """The smallest norm found, in the plant's units; zero if none was found."""
         found = min((search.best for search in self.searches), default=np.inf)
         return self.part.norm(found, self.problem.norm) if np.isfinite(found) else 0.0
-
-
-def _with_signals(part: GeneralizedPlant) -> GeneralizedPlant:
-    """Add a w or a z without effect to a part that has none and only has to be stabilised."""
-    if part.nw and part.nz:
-        return part
-    return part.replace(
-        B1=part.B1 if part.nw else np.zeros((part.nx, 1)),
-        C1=part.C1 if part.nz else np.zeros((1, part.nx)),
-        disturbances=part.disturbance_names or None,
-        performance=part.performance_names or None,
-    )
 
 
 def _search(

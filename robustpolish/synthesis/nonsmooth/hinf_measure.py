@@ -160,9 +160,8 @@ def _norm(response: _Response, guesses: Sequence[float]) -> tuple[float, float]:
     values = response.sigma(frequencies)
     best = int(np.argmax(values))
     norm, peak = float(values[best]), float(frequencies[best])
-    feedthrough = response.feedthrough
-    if feedthrough > norm:
-        norm, peak = feedthrough, (np.pi if response.discrete else np.inf)
+    if response.feedthrough > norm:
+        norm, peak = response.feedthrough, (np.pi if response.discrete else np.inf)
     if norm == 0:
         return norm, peak
     hills = frequencies[_hills(values)]

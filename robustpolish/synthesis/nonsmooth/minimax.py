@@ -151,8 +151,7 @@ def _merit(model: Model, weight: float) -> float:
 
 
 def _frequencies(model: Model) -> list[float]:
-    top = [w for w, v in zip(model.frequencies, model.values, strict=True) if w is not None]
-    return top[:3]
+    return [w for w in model.frequencies if w is not None][:3]
 
 
 def _next_radius(radius: float, step: _Step, gain: float) -> float:

@@ -62,7 +62,8 @@ def choose(
     best = min((c.achieved for c in everything), default=np.inf)
     level = _zero_level(searches, enough / part.norm(1.0, problem.norm))
     limit = max(_limit(problem, best), level)
-    bound = _in_units(part, problem)
+    bound = problem.bound
+    bound = bound and bound._replace(value=part.norm(bound.value, problem.norm))
     reasons: list[str] = []
     spare: list[Chosen] = []
     ranked = _preferred(everything, limit, few=level == limit)
@@ -89,12 +90,6 @@ def choose(
         if last:
             break
     return min(spare, key=lambda c: c.certificate.achieved, default=None), reasons
-
-
-def _in_units(part: SolverPlant, problem: Task) -> LowerBound | None:
-    """Return the lower bound in the plant's units."""
-    bound = problem.bound
-    return bound and bound._replace(value=part.norm(bound.value, problem.norm))
 
 
 def _limit(problem: Task, best: float) -> float:

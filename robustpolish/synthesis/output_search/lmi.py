@@ -96,7 +96,7 @@ class LmiHinf(Engine):
 
         for epsilon in _POLICY.epsilons:
             regular = _in_unit(regularise(plant, epsilon), unit)
-            best, frame = _balanced_optimum(regular, solver, found, epsilon)
+            best, frame = _balanced_optimum(regular, solver, found, epsilon, unit)
             if best is None or frame is None:
                 continue
             frames.append((epsilon, best.gamma, frame))
@@ -158,9 +158,9 @@ def _in_unit(plant: PlantMatrices, unit: float) -> PlantMatrices:
 
 
 def _balanced_optimum(
-    plant: PlantMatrices, solver: ProgramSolver, found: Found, epsilon: float
+    plant: PlantMatrices, solver: ProgramSolver, found: Found, epsilon: float, unit: float
 ) -> tuple[Projected | None, PlantMatrices | None]:
-    """Alternate between solving and rebalancing until gamma no longer falls."""
+    """Alternate between solving and rebalancing until gamma, in `unit`, no longer falls."""
     frame: PlantMatrices | None = plant
     best: tuple[Projected | None, PlantMatrices | None] = (None, None)
     agreement = _POLICY.agreement(plant.nx)
@@ -169,7 +169,7 @@ def _balanced_optimum(
         if frame is None or solution is None or not solution.gamma > 0:
             break
         found.history.append(
-            {"epsilon": epsilon, "gamma": solution.gamma, "status": solution.status}
+            {"epsilon": epsilon, "gamma": solution.gamma * unit, "status": solution.status}
         )
         after = rebalanced(frame, solution.R, solution.S)
         before = best[0]

@@ -85,6 +85,18 @@ def _part(
     return PlantPart(part, *(tuple(indices) for indices in kept))
 
 
+def with_signals(part: GeneralizedPlant) -> GeneralizedPlant:
+    """Add a w or a z without effect to a part that has none and only has to be stabilised."""
+    if part.nw and part.nz:
+        return part
+    return part.replace(
+        B1=part.B1 if part.nw else np.zeros((part.nx, 1)),
+        C1=part.C1 if part.nz else np.zeros((1, part.nx)),
+        disturbances=part.disturbance_names or None,
+        performance=part.performance_names or None,
+    )
+
+
 def joined_controller(
     plant: GeneralizedPlant,
     parts: Sequence[PlantPart],

@@ -72,14 +72,13 @@ def solve_riccati(A: Matrix, R: Matrix, Q: Matrix) -> RiccatiSolution | None:
     product = upper.T @ lower
     if np.abs(product - product.T).max() > _MOST_ASYMMETRY:
         return None
-    try:
-        lu = linalg.lu_factor(upper, check_finite=False)
-    except (linalg.LinAlgError, linalg.LinAlgWarning):
-        return None
+    # LAPACK itself: SciPy would warn of a singular matrix, which is an answer here.
+    getrf: Any = linalg.get_lapack_funcs("getrf", (upper,))
+    lu, pivots, info = getrf(upper)
     singular = np.linalg.svd(upper, compute_uv=False)
-    if singular[-1] <= np.finfo(float).tiny or not (np.diag(lu[0]) != 0).all():
+    if info > 0 or singular[-1] <= np.finfo(float).tiny:
         return None
-    X = linalg.lu_solve(lu, lower.T, trans=1).T
+    X = linalg.lu_solve((lu, pivots), lower.T, trans=1).T
     X = (X + X.T) / 2 * weight
     X = X * row * row.T
     if not np.isfinite(X).all():

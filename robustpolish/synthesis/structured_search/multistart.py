@@ -109,9 +109,9 @@ def descend_from(
     for count, start in enumerate(starts):
         if count >= effort.descents:
             break
-        near = progress.point is not None and count % 3 == 2
-        begin = _nearby(progress.point, rng) if near and progress.point is not None else start
-        _descend(problem, stability, begin, budget, target, progress, bounds, weight)
+        if progress.point is not None and count % 3 == 2:
+            start = _nearby(progress.point, rng)
+        _descend(problem, stability, start, budget, target, progress, bounds, weight)
         stop = _verdict(progress, effort, budget, target)
         if stop is not None:
             reason = stop
@@ -197,9 +197,12 @@ def stabilise(
 ) -> tuple[Vector, float]:
     """Lower the spectral abscissa by BFGS until the objective is finite."""
     parametrisation = problem.parametrisation
+    # Some abscissas fall without end, but gains beyond the ceiling are worth nothing.
+    ceiling = max(problem.ceiling, np.abs(parametrisation.gain(start)).max())
 
     def function(theta: Vector) -> tuple[float, Vector]:
-        pieces = stability.pieces(parametrisation.gain(theta), 0.0, ())
+        K = parametrisation.gain(theta)
+        pieces = stability.pieces(K, 0.0, ()) if np.abs(K).max() <= ceiling else []
         if not pieces:
             return np.inf, np.zeros_like(theta)
         return pieces[0].value, parametrisation.back(theta, pieces[0].gradient)

@@ -19,6 +19,7 @@ from robustpolish.synthesis.nonsmooth import (
     WorstMeasure,
     minimax,
 )
+from robustpolish.synthesis.problem.decoupling import with_signals
 from robustpolish.synthesis.structured_search.multistart import SearchResult, descend_from
 from robustpolish.synthesis.structured_search.policy import POLICY
 from robustpolish.synthesis.structured_search.structure import PartDesign, PartProblem
@@ -66,7 +67,7 @@ def design_part(part: PartProblem, budget: Budget, seed: int, target: float) -> 
                 break
             raise SolverError(_failure(part, result, budget))
         found, first = _outcome(part, problem, result, budget), result.point
-        if certify(part.plant, found.controller, part.norm).valid:
+        if certify(with_signals(part.plant), found.controller, part.norm).valid:
             break
     assert found is not None
     return found

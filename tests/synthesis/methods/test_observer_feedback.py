@@ -1,4 +1,4 @@
-"""Observer-based controllers: separation, the LQG optimum, the whole loop's norm."""
+"""Observer-based controllers: the LQG optimum, the whole loop's norm, refusals."""
 
 import time
 
@@ -18,19 +18,6 @@ def lqg_norm(plant):
     _X, _, F = control.care(plant.A, plant.B2, plant.C1.T @ plant.C1, plant.D12.T @ plant.D12)
     _Y, _, L = control.care(plant.A.T, plant.C2.T, plant.B1 @ plant.B1.T, np.eye(1))
     return float(h2_norm(plant.closed_loop(observer_controller(plant, -F, L.T))))
-
-
-def test_poles_separate():
-    plant = air_bearing(actuation="force", measured="displacement")
-    rng = np.random.default_rng(0)
-    F, L = rng.normal(size=(6, 12)), rng.normal(size=(12, 6))
-    loop = plant.closed_loop(observer_controller(plant, F, L))
-    expected = np.concatenate(
-        [np.linalg.eigvals(plant.A + plant.B2 @ F), np.linalg.eigvals(plant.A - L @ plant.C2)]
-    )
-    found = np.sort_complex(loop.poles())
-    # The thesis's order: plant and estimate as in (10.70).
-    assert found == pytest.approx(np.sort_complex(expected), rel=1e-5, abs=1e-5)
 
 
 @pytest.mark.parametrize("d22", [0.0, 0.4])

@@ -185,6 +185,15 @@ def test_undamped_machine():
     assert norms[0] == pytest.approx(norms[1], rel=1e-4)
 
 
+@pytest.mark.parametrize("norm", NORMS)
+def test_a_disturbance_that_reaches_nothing_leaves_a_proven_zero(norm):
+    first, second = [[1.0], [0.0]], [[0.0], [1.0]]
+    plant = rp.GeneralizedPlant.from_matrices(-np.eye(2), second, first, [[1.0, 0.0]], np.eye(2))
+    design = state_feedback(plant, norm)
+    assert design.status == "optimal"
+    assert design.certificate.achieved == design.certificate.bound == 0.0
+
+
 def test_time_limit_is_kept():
     plant = rp.air_bearing(actuation="force")
     design = state_feedback(plant, backend="picos", gain_bound=1000.0, time_limit=1.0)

@@ -15,6 +15,7 @@ def test_any_strictly_proper_controller_is_an_observer():
     T = np.random.default_rng(0).normal(size=(4, 4))
     Ak, Bk, Ck = np.linalg.solve(T, K.A @ T), np.linalg.solve(T, K.B), K.C @ T
     form = observer_form(plant.A, plant.B2, plant.C2, plant.D22, Ak, Bk, Ck)
+    assert form is not None
     again = observer_controller(plant, form.F, form.L)
     for s in (0.1j, 1j, 10j):
         assert again(s) == pytest.approx(K(s), rel=1e-6)
