@@ -73,11 +73,9 @@ def record_of(model: MechanicalModel, data: Any) -> Record:
     Raises
     ------
     InvalidInputError
-        If the data does not suit the model, or the model has no output.
+        If the data does not suit the model.
     """
     data = checked_data(model, data)
-    if not model.outputs:
-        raise invalid("model.outputs", (), "at least one output", "Add what was measured.")
     time = np.asarray(data["time"].values, dtype=float)
     Y = np.column_stack([np.asarray(data[n].values, dtype=float) for n in model.output_names])
     dt = float((time[-1] - time[0]) / (time.size - 1))

@@ -4,8 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.identification import compare, diagnose, refit
-from robustpolish.identification.findings.ledger import Ledger
+from robustpolish.identification import compare, diagnose
 from tests.hidden_effects.cases import Case, model_of, one, records
 
 PLACE = ("x", "ground")
@@ -82,18 +81,3 @@ def test_an_outsider_is_unexplained():
     assert diagnosis.verdict == "unexplained"
     assert diagnosis.missing_force.shape == (1, 4000)
     assert np.std(diagnosis.missing_force) > 1.0
-
-
-def test_refit_finds_values_of_an_effect_without_any():
-    (data, _), _ = records(CUBIC)
-    fitted = refit(model_of(CUBIC).with_effect("cubic_stiffness", PLACE), data)
-    value = fitted.model.parameters["effect[0].stiffness"]
-    assert value == pytest.approx(4e6, rel=0.03)
-    assert abs(value - 4e6) < 5 * fitted.stderr["effect[0].stiffness"]
-    assert fitted.parameters["effect_0__stiffness"].stderr == fitted.stderr["effect[0].stiffness"]
-
-
-def test_ledger_reads_comparisons(cubic):
-    diagnosis, unseen, _ = cubic
-    ledger = Ledger().add("unseen", compare(diagnosis.model, unseen))
-    assert 0 < ledger.entries[0].nrmse["x"] < 0.1

@@ -4,48 +4,18 @@ import json
 
 import numpy as np
 import pytest
-import xarray as xr
 
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification import compare, residual_analysis
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
-from robustpolish.simulation.run import simulate
-
-RATE, SAMPLES = 2000.0, 8000
-TIME = np.arange(SAMPLES) / RATE
-RANDOM = np.random.default_rng(5)
-
-
-def model(**changes):
-    parts = {
-        "dofs": [Dof("a", 1.0), Dof("b", 0.5)],
-        "springs": [Spring(("a", "ground"), 4e4), Spring(("a", "b"), 6e4)],
-        "dampers": [Damper(("a", "ground"), 8.0), Damper(("a", "b"), 4.0)],
-        "inputs": [Input("F", ("b", "ground"))],
-        "outputs": [Output("a", ("a", "ground")), Output("b", ("b", "ground"))],
-        "spin_frequency": 31.0,
-    }
-    return MechanicalModel(**{**parts, **changes})
-
-
-def record(truth=None, **extra):
-    data = xr.Dataset(
-        {"F": ("time", 10 * RANDOM.standard_normal(SAMPLES), {"units": "N"})}, {"time": TIME}
-    )
-    outputs = simulate(truth or model(), data).outputs
-    for i, name in enumerate("ab"):
-        noise = 1e-3 * np.std(outputs[:, i]) * RANDOM.standard_normal(SAMPLES)
-        data[name] = ("time", outputs[:, i] + noise, {"units": "m"})
-    for name, values in extra.items():
-        if name in data:
-            data[name] = data[name] + values
-        else:
-            data[name] = ("time", values)
-    return data
-
-
-def analyse(data, **options):
-    return residual_analysis(compare(model(), data), **options)
+from robustpolish.models import Damper
+from tests.identification.residuals.two_masses import (
+    RANDOM,
+    SAMPLES,
+    TIME,
+    analyse,
+    model,
+    record,
+)
 
 
 def test_rows_of_shares_add_up_to_one():
@@ -118,59 +88,9 @@ def test_contact_and_flight():
     assert analyse(record()).contact is None
 
 
-@pytest.mark.parametrize("place", [("a", "ground"), ("a", "b")])
-def test_the_restoring_force_surface_shows_a_cubic_spring_at_its_place(place):
-    truth = model().with_effect("cubic_stiffness", place, {"stiffness": 1e11})
-    result = analyse(record(truth))
-    shown = result.places["a" if place[1] == "ground" else "a - b"]
-    assert shown.observed
-    assert shown.at == place
-    force = shown.surface["force"].weighted(shown.surface["samples"]).mean("velocity")
-    q = shown.surface["displacement"].values
-    good = shown.surface["samples"].sum("velocity").values > 0.01
-    assert np.corrcoef(force.values[good], -(q[good] ** 3))[0, 1] > 0.95
-    size = np.polyfit(q[good] ** 3, force.values[good], 1)[0]
-    assert size == pytest.approx(-1e11, rel=0.5)
-
-
-def test_errors_at_large_motion_are_seen_in_the_bins():
-    truth = model().with_effect("cubic_stiffness", ("a", "ground"), {"stiffness": 1e11})
-    share = analyse(record(truth)).places["a"].displacement
-    outside = share.sel(output="a").values[[0, 1, -2, -1]].sum()
-    assert outside > 2 * share["samples"].values[[0, 1, -2, -1]].sum()
-
-
-def test_words_numbers_and_pictures():
-    result = analyse(record(a=1e-4 * np.sin(2 * np.pi * 62 * TIME)))
-    text = result.explain()
-    assert repr(result).split() == text.replace(": ", " ").split()
-    for part in ("Where the error is", "a: ", "spin harmonic at 62 Hz", "autocorrelation of b"):
-        assert part in text
-    numbers = json.loads(json.dumps(result.to_dict()))
-    assert numbers["autocorrelation"]["a"]["flagged_share"] > 0.02
-    # windows, bands, one autocorrelation, one input twice, three places with colour bars
-    assert len([ax for ax in result.plot_panels().axes if ax.get_title()]) == 6
-
-
 def test_predictions_begin_later():
     result = residual_analysis(compare(model(), record(), horizon=0.05))
     assert result.residual.sizes["time"] == SAMPLES - 100
-
-
-def test_a_rig_without_states():
-    rig = MechanicalModel(
-        [Dof("x", 0.0)],
-        [Spring(("x", "ground"), 50.0)],
-        inputs=[Input("x", ("x", "ground"), "displacement")],
-        outputs=[Output("f", ("x", "ground"), "force")],
-    )
-    x = np.sin(20 * TIME)
-    f = 50 * x + 20 * np.sign(np.cos(20 * TIME)) + 0.1 * RANDOM.standard_normal(SAMPLES)
-    data = xr.Dataset({"x": ("time", x), "f": ("time", f)}, {"time": TIME})
-    surface = residual_analysis(compare(rig, data)).places["x"].surface["force"]
-    right = surface.sel(displacement=0, method="nearest")
-    assert float(right.isel(velocity=-1)) == pytest.approx(-20, rel=0.1)
-    assert float(right.isel(velocity=0)) == pytest.approx(20, rel=0.1)
 
 
 def test_refused():
@@ -184,3 +104,15 @@ def test_refused():
     wild = model(dampers=[Damper(("a", "ground"), -5e3), Damper(("b", "ground"), -5e3)])
     with pytest.raises(InvalidInputError, match="diverge"):
         residual_analysis(compare(wild, data))
+
+
+def test_words_numbers_and_pictures():
+    result = analyse(record(a=1e-4 * np.sin(2 * np.pi * 62 * TIME)))
+    text = result.explain()
+    assert repr(result).split() == text.replace(": ", " ").split()
+    for part in ("Where the error is", "a: ", "spin harmonic at 62 Hz", "autocorrelation of b"):
+        assert part in text
+    numbers = json.loads(json.dumps(result.to_dict()))
+    assert numbers["autocorrelation"]["a"]["flagged_share"] > 0.02
+    # windows, bands, one autocorrelation, one input twice, three places with colour bars
+    assert len([ax for ax in result.plot_panels().axes if ax.get_title()]) == 6

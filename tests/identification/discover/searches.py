@@ -1,0 +1,45 @@
+"""Searches at their beginning, and refits that no fit made."""
+
+import numpy as np
+
+from robustpolish.effects import Effect
+from robustpolish.identification.discover.own_numbers import refit_own
+from robustpolish.identification.discover.screening import ScreenedEffect
+from robustpolish.identification.discover.search import RefittedEffect, Search
+from robustpolish.identification.fit.homotopy import JudgedFit
+from robustpolish.identification.fit.least_squares import Fit
+from robustpolish.identification.fit.parameters import free_parameters
+from robustpolish.identification.fit.prepared import prepare
+from robustpolish.identification.policy import POLICY
+from robustpolish.identification.record import record_of
+
+
+def prepared_of(model, data, policy=POLICY):
+    return prepare(model, record_of(model, data), policy)
+
+
+def search_of(model, data, policy=POLICY):
+    """A search whose model has been refitted, with nothing added."""
+    prepared = prepared_of(model, data, policy)
+    own, guided = refit_own(model, prepared)
+    steps = [("base", model), ("refit", own.model)]
+    return Search(prepared, model, str, linear=own, stage=own, guided=guided, steps=steps)
+
+
+def judged(model, free, guided=None, reproducible=True, share=0.01):
+    """A fit with given held-out errors, all of whose numbers have one relative standard error."""
+    numbers = tuple(free_parameters(model, 10.0, POLICY))
+    white = np.random.default_rng(0).standard_normal((20_000, len(model.outputs)))
+    sizes = np.array([model.parameters[p.key] / p.scale for p in numbers])
+    information = np.diag(1 / (share * sizes) ** 2)
+    made = Fit(model, (), 1.0, white, np.ones(white.shape[1]), information, numbers)
+    errors = np.atleast_1d(np.array(free, dtype=float))
+    led = errors if guided is None else np.atleast_1d(np.array(guided, dtype=float))
+    return JudgedFit(made, errors, led, reproducible)
+
+
+def refitted(model, kind, at, values, free, score=100.0, **options):
+    """A refitted effect that takes the held-out error to `free`."""
+    effect = Effect(kind, at, values)
+    fitted = judged(model.with_effect(kind, at, values), free, **options)
+    return RefittedEffect(ScreenedEffect(effect, score, 0.5), fitted)

@@ -1,0 +1,124 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robustpolish.effects import Effect
+from robustpolish.identification.discover.conclude import add_wrong_gains, conclude
+from robustpolish.identification.discover.screening import ScreenedEffect, Screening
+from robustpolish.identification.discover.search import RefittedEffect
+from robustpolish.identification.observer.kalman import FREE
+from tests.hidden_effects.cases import Case, model_of, one, records
+from tests.identification.discover.searches import search_of
+from tests.identification.oscillators import PLACE, of_rig, rig
+
+DATA = of_rig(1500, noise=2.0)
+X, V = DATA["x"].values, DATA["v"].values
+KEYS = {"spring[0].stiffness", "damper[0].damping"}
+
+
+def concluded(force, *effects, model=None):
+    """What is said in the end of a rig with more force, and effects that were accepted."""
+    model = rig() if model is None else model
+    search = search_of(model, DATA.assign(f=("time", DATA["f"].values + force)))
+    for effect in effects:
+        fitted = search.fitted_with(search.stage.model, effect)
+        search.accept(RefittedEffect(ScreenedEffect(effect, 100.0, 0.5), fitted))
+    return conclude(search, model)
+
+
+def test_a_model_that_leaves_noise_is_adequate():
+    found = concluded(0.0)
+    assert found.verdict == "adequate"
+    assert found.effects == ()
+    assert set(found.parameters) == KEYS
+    assert found.covariance.shape == (2, 2)
+    assert [entry.step for entry in found.ledger.entries] == ["base", "refit"]
+    assert found.noise_floor["f"] * np.std(DATA["f"]) == pytest.approx(2.0, rel=0.05)
+    assert found.missing_force.shape == (1, 1500)
+    assert found.sites == (PLACE,)
+    np.testing.assert_array_equal(found.time, DATA["time"])
+
+
+def test_a_model_whose_numbers_were_wrong_is_told_so():
+    found = concluded(0.0, model=rig(40.0, 3.0))
+    assert found.verdict == "parameters"
+    stiffness = found.parameters["spring[0].stiffness"]
+    assert abs(stiffness.value - 50.0) < 4 * stiffness.stderr < 2.0
+    assert stiffness.unit == "N/m"
+    base, refitted = (entry.nrmse["f"] for entry in found.ledger.entries)
+    assert base > 1.1 * refitted
+
+
+def test_what_was_added_is_the_finding():
+    found = concluded(40 * X**3, Effect("cubic_stiffness", PLACE, {"stiffness": 10.0}))
+    assert found.verdict == "missing_effect"
+    (effect,) = found.effects
+    assert (effect.kind, effect.at) == ("cubic_stiffness", PLACE)
+    value = effect.parameters["stiffness"]
+    assert value.unit == "N/m^3"
+    assert abs(value.value - 40.0) < 4 * value.stderr < 8.0
+    assert found.model.parameters["effect[0].stiffness"] == value.value
+    assert [entry.step for entry in found.ledger.entries] == ["base", "refit", "cubic_stiffness"]
+    assert found.reasons[-1].endswith("% of the error above the noise.")
+
+
+def test_what_no_effect_explains_is_unexplained():
+    found = concluded(20.0 * np.sign(V))
+    assert found.verdict == "unexplained"
+    assert found.reasons[-1] == "No effect of the catalogue makes the error fall visibly."
+
+
+def test_what_explains_too_little_is_not_kept():
+    push = 20.0 * np.sign(V) + 10 * X**3
+    found = concluded(push, Effect("cubic_stiffness", PLACE, {"stiffness": 10.0}))
+    assert found.verdict == "unexplained"
+    assert found.effects == found.model.effects == ()
+    assert found.reasons[-1] == "The nearest of the catalogue, not kept: cubic_stiffness."
+    assert [entry.step for entry in found.ledger.entries] == ["base", "refit"]
+
+
+def test_a_constant_beside_friction_may_be_its_asymmetry():
+    force = 8.0 * np.sign(V) + 5.0
+    friction, offset = Effect("coulomb_friction", PLACE), Effect("sensor_offset", "f")
+    found = concluded(force, friction, offset)
+    assert [effect.kind for effect in found.effects] == ["coulomb_friction", "sensor_offset"]
+    (pair,) = found.indistinguishable
+    assert pair.first.kind == "sensor_offset"
+    assert pair.first.values["offset"] == pytest.approx(5.0, rel=0.1)
+    assert pair.second.values["asymmetry"] == pytest.approx(-5.0, rel=0.1)
+    assert "constant_force" not in pair.experiment
+
+
+def gained(gain):
+    case = Case("gain", one(), drive=10.0, samples=1200, effects=[("input_gain", ("F_x",), [gain])])
+    search = search_of(model_of(case), records(case)[0][0])
+    add_wrong_gains(search)
+    return search
+
+
+def test_masses_and_springs_that_err_alike_are_a_gain():
+    search = gained(0.6)
+    (effect,) = search.stage.model.effects
+    assert (effect.kind, effect.at) == ("input_gain", ("F_x",))
+    assert effect.values["gain"] == pytest.approx(0.6, rel=0.05)
+    assert search.steps[-1][0] == "input_gain"
+    assert "F_x acts 0.6" in search.reasons[-1]
+    (pair,) = search.confusions
+    assert pair.second.kind == "sensor_gain"  # one output: it may be that one as well
+    assert "known weight" in pair.experiment
+
+
+def test_an_input_that_is_right_gets_no_gain():
+    search = gained(1.0)
+    assert search.stage is search.linear
+    assert search.reasons == search.confusions == []
+
+
+def test_coloured_noise_is_no_error_that_an_effect_has_to_explain():
+    """Screening saw no missing force: what is left is noise, however far above the white floor."""
+    slow = np.convolve(np.random.default_rng(3).standard_normal(1699), np.ones(200) / 14, "valid")
+    search = search_of(rig(), DATA.assign(f=("time", DATA["f"].values + 3.0 * slow)))
+    assert conclude(search, rig()).verdict == "unexplained"
+    silent = replace(search, screening=Screening((), (), FREE))
+    assert conclude(silent, rig()).verdict == "adequate"

@@ -1,0 +1,173 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from robustpolish.effects import Effect
+from robustpolish.identification.discover.judge import chosen, judgement, objection
+from robustpolish.identification.discover.screening import ScreenedEffect
+from robustpolish.identification.discover.search import RefittedEffect
+from tests.identification.discover.searches import judged, refitted, search_of
+from tests.identification.oscillators import PLACE, RATE, of_rig, oscillator, rig
+
+MODEL = rig()
+
+
+@pytest.fixture(scope="module")
+def begun():
+    """A search at the rig, whose noise is 1 N and whose error stands at 10 N."""
+    search = search_of(MODEL, of_rig(noise=1.0))
+    scales = replace(search.prepared.scales, noise=np.ones(1))
+    return replace(
+        search, stage=judged(MODEL, 10.0), prepared=replace(search.prepared, scales=scales)
+    )
+
+
+@pytest.fixture
+def search(begun):
+    return replace(begun, reasons=[], confusions=[])
+
+
+def cubic(free, **options):
+    return refitted(MODEL, "cubic_stiffness", PLACE, {"stiffness": 3.0}, free, **options)
+
+
+def drag(free, **options):
+    return refitted(MODEL, "quadratic_damping", PLACE, {"coefficient": 3.0}, free, **options)
+
+
+def test_guided_errors_judge_unless_all_runs_can_be_repeated():
+    calm, wild = cubic(2.0, guided=3.0), drag(9.0, guided=0.5, reproducible=False)
+    assert judgement(calm.fitted, [calm]) == pytest.approx(np.log(2.0))
+    assert judgement(calm.fitted, [calm, wild]) == pytest.approx(np.log(3.0))
+    assert judgement(wild.fitted, [calm, wild]) == pytest.approx(np.log(0.5))
+    two = judged(MODEL, [2.0, 8.0])
+    assert judgement(two, []) == pytest.approx(np.log(4.0))
+    assert np.isfinite(judgement(judged(MODEL, 0.0), []))
+
+
+def test_an_effect_has_to_make_the_error_fall_visibly(search):
+    before = judged(MODEL, 10.0)
+    assert objection(before, cubic(7.9).fitted, search.prepared) is None
+    assert (
+        objection(before, cubic(8.1).fitted, search.prepared)
+        == "the held-out error falls by 19 % only"
+    )
+    assert (
+        objection(before, cubic(12.0).fitted, search.prepared)
+        == "the held-out error falls by 0 % only"
+    )
+
+
+def test_no_output_may_pay_for_another(search):
+    before = judged(MODEL, [10.0, 10.0])
+    assert objection(before, cubic([5.0, 11.0]).fitted, search.prepared) is None
+    assert objection(before, cubic([5.0, 19.0]).fitted, search.prepared) == (
+        "one output gains what another loses"
+    )
+
+
+def test_guided_errors_count_where_a_run_cannot_be_repeated(search):
+    before = judged(MODEL, 10.0)
+    wild = cubic(20.0, guided=5.0, reproducible=False)
+    assert objection(before, wild.fitted, search.prepared) is None
+    assert objection(before, cubic(20.0, guided=5.0).fitted, search.prepared)
+
+
+def test_numbers_have_to_be_determined_and_plausible(search):
+    before = judged(MODEL, 10.0)
+    assert objection(before, cubic(2.0, share=0.4).fitted, search.prepared) is None
+    vague = cubic(2.0, share=0.7).fitted
+    assert objection(before, vague, search.prepared) == "its stiffness is not determined"
+    loops = {"force": 1.0, "stiffness": 5.0, "exponent": 20.0}
+    odd = refitted(MODEL, "bouc_wen_hysteresis", PLACE, loops, 2.0)
+    assert "elastic Coulomb" in str(objection(before, odd.fitted, search.prepared))
+
+
+def test_an_effect_in_the_middle_is_judged_by_its_own_numbers(search):
+    first = MODEL.with_effect("cubic_stiffness", PLACE, {"stiffness": 3.0})
+    both = judged(first.with_effect("quadratic_damping", PLACE, {"coefficient": 3.0}), 2.0, share=1)
+    before = judged(MODEL, 10.0)
+    assert objection(before, both, search.prepared) == "its coefficient is not determined"
+    assert objection(before, both, search.prepared, place=-2) == "its stiffness is not determined"
+
+
+def test_the_best_that_earns_its_place_is_chosen(search):
+    best, second = cubic(2.0, share=0.9), drag(3.0)
+    assert chosen([best, second], search) is second
+    assert search.reasons == [
+        "cubic_stiffness at x, ground was not added: its stiffness is not determined."
+    ]
+    assert chosen([], search) is None
+
+
+def test_what_the_data_do_not_separate_is_noted_and_the_simpler_one_taken(search):
+    """Of the 300 samples held out, a difference of 3 % says nothing."""
+    friction = {"force": 3.0, "static_force": 4.0, "velocity": 0.5}
+    stribeck = refitted(MODEL, "stribeck_friction", PLACE, friction, 2.0)
+    near, far = cubic(2.05), drag(2.2)
+    assert chosen([stribeck, near, far], search) is near
+    (pair,) = search.confusions
+    assert (pair.first, pair.second) == (near.effect, stribeck.effect)
+
+
+def test_far_above_the_noise_a_simpler_kind_of_the_family_comes_first(search):
+    friction = {"force": 3.0, "static_force": 4.0, "velocity": 0.5}
+    for error, taken in ((5.0, 1), (2.0, 0)):
+        pair = [
+            refitted(MODEL, "stribeck_friction", PLACE, friction, error),
+            refitted(MODEL, "coulomb_friction", PLACE, {"force": 3.0}, 1.15 * error),
+        ]
+        assert chosen(pair, search) is pair[taken]
+
+
+def test_two_that_hide_each_other_earn_their_places_together():
+    """An offset and a cubic spring of 0.85 N in 1 N of noise: one alone is 16 % of the error."""
+    data = of_rig(4000, noise=1.0)
+    X = np.column_stack([data["x"], data["v"]])
+    cube = data["x"].values ** 3
+    size = 0.85 / np.std(cube - X @ np.linalg.lstsq(X, cube, rcond=None)[0])
+    data = data.assign(f=("time", data["f"].values + 0.85 + size * cube))
+    search = search_of(MODEL, data)
+    ranked = []
+    for effect in (Effect("sensor_offset", "f"), Effect("cubic_stiffness", PLACE)):
+        fitted = search.fitted_with(search.stage.model, effect)
+        fall = float(1 - fitted.error[0] / search.stage.error[0])
+        assert fall == pytest.approx(1 - np.sqrt(1.7225 / 2.445), abs=0.035)
+        assert objection(search.stage, fitted, search.prepared)
+        ranked.append(RefittedEffect(ScreenedEffect(effect, 100.0, fall), fitted))
+    assert chosen(ranked, search) is ranked[1]  # a constant is named last
+    assert "earns its place only beside" in search.reasons[-1]
+    alone = search_of(MODEL, data.assign(f=data["f"] - 0.85))
+    assert chosen(ranked[1:], replace(alone, stage=ranked[1].fitted)) is None
+
+
+def test_a_line_of_inputs_that_repeat_is_no_force_from_outside():
+    """Noise that repeats every second has all lines of whole hertz, and no other."""
+    random = np.random.default_rng(0)
+    time = np.arange(1500) / RATE
+    data = xr.Dataset(
+        {
+            "F": ("time", np.tile(random.standard_normal(500), 3)),
+            "x": ("time", 0.01 * random.standard_normal(1500)),
+        },
+        {"time": time},
+    )
+    search = search_of(oscillator(), data)
+    search.stage = judged(oscillator(), 10.0)
+
+    def humming(hertz, free, **options):
+        values = {"amplitude": 1.0, "frequency": hertz}
+        return refitted(oscillator(), "harmonic_force", "x", values, free, **options)
+
+    assert objection(search.stage, humming(7.5, 2.0).fitted, search.prepared) is None
+    said = objection(search.stage, humming(7.0, 2.0).fitted, search.prepared)
+    assert said is not None
+    assert "repeat every 1 s" in said
+    drag = refitted(oscillator(), "quadratic_damping", PLACE, {"coefficient": 3.0}, 2.1, score=-1.0)
+    likely = replace(drag, screened=replace(drag.screened, score=50.0))
+    assert chosen([drag], search) is drag
+    assert chosen([humming(7.0, 2.0), likely], search) is likely
+    assert chosen([humming(7.0, 2.0), drag], search) is None
+    assert any("merely repeats with the inputs" in reason for reason in search.reasons)

@@ -1,0 +1,71 @@
+import pytest
+
+from robustpolish.identification.discover.own_numbers import refit_own, settled, with_holds
+from robustpolish.models import Dof, Input, Output, Spring
+from tests.hidden_effects.cases import Case, model_of, one, records
+from tests.identification.discover.searches import prepared_of
+from tests.identification.oscillators import PLACE, of_rig, oscillator, rig
+
+
+def held_model(**changes):
+    case = Case("held", one(), drive=10.0, samples=1500, **changes)
+    model = model_of(case)
+    return with_holds(model, prepared_of(model, records(case)[0][0]))
+
+
+def test_inputs_that_stay_between_samples_are_found():
+    (hold,) = held_model(held=True).effects
+    assert (hold.kind, hold.at, hold.values["order"]) == ("input_hold", ("F_x",), 0.0)
+
+
+@pytest.mark.parametrize("hidden", [[], [("input_delay", ("F_x",), [0.005])]])
+def test_neither_a_linear_input_nor_a_late_one_is_a_hold(hidden):
+    assert held_model(effects=hidden).effects == ()
+
+
+def test_what_has_no_force_has_no_hold():
+    assert with_holds(rig(), prepared_of(rig(), of_rig())).effects == ()
+
+
+def test_wrong_numbers_are_mended():
+    case = Case("wrong", one(), drive=10.0, samples=1500, wrong={"stiffness": 0.3, "damping": 2.0})
+    model = model_of(case)
+    own = refit_own(model, prepared_of(model, records(case)[0][0]))
+    for found in (own.stage.model.parameters, own.guided.parameters):
+        stiffness = found["spring[0].stiffness"] / found["dof.x.mass"]
+        assert stiffness == pytest.approx(3000, rel=0.01)
+    assert own.stage.reproducible
+    damping = own.stage.model.parameters["damper[0].damping"]
+    assert damping == pytest.approx(2 * 0.02 * 3000**0.5, rel=0.1)
+
+
+TWO = {
+    "dofs": [Dof("x", 2.0), Dof("y", 1.0)],
+    "springs": [Spring(PLACE, 400.0), Spring(("y", "x"), 100.0)],
+    "inputs": [Input("F", PLACE), Input("G", ("y", "ground"))],
+}
+
+
+def test_a_chain_with_two_inputs_goes_back_to_what_is_known_of_it():
+    """All of its numbers are larger by a tenth; masses and gains tell that, a spring is stiffer."""
+    reference = oscillator(**TWO)
+    larger = {key: 1.1 * value for key, value in reference.parameters.items()}
+    larger["spring[1].stiffness"] = 165.0
+    found = settled(reference.with_parameters(larger), reference, 0.01).parameters
+    for key, value in reference.parameters.items():
+        expected = 150.0 if key == "spring[1].stiffness" else value
+        assert found[key] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"inputs": [Input("F", PLACE)]},  # the gain is the only one: it stays as it is
+        {"outputs": [Output("f", PLACE, "force")]},  # forces are known
+    ],
+)
+def test_a_chain_whose_factor_the_data_know_stays(changes):
+    reference = oscillator(**{**TWO, **changes})
+    larger = reference.with_parameters({k: 1.1 * v for k, v in reference.parameters.items()})
+    assert settled(larger, reference, 0.01) is larger
+    assert settled(reference, reference, 0.01) is reference

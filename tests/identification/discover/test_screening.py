@@ -1,0 +1,102 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robustpolish.effects import Effect
+from robustpolish.identification.discover.screening import (
+    ScreenedEffect,
+    Screening,
+    hopeful,
+    screen,
+)
+from robustpolish.identification.observer.kalman import FREE
+from robustpolish.identification.policy import POLICY, Policy
+from tests.hidden_effects.cases import Case, model_of, one, records
+from tests.identification.discover.searches import prepared_of
+from tests.identification.oscillators import PLACE, of_rig, rig
+
+DATA = of_rig(2000, noise=1.0)
+X, V = DATA["x"].values, DATA["v"].values
+
+
+def screened(force, *allowed, policy=POLICY):
+    data = DATA.assign(f=("time", DATA["f"].values + force))
+    return screen(rig(), prepared_of(rig(), data, policy), allowed)
+
+
+def test_a_missing_spring_is_the_likeliest_of_all_kinds_at_all_places():
+    case = Case("cubic", one(), [("cubic_stiffness", PLACE, [4e6])], drive=8.0, samples=1500)
+    model = model_of(case)
+    found = screen(model, prepared_of(model, records(case)[0][0], Policy(finalists=8)))
+    best, second = found.candidates[:2]
+    assert best.place == ("cubic_stiffness", PLACE)
+    assert best.effect.values["stiffness"] == pytest.approx(4e6, rel=0.1)
+    assert best.sensible
+    assert best.score > second.score + 10
+    places = [candidate.place for candidate in found.candidates]
+    assert len(set(places)) == len(places) > 5
+
+
+def test_odds_are_those_of_the_information_criterion():
+    """Two regressions of the error on x and v, one with an offset besides."""
+    alone = Policy(screening=(FREE,), coarse=(FREE,), hardly_led=(FREE,), noise_orders=(0,))
+    (found,) = screened(0.3, Effect("sensor_offset", "f"), policy=alone).candidates
+    error = (DATA["f"].values + 0.3) - 50 * X - 4 * V
+    left = []
+    for columns in (np.column_stack([X, V]), np.column_stack([X, V, np.ones(X.size)])):
+        beta = np.linalg.lstsq(columns, error, rcond=None)[0]
+        left.append(np.mean((error - columns @ beta) ** 2))
+    odds = (X.size * np.log(left[0] / left[1]) - np.log(X.size)) / 2
+    assert found.score == pytest.approx(odds, abs=0.5)
+    assert found.constant
+    assert found.effect.values["offset"] == pytest.approx(0.3, abs=0.08)
+    assert found.fall == pytest.approx(1 - np.sqrt(left[1] / left[0]), abs=0.01)
+
+
+def test_a_force_of_the_wrong_sign_is_not_sensible():
+    (found,) = screened(-8.0 * np.sign(V), Effect("coulomb_friction", PLACE)).candidates
+    assert found.remark == "its force has the wrong sign"
+    assert found.effect.values["force"] == 0.0  # at its bound
+    (other,) = screened(8.0 * np.sign(V), Effect("coulomb_friction", PLACE)).candidates
+    assert other.sensible
+    assert other.effect.values["force"] == pytest.approx(8.0, rel=0.05)
+
+
+def test_scaling_the_data_down_is_paid_for():
+    """A gain of 0.5 on the sensor would halve every error, were it not for the density."""
+    found = screened(0.0 * X, Effect("sensor_gain", "f")).candidates
+    assert not any(c.score > 0 for c in found)
+
+
+def candidate(kind, score, fall=0.5, remark=""):
+    at = "x" if kind == "constant_force" else PLACE
+    return ScreenedEffect(Effect(kind, at), score, fall, remark)
+
+
+def test_the_likeliest_and_the_largest_deserve_a_refit():
+    likely = [
+        candidate("cubic_stiffness", 100.0),
+        candidate("quadratic_damping", 30.0),
+        candidate("backlash", 20.0),  # below a quarter of the best
+        candidate("quadratic_stiffness", 11.0),  # below any interest
+        candidate("coulomb_friction", 200.0, remark="its force has the wrong sign"),
+    ]
+    large = (candidate("contact_stop", 5.0), candidate("lugre_friction", 5.0, fall=0.1), likely[0])
+    chosen, further = hopeful(Screening(tuple(likely), large, FREE), POLICY)
+    assert [c.effect.kind for c in chosen] == [
+        "cubic_stiffness", "quadratic_damping", "contact_stop",
+    ]  # fmt: skip
+    assert [c.effect.kind for c in further] == ["backlash"]
+
+
+def test_what_takes_away_most_ends_the_search_for_the_largest_but_for_a_constant():
+    likely = (candidate("constant_force", 100.0), candidate("cubic_stiffness", 90.0))
+    stop = candidate("contact_stop", 5.0)
+    for first, expected in ((likely[0], True), (likely[1], False)):
+        chosen, _ = hopeful(Screening(likely, (first, stop), FREE), POLICY)
+        assert (stop in chosen) == expected
+    few = hopeful(Screening(likely, (), FREE), replace(POLICY, most_refits=1))
+    assert [[c.effect.kind for c in part] for part in few] == [
+        ["constant_force"], ["cubic_stiffness"],
+    ]  # fmt: skip

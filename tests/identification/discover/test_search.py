@@ -1,0 +1,77 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robustpolish.effects import Effect
+from robustpolish.identification.discover.screening import ScreenedEffect
+from robustpolish.identification.policy import Policy
+from tests.hidden_effects.cases import Case, model_of, one, records
+from tests.identification.discover.searches import judged, refitted, search_of
+from tests.identification.oscillators import PLACE, of_rig, rig
+
+
+@pytest.fixture
+def search():
+    return search_of(rig(), of_rig(noise=1.0))
+
+
+def test_the_floor_is_where_the_noise_alone_is_no_visible_fall(search):
+    (noise,) = search.prepared.scales.noise
+    assert search.at_floor(judged(rig(), 1.24 * noise))
+    assert not search.at_floor(judged(rig(), 1.26 * noise))
+    bold = replace(search, prepared=replace(search.prepared, policy=Policy(visible_fall=0.5)))
+    assert bold.at_floor(judged(rig(), 1.9 * noise))
+
+
+@pytest.mark.parametrize("missing", [True, False])
+def test_an_effect_is_fitted_from_far_away_if_it_helps_at_all(missing):
+    hidden = [("cubic_stiffness", PLACE, [4e6])] if missing else []
+    case = Case("cubic", one(), hidden, drive=8.0, samples=1500)
+    search = search_of(model_of(case), records(case)[0][0])
+    cubic = Effect("cubic_stiffness", PLACE, {"stiffness": 1e6})
+    found = search.fitted_with(search.stage.model, cubic)
+    assert (found is not None) == missing
+    if found is not None:
+        mass = found.model.parameters["dof.x.mass"]
+        assert found.model.parameters["effect[0].stiffness"] / mass == pytest.approx(4e6, rel=0.05)
+        assert found.error < 0.5 * search.stage.error
+
+
+def test_what_earned_its_place_is_the_next_stage(search):
+    cubic = refitted(rig(), "cubic_stiffness", PLACE, {"stiffness": 3.0}, 2.0)
+    drag = refitted(rig(), "quadratic_damping", PLACE, {"coefficient": 3.0}, 2.0)
+    search.reasons += [f"{item.effect} was not added: why." for item in (cubic, drag)]
+    search.accept(cubic)
+    assert search.added == 1
+    assert search.stage is cubic.fitted
+    assert search.steps[-1] == ("cubic_stiffness", cubic.fitted.model)
+    assert search.reasons == ["quadratic_damping at x, ground was not added: why."]
+
+
+def test_what_was_tried_is_remembered_the_best_first(search):
+    cubic = refitted(rig(), "cubic_stiffness", PLACE, {"stiffness": 3.0}, 2.0, score=80.0)
+    screened = [
+        cubic.screened,
+        ScreenedEffect(Effect("coulomb_friction", PLACE), 30.0, 0.2),
+        ScreenedEffect(Effect("lugre_friction", PLACE), 20.0, 0.2, "its force has the wrong sign"),
+        ScreenedEffect(Effect("sensor_offset", "f"), -1.0, 0.0),
+    ]
+    search.remember([cubic], screened, 2)
+    assert [(c.kind, c.score, c.step, c.remark) for c in search.candidates] == [
+        ("cubic_stiffness", 80.0, 2, ""),
+        ("coulomb_friction", 30.0, 2, "screened only"),
+        ("lugre_friction", 20.0, 2, "its force has the wrong sign"),
+    ]
+    spread = np.std(search.prepared.record.Y)
+    assert search.candidates[0].nrmse_held_out == pytest.approx(2.0 / spread)
+    assert search.candidates[1].nrmse_held_out == np.inf
+
+
+def test_a_refitted_effect_counts_what_is_fitted():
+    friction = {"force": 3.0, "static_force": 4.0, "velocity": 0.5}
+    stribeck = refitted(rig(), "stribeck_friction", PLACE, friction, 2.0)
+    offset = refitted(rig(), "sensor_offset", "f", {"offset": 3.0}, 2.0)
+    assert (stribeck.size, offset.size) == (3, 1)
+    assert (stribeck.constant, offset.constant) == (False, True)
+    assert stribeck.screened.sensible

@@ -1,0 +1,119 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robustpolish.identification.fit.parameters import (
+    chain_keys,
+    connected,
+    driving,
+    free_parameters,
+    units_of_force,
+    with_units_of_force,
+)
+from robustpolish.identification.policy import POLICY
+from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+from tests.identification.oscillators import PLACE, oscillator, rig
+
+
+def machine(**changes):
+    """Two masses in a chain, pushed at both, and a third one that hangs on nothing of theirs."""
+    parts = {
+        "dofs": [Dof("a", 2.0), Dof("b", 1.0), Dof("z", 4.0)],
+        "springs": [
+            Spring(("a", "ground"), 900.0),
+            Spring(("b", "a"), 500.0),
+            Spring(("z", "ground"), 100.0),
+        ],
+        "dampers": [Damper(("b", "a"), 3.0)],
+        "inputs": [Input("F_a", ("a", "ground")), Input("F_b", ("b", "ground"), gain=-2.0)],
+        "outputs": [Output("b", ("b", "ground")), Output("z", ("z", "ground"))],
+    }
+    return MechanicalModel(**{**parts, **changes})
+
+
+def free(model, **options):
+    return {p.key: p for p in free_parameters(model, 10.0, POLICY, **options)}
+
+
+def test_chains_are_what_parts_and_effects_join():
+    assert connected(machine()) == [{"z"}, {"a", "b"}]
+    joined = machine().with_effect("coulomb_friction", ("z", "b"), {"force": 1.0})
+    assert connected(joined) == [{"a", "b", "z"}]
+    assert chain_keys(machine(), {"a", "b"}) == (
+        ["dof.a.mass", "dof.b.mass"],
+        ["spring[0].stiffness", "spring[1].stiffness"],
+        ["damper[0].damping"],
+    )
+    assert driving(machine(), {"a", "b"}) == ["F_a", "F_b"]
+    assert driving(machine(), {"z"}) == []
+
+
+def test_a_mass_gives_the_unit_of_force_where_no_force_is_known():
+    assert units_of_force(machine()) == {"z": {"z"}}
+    decay = machine(inputs=[])
+    assert units_of_force(decay) == {"z": {"z"}, "a": {"a", "b"}}  # the heavier one
+    measured = machine(inputs=[], outputs=[Output("f", ("a", "ground"), "force")])
+    assert set(units_of_force(measured)) == {"z"}
+    unknown = oscillator().with_effect("input_gain", "F", {"gain": 2.0})
+    assert set(units_of_force(unknown)) == {"x"}
+    assert set(units_of_force(oscillator().with_effect("sensor_gain", "x", {"gain": 2.0}))) == {"x"}
+
+
+def test_a_mass_that_gives_the_unit_stays_and_its_chain_goes_along():
+    known = machine(inputs=[])
+    fitted = known.with_parameters({"dof.a.mass": 4.0, "spring[1].stiffness": 700.0})
+    found = with_units_of_force(fitted, known).parameters
+    assert found["dof.a.mass"] == 2.0
+    assert found["dof.b.mass"] == 0.5
+    assert found["spring[1].stiffness"] == 350.0
+    assert found["spring[2].stiffness"] == 100.0  # of the other chain
+    assert with_units_of_force(known, known) is known
+
+
+def test_what_is_fitted():
+    assert set(free(machine())) == {
+        "dof.a.mass", "dof.b.mass", "spring[0].stiffness", "spring[1].stiffness",
+        "spring[2].stiffness", "damper[0].damping", "input.F_a.gain", "input.F_b.gain",
+    }  # fmt: skip
+    # the gain of an only input says nothing beside masses and springs
+    assert "input.F.gain" not in free(oscillator())
+    assert set(free(rig())) == {"spring[0].stiffness", "damper[0].damping"}
+
+
+def test_well_known_numbers_stay_near_what_was_known():
+    reference = machine()
+    fitted = reference.with_parameters({"dof.a.mass": 2.2, "input.F_b.gain": -1.9})
+    found = free(fitted, reference=reference)
+    mass, gain = found["dof.a.mass"], found["input.F_b.gain"]
+    assert (mass.start, mass.centre, mass.prior) == (2.2, 2.0, 0.05 * 2.0)
+    assert (mass.lower, mass.upper) == pytest.approx((0.8, 5.0))
+    assert (gain.start, gain.centre, gain.prior) == (-1.9, -2.0, pytest.approx(0.1))
+    assert (gain.lower, gain.upper) == pytest.approx((-5.0, -0.8))
+
+
+def test_springs_and_dampers_keep_their_signs_and_may_be_missing():
+    model = machine(
+        springs=[Spring(("a", "ground"), -900.0), Spring(("b", "a"), 0.0)],
+        dampers=[Damper(("b", "a"), 3.0), Damper(("a", "ground"), 0.0)],
+    )
+    found = free(model)
+    magnet, none = found["spring[0].stiffness"], found["spring[1].stiffness"]
+    assert (magnet.lower, magnet.upper, magnet.prior) == (-np.inf, 0.0, 0.3 * 900.0)
+    assert (none.lower, none.upper, none.prior) == (0.0, np.inf, np.inf)
+    mass = (2.0 + 1.0 + 4.0) / 3
+    assert none.scale == pytest.approx(mass * 10.0**2)  # what moves it at the bandwidth
+    assert found["damper[1].damping"].scale == pytest.approx(0.02 * mass * 10.0)
+    assert found["damper[0].damping"].prior == 3.0
+
+
+def test_effects_say_themselves_what_is_fitted_and_how_far():
+    model = oscillator().with_effect("coulomb_friction", PLACE, {"force": 3.0})
+    found = free(model)["effect[0].force"]
+    assert found.is_effect
+    assert (found.start, found.scale, found.lower, found.upper) == (3.0, 3.0, 0.0, np.inf)
+    assert found.prior == np.inf
+    assert "effect[0].width" not in free(model)
+    asked = replace(model.effects[0], parameters={"force": 3.0, "asymmetry": 0.1})
+    assert "effect[0].asymmetry" not in free(replace(model, effects=(asked,)))
+    assert not free(model)["dof.x.mass"].is_effect

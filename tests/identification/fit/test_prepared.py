@@ -1,0 +1,95 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from robustpolish.errors import InvalidInputError
+from robustpolish.identification.fit.prepared import drifts, prepare, with_rest
+from robustpolish.identification.observer.run import free_run
+from robustpolish.identification.policy import POLICY, Policy
+from robustpolish.identification.record import record_of
+from tests.identification.oscillators import PLACE, RATE, of_rig, oscillator, record, rig
+
+
+def prepared_of(model, data, policy=POLICY):
+    return prepare(model, record_of(model, data), policy)
+
+
+def ranges(pieces):
+    return [(p.record.first, p.record.first + p.record.samples) for p in pieces]
+
+
+def test_what_is_held_out_is_fitted_to_by_nobody():
+    prepared = prepared_of(oscillator(), record(noise=0.01), Policy(trial=1000))
+    assert ranges(prepared.estimation) == [(0, 1600), (2200, 3400)]
+    assert ranges(prepared.held_out) == [(1600, 2200), (3400, 4000)]
+    assert ranges(prepared.trial) == [(0, 1000), (2200, 3200)]
+    assert ranges(prepared.everything) == [(0, 4000)]
+    windows = ranges(prepared.windows)
+    assert len(windows) == 25
+    assert windows[0] == (0, 160)
+    assert all(a[1] == b[0] for a, b in pairwise(windows))
+
+
+def test_starts_are_those_of_the_motion():
+    """The same as where a free run of the true model passes."""
+    prepared = prepared_of(oscillator(), record(noise=0.001))
+    clean = record()["x"].values
+    for piece in prepared.held_out:
+        assert piece.start.state[0] == pytest.approx(clean[piece.record.first], abs=1e-4)
+    spread = [np.std(clean), np.std(np.gradient(clean, 1 / RATE))]
+    np.testing.assert_allclose(prepared.motion_sizes, spread, rtol=0.02)
+    run = free_run(oscillator(), prepared.record)
+    for piece in prepared.with_fitted_starts(run, prepared.held_out):
+        assert np.std(run.errors(piece)) < 0.0011 * np.std(clean)
+
+
+def test_decays_keep_their_beginning_and_half_of_the_rest_for_the_fit():
+    time = np.arange(1000) / RATE
+    x = 1e-3 * np.exp(-0.5 * time) * np.cos(np.sqrt(400 - 0.25) * time)
+    data = xr.Dataset({"x": ("time", x)}, {"time": time})
+    prepared = prepared_of(oscillator(inputs=[]), data)
+    assert ranges(prepared.estimation) == [(0, 350), (650, 900)]
+    assert ranges(prepared.held_out) == [(350, 650), (900, 1000)]
+
+
+def test_what_integrates_is_run_in_short_pieces():
+    assert drifts(oscillator(springs=[]), 100.0)
+    assert not drifts(oscillator(), 100.0)
+    # a pole at -0.0101 1/s forgets within 99 s
+    assert not drifts(oscillator(stiffness=1e-2), 100.0)
+    assert drifts(oscillator(stiffness=1e-2), 98.0)
+    assert not drifts(rig(), 100.0)
+    prepared = prepared_of(oscillator(springs=[]), record(noise=0.01))
+    assert len(prepared.everything) == 25
+    assert len(prepared.estimation) == 10 + 8
+
+
+def test_the_liveliest_part_is_screened():
+    data = record(noise=0.01)
+    lively = (data["time"] >= 5.0) & (data["time"] < 7.8)
+    quiet = data.assign(x=data["x"] * np.where(lively, 1.0, 0.1))
+    part = prepared_of(oscillator(), quiet, Policy(screened=1400)).screened
+    assert part.samples == 1400
+    assert part.first == pytest.approx(2500, abs=1400 // 20)
+    imposed = prepared_of(rig(), of_rig(), Policy(screened=100))
+    assert imposed.screened.samples == 1000  # quick: all of it
+
+
+def test_new_effects_begin_at_rest():
+    pieces = prepared_of(oscillator(), record(noise=0.01)).held_out
+    model = oscillator().with_effect("lugre_friction", PLACE)
+    for before, after in zip(pieces, with_rest(model, pieces), strict=True):
+        np.testing.assert_array_equal(after.start.state, before.start.state)
+        np.testing.assert_array_equal(after.start.internal, [0.0])
+        after.start.internal[:] = 3.0
+        kept = with_rest(model.with_effect("bouc_wen_hysteresis", PLACE), [after])[0]
+        np.testing.assert_array_equal(kept.start.internal[:1], [3.0])
+        assert not kept.start.internal[1:].any()
+
+
+def test_a_record_in_the_wrong_unit_is_refused():
+    data = record(noise=0.01)
+    with pytest.raises(InvalidInputError, match="units"):
+        prepared_of(oscillator(), data.assign(x=1e-15 * data["x"]))

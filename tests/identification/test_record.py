@@ -1,0 +1,110 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from robustpolish.errors import InvalidInputError
+from robustpolish.identification.record import (
+    checked_data,
+    least_samples,
+    long_enough,
+    record_of,
+    repetition,
+)
+from robustpolish.models import Dof, Input, Spring
+from tests.identification.oscillators import PLACE, RATE, oscillator, record
+
+
+def test_a_part_of_a_part_knows_where_it_is():
+    whole = record_of(oscillator(), record())
+    part = whole.part(100, 300).part(10, 60)
+    assert (part.first, part.samples) == (110, 50)
+    assert part.start == pytest.approx(110 / RATE)
+    np.testing.assert_array_equal(part.time, whole.times[110:160])
+    np.testing.assert_array_equal(part.own(np.arange(4000)), np.arange(110, 160))
+    np.testing.assert_array_equal(part.Y, record()["x"].values[110:160, None])
+    assert part.data is whole.data
+
+
+def test_files_and_frames_are_read(tmp_path):
+    data = record()
+    frame = pd.DataFrame(
+        {"time [s]": data["time"], "F [N]": data["F"], "x [mm]": 1e3 * data["x"].values}
+    )
+    frame.to_csv(tmp_path / "data.csv", index=False)
+    for source in (frame, tmp_path / "data.csv"):
+        found = record_of(oscillator(), source)
+        np.testing.assert_allclose(found.Y[:, 0], data["x"], rtol=1e-9)
+        assert found.dt == pytest.approx(1 / RATE)
+
+
+def test_a_gain_may_convert_the_unit_of_an_input():
+    amperes = record().assign(F=record()["F"].assign_attrs(units="A"))
+    motor = oscillator(inputs=[Input("F", PLACE, gain=35.0)])
+    assert checked_data(motor, amperes) is amperes
+    with pytest.raises(InvalidInputError, match="a column in A"):
+        checked_data(oscillator(), amperes)
+
+
+def test_outputs_are_asked_for_only_where_they_are_needed():
+    assert "F" in checked_data(oscillator(), record()[["F"]], outputs=False)
+
+
+def test_how_long_a_record_has_to_be():
+    two = oscillator(dofs=[Dof("x", 1.0), Dof("y", 1.0)], springs=[Spring(("x", "y"), 1.0)])
+    assert least_samples(two) == 100
+    short = record_of(two, record()).part(0, 99)
+    with pytest.raises(InvalidInputError, match="at least 100"):
+        long_enough(two, short)
+    assert long_enough(oscillator(), short) is short
+
+
+@pytest.mark.parametrize("kept", [1.0, 0.75])
+def test_inputs_that_repeat_do_so_with_their_shortest_period(kept):
+    """Once three turns of 300 samples, once two and a quarter; beside a constant."""
+    turn = np.random.default_rng(0).standard_normal(300)
+    u = np.tile(turn, 3)[: round(900 * kept)]
+    assert repetition(np.column_stack([u, np.ones(u.size)]), 0.01) == pytest.approx(3.0)
+    swing = np.sin(2 * np.pi * np.arange(u.size) / 50)[:, None]
+    assert repetition(swing, 0.01) == pytest.approx(0.5)
+    assert repetition(np.column_stack([u, swing]), 0.01) == pytest.approx(3.0)
+
+
+def test_inputs_that_do_not_repeat_have_no_period():
+    noise = np.random.default_rng(0).standard_normal((900, 1))
+    assert repetition(noise, 0.01) is None
+    assert repetition(np.tile(noise[:500], (2, 1))[:900], 0.01) is None  # not seen twice
+    assert repetition(np.ones((900, 2)), 0.01) is None
+    assert repetition(np.linspace(0, 1, 900)[:, None], 0.01) is None
+
+
+def changed(**columns):
+    return record().assign(columns)
+
+
+def jittered():
+    return record().assign_coords(time=np.sort(np.random.default_rng(0).random(4000)))
+
+
+BAD = {
+    "no column": (lambda: (oscillator(), record()[["F"]]), "no column 'x'"),
+    "unit": (lambda: (oscillator(), changed(x=record()["F"])), "a column in N"),
+    "nan": (
+        lambda: (oscillator(), changed(x=record()["x"].where(record()["time"] < 2))),
+        "nan at sample 1000",
+    ),
+    "text": (lambda: (oscillator(), changed(x=("time", ["a"] * 4000))), "numbers over time"),
+    "no time": (lambda: (oscillator(), record().drop_vars("time")), "time"),
+    "jitter": (lambda: (oscillator(), jittered()), "uniform"),
+    "backwards": (lambda: (oscillator(), record().isel(time=slice(None, None, -1))), "rising"),
+    "short": (lambda: (oscillator(), record().isel(time=slice(0, 2))), "samples"),
+    "slow": (lambda: (oscillator(stiffness=4e6), record()), "sampling rate"),
+    "no model": (lambda: ("model.toml", record()), "MechanicalModel"),
+    "no data": (lambda: (oscillator(), 3), "measurement"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_refused(case):
+    make, message = BAD[case]
+    with pytest.raises(InvalidInputError, match=message):
+        record_of(*make())
