@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from .cases import records
-from .catalogue import all_cases
-from .drawn import CLASSES, JUDGED_SEED, PLAN, class_of, drawn_cases
-from .run import page, run_all, run_case
+from tests.hidden_effects.cases import records
+from tests.hidden_effects.catalogue import all_cases
+from tests.hidden_effects.drawn import CLASSES, JUDGED_SEED, PLAN, class_of, drawn_cases
+from tests.hidden_effects.run import page, run_all, run_case
 
 CASES = {case.name: case for case in all_cases()}
 # At least this share of the drawn cases is right. Of the first 30 that were run (numbers 0 to 28
