@@ -192,7 +192,7 @@ def residual_analysis(
     Parameters
     ----------
     comparison : Comparison
-        Of :func:`robustpolish.identification.compare.compare`.
+        Of :func:`robustpolish.compare`.
     contact : str or ndarray of bool, optional
         When there is contact: a column of the data (contact where it is above 2 % of its largest
         size), or one value for each sample. By default a column with "contact" in its name.
