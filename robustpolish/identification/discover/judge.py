@@ -7,7 +7,6 @@ from itertools import combinations
 
 import numpy as np
 
-from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.candidates import rivals
 from robustpolish.identification.discover.confusion import confused
@@ -16,7 +15,8 @@ from robustpolish.identification.fit.homotopy import JudgedFit
 from robustpolish.identification.fit.least_squares import covariance_of, errors_from
 from robustpolish.identification.fit.parameters import connected
 from robustpolish.identification.fit.prepared import PreparedRecord
-from robustpolish.identification.record import repetition
+from robustpolish.identification.record import Record, repetition
+from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.simulation.signals import signals
 
 
@@ -73,7 +73,7 @@ def objection(
     index = place % len(after.model.effects)
     effect = after.model.effects[index]
     refused = effect.definition.implausible(effect.values) or _line_of_inputs(
-        effect, signals(after.model, prepared.record.data), prepared.record.dt
+        effect, after.model, prepared.record
     )
     if refused:
         return refused
@@ -85,17 +85,20 @@ def objection(
     return None
 
 
-def _line_of_inputs(effect: Effect, inputs: Array, dt: float) -> str | None:
+def _line_of_inputs(effect: Effect, model: MechanicalModel, record: Record) -> str | None:
     """Say whether a force from outside has a line of the inputs.
 
     What depends on the motion repeats with the inputs, so such a line may be any law of motion.
     """
     frequency = effect.definition.line
-    period = None if frequency is None else repetition(inputs, dt)
-    if frequency is None or period is None:
+    if frequency is None:
+        return None
+    inputs = signals(model, record.data)
+    period = repetition(inputs, record.dt)
+    if period is None:
         return None
     turns = effect.values[frequency] * period
-    if abs(turns - round(turns)) > 0.5 * period / (len(inputs) * dt):
+    if abs(turns - round(turns)) > 0.5 * period / (len(inputs) * record.dt):
         return None
     return f"the inputs repeat every {period:.4g} s, and what they move has this line too"
 
@@ -106,12 +109,11 @@ def _unbeaten(refits: Sequence[RefittedEffect], search: Search) -> list[Refitted
     Where a force that only repeats with the inputs explains as much, and the fine structure of
     the missing force speaks against an effect, the motion has a law that this effect is not.
     """
-    prepared = search.prepared
-    inputs = signals(search.reference, prepared.record.data)
+    record = search.prepared.record
     lines = [
         item
         for item in refits
-        if _line_of_inputs(item.fitted.model.effects[-1], inputs, prepared.record.dt)
+        if _line_of_inputs(item.fitted.model.effects[-1], search.reference, record)
     ]
     least = min((judgement(item.fitted, refits) for item in lines), default=np.inf)
     limit = least + np.log(1 - search.policy.visible_fall)
