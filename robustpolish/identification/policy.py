@@ -213,6 +213,9 @@ class Policy:
     trial: int = 3500
     screened: int = 9000
     screened_imposed: int = 30000
+    least_window: int = 50
+    swings: float = 1.5
+    growth: int = 4
     windows: int = 25
     shortest_window: int = 60
     long_record: int = 4000

@@ -14,7 +14,7 @@ from robustpolish.arrays import Array
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import DISPLACEMENT
 from robustpolish.simulation.signals import measured, raw_outputs, signals
-from robustpolish.simulation.step import StepMatrices, run_steps
+from robustpolish.simulation.step import StepMatrices, run_pieces, run_steps
 from robustpolish.simulation.system import NonlinearSystem, build_system, needed_substeps
 from robustpolish.validation import matrix
 
@@ -92,6 +92,38 @@ class Stepper:
             system.layout, system.values, np.ascontiguousarray(inputs), Y, K,
             np.ascontiguousarray(state), np.ascontiguousarray(internal), time[0], self.step,
             self.substeps, keep,
+        )  # fmt: skip
+        return NonlinearResponse(measured(self.model, outputs, time), states, inner)
+
+
+    def over_pieces(
+        self, inputs: Array, starts: Array, internal: Array, time: Array, marks: Array,
+        keep: bool = False,
+    ) -> NonlinearResponse:
+        """Return what :meth:`over` does freely, of pieces that follow each other in the arrays.
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (samples, signals)
+        starts, internal : ndarray, shapes (pieces, n) and (pieces, nz)
+            At the first sample of each piece.
+        time : ndarray, shape (samples,)
+            In s.
+        marks : ndarray of int, shape (pieces + 1,)
+            Where pieces begin and end.
+        keep : bool, optional
+            Whether states are kept; otherwise they have no samples.
+
+        Returns
+        -------
+        NonlinearResponse
+        """
+        system = self.system
+        outputs, states, inner = run_pieces(
+            self.matrices, system.motion, (system.C, system.D, system.H), system.laws,
+            system.layout, system.values, np.ascontiguousarray(inputs),
+            np.ascontiguousarray(starts), np.ascontiguousarray(internal),
+            np.ascontiguousarray(time[marks[:-1]]), marks, self.step, self.substeps, keep,
         )  # fmt: skip
         return NonlinearResponse(measured(self.model, outputs, time), states, inner)
 

@@ -214,3 +214,25 @@ def run_steps(m, motion, output, laws, layout, p, W, Y, K, s0, z0, t0, dt, subst
             kept[k + 1 :] = np.nan
             break
     return predicted, kept, kept_z
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def run_pieces(m, motion, output, laws, layout, p, W, S0, Z0, t0, marks, dt, substeps, keep):  # type: ignore[no-untyped-def]
+    """Step freely through pieces that follow each other in W, each from a start of its own."""
+    ny, n, nz = output[0].shape[0], S0.shape[1], Z0.shape[1]
+    samples = W.shape[0]
+    predicted = np.empty((samples, ny))
+    kept = np.empty((samples if keep else 0, n))
+    kept_z = np.empty((samples if keep else 0, nz))
+    Y, K = np.zeros((1, ny)), np.zeros((n, ny))
+    for i in range(len(S0)):
+        a, b = marks[i], marks[i + 1]
+        y, s, z = run_steps(
+            m, motion, output, laws, layout, p, W[a:b], Y, K, S0[i], Z0[i], t0[i], dt, substeps,
+            keep,
+        )  # fmt: skip
+        predicted[a:b] = y
+        if keep:
+            kept[a:b] = s
+            kept_z[a:b] = z
+    return predicted, kept, kept_z

@@ -19,7 +19,7 @@ from robustpolish.identification.findings.ledger import Entry, Ledger
 from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, free_rms, homotopy
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import chain_keys, connected, driving
-from robustpolish.identification.observer.kalman import FREE, force_sites
+from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import effect_unit, unit_of
 from robustpolish.models.mechanical.parts import FORCE
@@ -119,13 +119,12 @@ def _whole_error(model: MechanicalModel, search: Search, calm: bool) -> Array:
 
 def _final_fit(search: Search, stage: JudgedFit, calm: bool) -> tuple[Fit, Array]:
     """Fit a stage's model to the whole record; return the fit and its free-run error."""
-    prepared, policy = search.prepared, search.policy
-    levels = policy.final if calm else policy.final_chaotic
-    if calm and not stage.model.effects:
-        levels = (FREE,)  # led by the data, it would leave what the data hardly show
-    fits = homotopy(
-        stage.model, prepared, prepared.everything, search.reference, levels, prepared.steps
-    )
+    prepared = search.prepared
+    pieces = prepared.everything
+    spans = prepared.spans(pieces, search.policy.growth)
+    if not calm:
+        spans = [span for span in spans if span < prepared.short] + [prepared.short]
+    fits = homotopy(stage.model, prepared, pieces, search.reference, spans, prepared.steps)
     before = _whole_error(stage.model, search, calm)
     if not fits:
         return stage.fit, before
@@ -245,7 +244,8 @@ def _add(search: Search, wrong: WrongGain) -> None:
     prepared, reference, effect = search.prepared, search.reference, wrong.effect
     search.say(f"refit with {effect}")
     model = replace(reference, effects=(*search.stage.model.effects, effect))
-    stages = homotopy(model, prepared, prepared.trial, reference, search.policy.linear)
+    spans = prepared.spans(prepared.trial)
+    stages = homotopy(model, prepared, prepared.trial, reference, spans)
     if not stages:
         return
     stage = best_stage(stages, prepared)

@@ -43,9 +43,9 @@ def chosen(refits: Sequence[RefittedEffect], search: Search) -> RefittedEffect |
 
 
 def judgement(fitted: JudgedFit, among: Sequence[RefittedEffect]) -> float:
-    """Return the mean log of the held-out errors; guided ones unless all run reproducibly."""
+    """Return the mean log of the held-out errors; over short windows unless all run reproducibly."""
     every = all(item.fitted.reproducible for item in among)
-    errors = fitted.free if every else fitted.guided
+    errors = fitted.free if every else fitted.short
     return float(np.mean(np.log(np.maximum(errors, 1e-300))))
 
 
@@ -64,7 +64,7 @@ def objection(
     """
     policy = prepared.policy
     free = before.reproducible and after.reproducible
-    old, new = (before.free, after.free) if free else (before.guided, after.guided)
+    old, new = (before.free, after.free) if free else (before.short, after.short)
     fall = 1 - new / old
     if np.max(fall) < policy.visible_fall:
         return f"the held-out error falls by {100 * max(float(np.max(fall)), 0):.0f} % only"

@@ -15,7 +15,6 @@ from robustpolish.identification.discover.filtered import null_score
 from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy, judged
 from robustpolish.identification.fit.parameters import chain_keys, connected, driving
 from robustpolish.identification.fit.prepared import PreparedRecord
-from robustpolish.identification.observer.kalman import FREE
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import FORCE
 
@@ -76,7 +75,7 @@ def refit_own(model: MechanicalModel, prepared: PreparedRecord) -> OwnNumbers:
     prepared : PreparedRecord
     """
     pieces = prepared.trial if model.free else prepared.estimation  # quick where nothing swings
-    stages = homotopy(model, prepared, pieces, model, prepared.policy.linear)
+    stages = homotopy(model, prepared, pieces, model, prepared.spans(pieces))
     stage = best_stage(stages, prepared)
     guided = stages[min(1, len(stages) - 1)].model
     if np.any(stage.error * prepared.policy.better > prepared.scales.noise):
@@ -87,14 +86,15 @@ def refit_own(model: MechanicalModel, prepared: PreparedRecord) -> OwnNumbers:
 def _directly(stage: JudgedFit, model: MechanicalModel, prepared: PreparedRecord) -> JudgedFit:
     """Return a stage whose chains are as good as those of a direct fit."""
     pieces = prepared.trial if model.free else prepared.estimation
-    direct = homotopy(model, prepared, pieces, model, (FREE,), prepared.policy.direct_steps)
+    whole = prepared.spans(pieces)[-1:]
+    direct = homotopy(model, prepared, pieces, model, whole, prepared.policy.direct_steps)
     if not direct:
         return stage
     other = judged(direct[-1], prepared)
     mixed = _best_of_chains(stage, other, prepared.policy.better)
     if mixed is None:
         return stage
-    joined = homotopy(mixed, prepared, pieces, model, (FREE,), prepared.policy.direct_steps)
+    joined = homotopy(mixed, prepared, pieces, model, whole, prepared.policy.direct_steps)
     found = [stage, other, *(judged(fitted, prepared) for fitted in joined)]
     return min(found, key=lambda s: float(np.mean(np.log(s.error))))
 
@@ -104,7 +104,8 @@ def _at_rest(stage: JudgedFit, model: MechanicalModel, prepared: PreparedRecord)
     rested = settled(stage.model, model, prepared.policy.unchanged)
     if rested is stage.model or not stage.reproducible:
         return stage
-    fits = homotopy(rested, prepared, prepared.trial, model, (FREE,))
+    whole = prepared.spans(prepared.trial)[-1:]
+    fits = homotopy(rested, prepared, prepared.trial, model, whole)
     stages = [judged(fitted, prepared) for fitted in fits]
     kept = [s for s in stages if np.mean(np.log(s.error / stage.error)) < prepared.policy.unchanged]
     return kept[0] if kept else stage

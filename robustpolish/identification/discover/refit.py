@@ -73,9 +73,9 @@ def refit(
     """
     prepared = prepare(model, long_enough(model, record_of(model, data)), _policy)
     started = _with_start_values(model, prepared)
-    levels = _policy.homotopy
+    spans = prepared.spans(prepared.everything)
     with working("Refitting"):
-        fits = homotopy(started, prepared, prepared.everything, model, levels, progress=progress)
+        fits = homotopy(started, prepared, prepared.everything, model, spans, progress=progress)
     if not fits:
         raise ArithmeticError("no stage of the fit ended with finite errors")
     return _summarised(fits[-1], prepared)

@@ -10,15 +10,8 @@ import numpy as np
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.screening import ScreenedEffect, Screening
 from robustpolish.identification.findings.findings import Confusion, RankedCandidate
-from robustpolish.identification.fit.homotopy import (
-    JudgedFit,
-    best_stage,
-    guided_rms,
-    homotopy,
-)
-from robustpolish.identification.fit.least_squares import Fit
+from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy
 from robustpolish.identification.fit.prepared import PreparedRecord
-from robustpolish.identification.observer.kalman import FREE, Level
 from robustpolish.identification.policy import Policy
 from robustpolish.models.mechanical import MechanicalModel
 
@@ -92,25 +85,13 @@ class Search:
         return bool(np.all(stage.error < self.policy.at_floor * self.prepared.scales.noise))
 
     def fitted_with(self, model: MechanicalModel, effect: Effect) -> JudgedFit | None:
-        """Return a model with one more effect, fitted.
-
-        None if no fit ended well, or if the effect does not help even a model that is led by the
-        data.
-        """
-        prepared, policy = self.prepared, self.policy
+        """Return a model with one more effect, fitted; None if no fit ended well."""
+        prepared = self.prepared
         extended = model.with_effect(effect.kind, effect.at, effect.values)
-        levels, steps, before = policy.extended, prepared.steps, np.full(len(model.outputs), np.inf)
-        if model.free:
-            before = guided_rms(model, prepared, prepared.trial, policy.asked)
-        else:  # all motion is imposed: no run can go astray, and none can be led
-            levels, steps = (FREE,), 2 * steps
-
-        def enough(level: Level, fit: Fit) -> bool:
-            return level != policy.asked or bool(np.any(fit.rmse < policy.helps * before))
-
-        stages = homotopy(
-            extended, prepared, prepared.trial, self.reference, levels, steps, enough=enough
-        )
+        pieces = prepared.trial
+        steps = prepared.steps if model.free else 2 * prepared.steps
+        spans = prepared.spans(pieces, self.policy.growth)
+        stages = homotopy(extended, prepared, pieces, self.reference, spans, steps)
         return best_stage(stages, prepared) if stages else None
 
     def accept(self, earned: RefittedEffect) -> None:

@@ -1,9 +1,9 @@
-"""Fit a model's parameters by homotopy on prediction errors.
+"""Fit a model's parameters by free runs that grow longer.
 
-A nonlinear observer follows the data, first closely, then less and less, until the model
-runs freely (Ljung, System Identification, section 7.2; Vyasarayani et al. 2012, Nonlinear
-Dynamics 67, 2779-2797, on homotopy in parameter identification). Free-run fits of lightly
-damped systems from a distant start end in wrong minima; these do not.
+A record is cut into windows from which the model runs freely, each from a start of its own; the
+windows grow from a few swings to whole pieces (multiple shooting: Bock 1983; Ljung, System
+Identification, section 7.2). Errors over a short window depend smoothly on every number. Over long
+runs those of lightly damped systems have many minima, and a distant start ends in a wrong one.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ from robustpolish.arrays import Array
 from robustpolish.identification.fit.least_squares import Fit, Residuals, fit
 from robustpolish.identification.fit.parameters import free_parameters, with_units_of_force
 from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
-from robustpolish.identification.observer.kalman import Level
 from robustpolish.identification.observer.reproducibility import reproducibility
-from robustpolish.identification.observer.run import StartedPiece
+from robustpolish.identification.observer.run import Start, StartedPiece
 from robustpolish.models.mechanical import MechanicalModel
 
 
@@ -28,12 +27,11 @@ def homotopy(
     prepared: PreparedRecord,
     pieces: Sequence[StartedPiece],
     reference: MechanicalModel,
-    levels: Sequence[Level],
+    spans: Sequence[int],
     iterations: int = 8,
     progress: Callable[[], None] | None = None,
-    enough: Callable[[Level, Fit], bool] | None = None,
 ) -> list[Fit]:
-    """Fit at falling levels of guidance; return the fit of every stage.
+    """Fit over windows that grow; return the fit of every stage.
 
     A stage whose errors jump is no start for the next: the last one that followed the data is,
     and that is among the last two that are returned.
@@ -46,40 +44,62 @@ def homotopy(
         What to fit to.
     reference : MechanicalModel
         About which the priors are centred.
-    levels : sequence of Level
+    spans : sequence of int
+        Most samples of the windows, rising; see :meth:`PreparedRecord.spans`.
     iterations : int
         Most steps per stage.
     progress : callable, optional
         Called after every step.
-    enough : callable, optional
-        Asked after each stage whether it is worth while to go on; if not, nothing is returned.
     """
     stages: list[Fit] = []
     kept: Fit | None = None
-    policy, bandwidth = prepared.policy, prepared.scales.bandwidth
     model = with_units_of_force(model, reference)
-    current = with_rest(model, pieces)
-    for level in levels:
-        runner = prepared.runner(model, level)
-        sizes = None
-        if level.free and current[0].start.vector.size:
-            sizes = prepared.sizes(model)
-            current = prepared.with_fitted_starts(runner.run(model), current)
-        free = free_parameters(model, bandwidth, policy, reference)
-        result = fit(Residuals(model, current, runner, free, sizes), iterations, progress)
+    for span in spans if model.free else spans[-1:]:  # what is imposed cannot go astray
+        free = free_parameters(model, prepared.scales.bandwidth, prepared.policy, reference)
+        windows = _windows_of(model, prepared, pieces, span, kept)
+        runner = prepared.runner(model)
+        sizes = prepared.sizes(model) if windows[0].start.vector.size else None
+        result = fit(Residuals(model, windows, runner, free, sizes), iterations, progress)
         if not np.isfinite(result.cost):
             continue
-        if enough is not None and not enough(level, result):
-            return []
         stages.append(result)
-        if kept is not None and np.max(result.rmse / kept.rmse) > policy.lost:
+        if kept is not None and np.max(result.rmse / kept.rmse) > prepared.policy.lost:
             continue  # the next stage starts where this one did
         kept, model = result, result.model
-        if level.free:
-            current = list(result.pieces)
     if kept is not None and all(kept is not stage for stage in stages[-2:]):
         stages.insert(len(stages) - 1, kept)
     return stages
+
+
+def _windows_of(
+    model: MechanicalModel,
+    prepared: PreparedRecord,
+    pieces: Sequence[StartedPiece],
+    span: int,
+    before: Fit | None,
+) -> list[StartedPiece]:
+    """Cut pieces into windows that start where the stage before was, or the smoothed motion."""
+    windows = prepared.windows_of(model, pieces, span)
+    if before is None:
+        return windows
+    run = prepared.runner(before.model).run(before.model)
+    seen = run.over_all(before.pieces, keep=True)
+    first = {}
+    at = 0
+    for piece in before.pieces:
+        first[piece.record.first] = at
+        at += piece.record.samples
+    marks = np.array(sorted(first))
+    n = windows[0].start.state.size
+    found = []
+    for window in windows:
+        begin = window.record.first
+        mark = int(marks[np.searchsorted(marks, begin, side="right") - 1])
+        row = first[mark] + begin - mark
+        start = Start(seen.states[row, :n], seen.internal[row])
+        finite = np.isfinite(start.vector).all()
+        found.append(StartedPiece(window.record, start) if finite else window)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,16 +110,16 @@ class JudgedFit:
     ----------
     fit : Fit
     free : ndarray, shape (ny,)
-        Held-out root mean square error of free runs.
-    guided : ndarray, shape (ny,)
-        The same of runs that are led a little.
+        Held-out root mean square error of free runs over whole pieces.
+    short : ndarray, shape (ny,)
+        The same of free runs over short windows.
     reproducible : bool
-        Whether free runs judge anything.
+        Whether free runs over whole pieces judge anything.
     """
 
     fit: Fit
     free: Array
-    guided: Array
+    short: Array
     reproducible: bool
 
     @property
@@ -109,17 +129,14 @@ class JudgedFit:
 
     @property
     def error(self) -> Array:
-        """Held-out error that judges: free if reproducible, else guided."""
-        return self.free if self.reproducible else self.guided
+        """Held-out error that judges: over whole pieces if reproducible, else over windows."""
+        return self.free if self.reproducible else self.short
 
 
 def judged(fitted: Fit, prepared: PreparedRecord) -> JudgedFit:
     """Measure a fitted model on the held-out pieces."""
-    model, held_out = fitted.model, prepared.held_out
-    free, calm = free_rms(model, prepared, held_out)
-    return JudgedFit(
-        fitted, free, guided_rms(model, prepared, held_out, prepared.policy.guided), calm
-    )
+    free, calm = free_rms(fitted.model, prepared, prepared.held_out)
+    return JudgedFit(fitted, free, short_rms(fitted.model, prepared, prepared.held_out), calm)
 
 
 def free_rms(
@@ -135,20 +152,19 @@ def free_rms(
     """
     run = prepared.runner(model).run(model)
     started = prepared.with_fitted_starts(run, with_rest(model, pieces))
-    errors = [run.errors(piece) for piece in started]
-    rms = np.sqrt(np.mean(np.vstack(errors) ** 2, axis=0))
+    errors = run.all_errors(started)
+    rms = np.sqrt(np.mean(errors**2, axis=0))
     first = started[0]
-    found = reproducibility(run, first, first.record.Y - errors[0])
+    found = reproducibility(run, first, first.record.Y - errors[: first.record.samples])
     return np.where(np.isfinite(rms), rms, np.inf), found.reproducible
 
 
-def guided_rms(
-    model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece], level: Level
+def short_rms(
+    model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
 ) -> Array:
-    """Return the prediction errors of a model as it is, at a level, shape (ny,)."""
-    run = prepared.runner(model, level).run(model)
-    errors = [run.errors(piece) for piece in with_rest(model, pieces)]
-    return np.sqrt(np.mean(np.vstack(errors) ** 2, axis=0))
+    """Return the errors of free runs over short windows, shape (ny,)."""
+    windows = prepared.windows_of(model, pieces, prepared.short)
+    return free_rms(model, prepared, windows)[0]
 
 
 def best_stage(stages: Sequence[Fit], prepared: PreparedRecord) -> JudgedFit:
@@ -156,4 +172,4 @@ def best_stage(stages: Sequence[Fit], prepared: PreparedRecord) -> JudgedFit:
     found = [judged(stage, prepared) for stage in stages[-2:]]
     if all(s.reproducible for s in found):
         return min(found, key=lambda s: float(np.sum(np.log(s.free))))
-    return min(found, key=lambda s: float(np.sum(np.log(s.guided))))
+    return min(found, key=lambda s: float(np.sum(np.log(s.short))))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -9,15 +10,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from robustpolish.arrays import Array
 from robustpolish.identification.fit.parameters import FreeParameter
-from robustpolish.identification.observer.run import RecordRun, Runner, Start, StartedPiece
+from robustpolish.identification.observer.run import RecordRun, Runner, StartedPiece
 from robustpolish.models.mechanical import MechanicalModel
 
 _STEP = 1e-5
+_START_STEP = 1e-4
 # Relative fall of the cost below which a fit stops.
 _SETTLED = 1e-3
+# Enough to see the scatter, few enough to be long against the memory of residuals.
+_BLOCKS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +43,8 @@ class Fit:
     information : ndarray, shape (p, p)
         J'J of the parameters with the starts eliminated, priors included, in scaled units.
     free : sequence of FreeParameter
+    sensitivity : ndarray, shape (samples * ny, p)
+        Derivatives of the weighted errors to the scaled parameters, less what starts could do.
     """
 
     model: MechanicalModel
@@ -47,6 +54,7 @@ class Fit:
     sigma: Array
     information: Array = field(default_factory=lambda: np.zeros((0, 0)))
     free: Sequence[FreeParameter] = ()
+    sensitivity: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def rmse(self) -> Array:
@@ -94,13 +102,18 @@ class Residuals:
         """Return the model with scaled parameters x, ready to run."""
         return self.runner.run(self.model_at(x))
 
-    def errors(self, x: Array, starts: Sequence[Start]) -> Array:
-        """Return the prediction errors, in the outputs' units."""
-        run = self.run_at(x)
-        pieces = zip(self.pieces, starts, strict=True)
-        return np.vstack([run.errors(StartedPiece(p.record, start)) for p, start in pieces])
+    def started(self, starts: Array) -> list[StartedPiece]:
+        """Return the pieces with other starts, one row of displacements and so on for each."""
+        return [
+            StartedPiece(piece.record, piece.start.with_vector(row))
+            for piece, row in zip(self.pieces, starts, strict=True)
+        ]
 
-    def column(self, x: Array, starts: Sequence[Start], errors: Array, j: int) -> Array:
+    def errors(self, x: Array, starts: Array) -> Array:
+        """Return the prediction errors, in the outputs' units."""
+        return self.run_at(x).all_errors(self.started(starts))
+
+    def column(self, x: Array, starts: Array, errors: Array, j: int) -> Array:
         """Return the derivative of the errors to scaled parameter j."""
         h = _STEP * max(abs(x[j]), 1.0)
         if x[j] + h > self.upper[j]:
@@ -109,17 +122,12 @@ class Residuals:
         moved[j] += h
         return (self.errors(moved, starts) - errors) / h
 
-    def start_block(self, run: RecordRun, start: Start, errors: Array, i: int) -> Array:
-        """Return the derivative of piece i's errors to its scaled start."""
-        here = errors[self.offsets[i] : self.offsets[i + 1]]
-        vector = start.vector
-        block = np.empty((here.size, vector.size))
-        for j, size in enumerate([] if self.start_sizes is None else self.start_sizes):
-            moved = vector.copy()
-            moved[j] += 1e-4 * size
-            piece = StartedPiece(self.pieces[i].record, start.with_vector(moved))
-            block[:, j] = (run.errors(piece) - here).ravel() / 1e-4
-        return block
+    def start_column(self, run: RecordRun, starts: Array, errors: Array, j: int) -> Array:
+        """Return the derivative of each piece's errors to scaled state j of its own start."""
+        assert self.start_sizes is not None
+        moved = starts.copy()
+        moved[:, j] += _START_STEP * self.start_sizes[j]
+        return (run.all_errors(self.started(moved)) - errors) / _START_STEP
 
 
 def fit(
@@ -140,11 +148,12 @@ def fit(
     free = residuals.free
     x = np.clip([f.start / f.scale for f in free], residuals.lower, residuals.upper)
     x = np.asarray(x, dtype=float)
-    starts = [piece.start for piece in residuals.pieces]
+    starts = np.array([piece.start.vector for piece in residuals.pieces])
     errors = residuals.errors(x, starts)
     sigma = _weights(errors, np.ones(errors.shape[1]))
     cost = _cost(residuals, x, errors, sigma)
-    damping, information = 1e-3, np.zeros((len(free), len(free)))
+    damping = 1e-3
+    normal: _Normal | None = None
     # Where only priors speak, damped steps hardly move: a free run ends with a step undamped.
     settles = bool(free) and residuals.runner.level.free
     settling = False
@@ -156,13 +165,15 @@ def fit(
         cost = _cost(residuals, x, errors, sigma)
         if number == iterations or settling:
             settling, damping = True, 0.0
-        H, g, information = _normal(residuals, x, starts, errors, sigma)
+        normal = _normal(residuals, x, starts, errors, sigma)
         better = None
         trial, new_starts, new_errors = x, starts, errors
         for _ in range(5):
-            step = _step(H, g, x, residuals, damping)
-            trial = np.clip(x + step[: len(free)], residuals.lower, residuals.upper)
-            new_starts = _moved(residuals, starts, step[len(free) :])
+            step, moves = _step(normal, x, residuals, damping)
+            trial = np.clip(x + step, residuals.lower, residuals.upper)
+            new_starts = starts
+            if residuals.start_sizes is not None:
+                new_starts = starts + moves * residuals.start_sizes
             new_errors = residuals.errors(trial, new_starts)
             new_cost = _cost(residuals, trial, new_errors, sigma)
             if new_cost < cost:
@@ -180,10 +191,10 @@ def fit(
             if settling or not settles:
                 break
             settling = True
-    model = residuals.model_at(x)
-    pieces = zip(residuals.pieces, starts, strict=True)
-    started = tuple(StartedPiece(p.record, start) for p, start in pieces)
-    return Fit(model, started, cost, errors, sigma, information, tuple(free))
+    found = residuals.model_at(x), tuple(residuals.started(starts)), cost, errors, sigma
+    if normal is None:
+        return Fit(*found, np.zeros((len(free), len(free))), tuple(free))
+    return Fit(*found, normal.information(), tuple(free), normal.seen())
 
 
 def _weights(errors: Array, before: Array) -> Array:
@@ -205,71 +216,119 @@ def _cost(residuals: Residuals, x: Array, errors: Array, sigma: Array) -> float:
     return total if np.isfinite(total) else np.inf
 
 
-def _moved(residuals: Residuals, starts: Sequence[Start], step: Array) -> list[Start]:
-    sizes = residuals.start_sizes
-    if sizes is None:
-        return list(starts)
-    moved, at = [], 0
-    for start in starts:
-        vector = start.vector
-        moved.append(start.with_vector(vector + sizes * step[at : at + vector.size]))
-        at += vector.size
-    return moved
+class _Normal:
+    """Normal equations whose unknowns are the parameters, and the starts of every piece.
+
+    The starts of one piece do not touch the errors of another, so that they are eliminated piece
+    by piece.
+
+    Parameters
+    ----------
+    J : ndarray, shape (errors, p)
+        Derivatives of the weighted errors to the scaled parameters.
+    blocks : sequence of ndarray, shape (errors of the piece, n)
+        The same to the scaled start of each piece.
+    error : ndarray, shape (errors,)
+    residuals : Residuals
+    x : ndarray, shape (p,)
+    """
+
+    def __init__(
+        self, J: Array, blocks: Sequence[Array], error: Array, residuals: Residuals, x: Array
+    ) -> None:
+        self.J, self.blocks = J, blocks
+        marks = np.cumsum([0, *(len(block) for block in blocks)])
+        self.rows = [slice(a, b) for a, b in itertools.pairwise(marks)]
+        p, n = J.shape[1], blocks[0].shape[1] if blocks else 0
+        shape = (len(blocks), n)
+        prior = residuals.prior**2
+        self.prior = prior
+        self.H = J.T @ J + np.diag(prior)
+        self.g = J.T @ error + prior * (x - residuals.centre)
+        self.mixed = np.zeros((len(blocks), p, n))
+        self.own = np.zeros((*shape, n))
+        self.own_g = np.zeros(shape)
+        for i, (block, rows) in enumerate(zip(blocks, self.rows, strict=True)):
+            self.mixed[i], self.own[i] = J[rows].T @ block, block.T @ block
+            self.own_g[i] = block.T @ error[rows]
+
+    def step(self, free: NDArray[np.bool_], damping: float) -> tuple[Array, Array]:
+        """Return the damped step of the free parameters, and of all starts, (pieces, n)."""
+        size = np.sqrt(np.diag(self.H))
+        use = np.flatnonzero(free & (size > 0))
+        scale = size[use]
+        H = self.H[np.ix_(use, use)] / np.outer(scale, scale) + damping * np.eye(use.size)
+        g = self.g[use] / scale
+        own = np.sqrt(np.einsum("kii->ki", self.own))
+        own[own == 0] = 1.0
+        inverse = np.linalg.pinv(
+            self.own / (own[:, :, None] * own[:, None, :]) + damping * np.eye(own.shape[1]),
+            rcond=1e-12, hermitian=True,
+        )  # fmt: skip
+        mixed = self.mixed[:, use] / (scale[:, None] * own[:, None, :])
+        through = mixed @ inverse
+        own_g = self.own_g / own
+        H = H - np.einsum("kin,kjn->ij", through, mixed)
+        g = g - np.einsum("kin,kn->i", through, own_g)
+        step = np.zeros(len(size))
+        if use.size:
+            step[use] = -np.linalg.lstsq(H, g, rcond=1e-14)[0]
+        moves = -np.einsum("knm,km->kn", inverse, own_g + np.einsum("kin,i->kn", mixed, step[use]))
+        step[use] = step[use] / scale
+        return step, moves / own
+
+    def seen(self) -> Array:
+        """Return what the errors tell of the parameters that no start could, like `J`."""
+        J = self.J.copy()
+        for block, rows in zip(self.blocks, self.rows, strict=True):
+            J[rows] -= block @ np.linalg.lstsq(block, J[rows], rcond=1e-10)[0]
+        return J
+
+    def information(self) -> Array:
+        """Return J'J of the parameters, starts eliminated, priors included."""
+        J = self.seen()
+        return J.T @ J + np.diag(self.prior)
 
 
 def _normal(
-    residuals: Residuals, x: Array, starts: Sequence[Start], errors: Array, sigma: Array
-) -> tuple[Array, Array, Array]:
-    """Return the Gauss-Newton matrix, the gradient, and the reduced information."""
-    p, r = len(x), (errors / sigma).ravel()
+    residuals: Residuals, x: Array, starts: Array, errors: Array, sigma: Array
+) -> _Normal:
+    p, n = len(x), 0 if residuals.start_sizes is None else starts.shape[1]
+    run = residuals.run_at(x) if n else None
+
+    def column(j: int) -> Array:
+        if j < p:
+            found = residuals.column(x, starts, errors, j)
+        else:
+            assert run is not None
+            found = residuals.start_column(run, starts, errors, j - p)
+        return np.nan_to_num((found / sigma).ravel(), nan=0.0, posinf=0.0, neginf=0.0)
+
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        columns = list(pool.map(lambda j: residuals.column(x, starts, errors, j), range(p)))
-        blocks: list[Array] = []
-        if residuals.start_sizes is not None:
-            run = residuals.run_at(x)
-            each = enumerate(starts)
-            blocks = list(pool.map(lambda e: residuals.start_block(run, e[1], errors, e[0]), each))
-    J = np.empty((r.size, p))
-    for j, column in enumerate(columns):
-        J[:, j] = (column / sigma).ravel()
-    J = np.nan_to_num(J, nan=0.0, posinf=0.0, neginf=0.0)
-    sizes = [s.vector.size for s in starts] if blocks else []
-    n = p + sum(sizes)
-    H, g = np.zeros((n, n)), np.zeros(n)
-    H[:p, :p] = J.T @ J + np.diag(residuals.prior**2)
-    g[:p] = J.T @ r + residuals.prior**2 * (x - residuals.centre)
-    reduced, at, ny = H[:p, :p].copy(), p, errors.shape[1]
-    for i, block in enumerate(blocks):
-        rows = slice(residuals.offsets[i] * ny, residuals.offsets[i + 1] * ny)
-        weighted = np.nan_to_num(block / np.tile(sigma, len(block) // ny)[:, None])
-        here = slice(at, at + sizes[i])
-        H[here, here] = weighted.T @ weighted
-        H[:p, here] = J[rows].T @ weighted
-        H[here, :p] = H[:p, here].T
-        g[here] = weighted.T @ r[rows]
-        reduced -= H[:p, here] @ np.linalg.pinv(H[here, here], hermitian=True) @ H[here, :p]
-        at += sizes[i]
-    return H, g, reduced
+        columns = np.array(list(pool.map(column, range(p + n)))).reshape(p + n, -1).T
+    ny = errors.shape[1]
+    blocks = [
+        columns[a * ny : b * ny, p:] for a, b in itertools.pairwise(residuals.offsets)
+    ] if n else []  # fmt: skip
+    error = (errors / sigma).ravel()
+    return _Normal(np.ascontiguousarray(columns[:, :p]), blocks, error, residuals, x)
 
 
-def _step(H: Array, g: Array, x: Array, residuals: Residuals, damping: float) -> Array:
+def _step(
+    normal: _Normal, x: Array, residuals: Residuals, damping: float
+) -> tuple[Array, Array]:
     """Solve the damped step, leaving out parameters that rest at a bound."""
-    p = len(x)
-    held = np.zeros(len(g), dtype=bool)
-    held[:p] = ((x <= residuals.lower) & (g[:p] > 0)) | ((x >= residuals.upper) & (g[:p] < 0))
-    use = np.flatnonzero(~held & (np.diag(H) > 0))
-    step = np.zeros(len(g))
-    if use.size:
-        size = np.sqrt(np.diag(H)[use])
-        scaled = H[use][:, use] / np.outer(size, size) + damping * np.eye(use.size)
-        step[use] = -np.linalg.lstsq(scaled, g[use] / size, rcond=1e-14)[0] / size
-    return step
+    g = normal.g
+    held = ((x <= residuals.lower) & (g > 0)) | ((x >= residuals.upper) & (g < 0))
+    return normal.step(~held, damping)
 
 
 def covariance_of(fitted: Fit) -> xr.DataArray:
     """Return the covariance of the fitted numbers, residuals taken as coloured as they are.
 
-    The information is divided by the variance inflation of autocorrelated residuals.
+    Each variance is the larger one of two: that of white residuals, inflated by their
+    autocorrelation, and that which the scores of long blocks show (White's sandwich with blocks,
+    Kuensch 1989, Annals of Statistics 17, 1217-1241), which also sees what a wrong model does.
 
     Parameters
     ----------
@@ -281,7 +340,8 @@ def covariance_of(fitted: Fit) -> xr.DataArray:
         Over ``parameter`` and ``other``, the keys of the fitted numbers, in products of their SI
         units. Numbers that the data does not see have an infinite variance.
     """
-    inflation = max(_inflation(e) for e in (fitted.errors / fitted.sigma).T)
+    errors = fitted.errors / fitted.sigma
+    inflation = max((_inflation(e) for e in errors.T), default=1.0)
     information = fitted.information
     keys = [f.key for f in fitted.free]
     seen = np.flatnonzero(np.diag(information) > 0).tolist()
@@ -290,10 +350,25 @@ def covariance_of(fitted: Fit) -> xr.DataArray:
         block = information[np.ix_(seen, seen)]
         size = np.sqrt(np.diag(block))
         relative = np.linalg.pinv(block / np.outer(size, size), rcond=1e-12, hermitian=True)
-        share = float(np.mean((fitted.errors / fitted.sigma) ** 2))
-        unit = np.array([fitted.free[j].scale for j in seen]) / size
-        matrix[np.ix_(seen, seen)] = relative * np.outer(unit, unit) * inflation * share
+        white = relative * inflation * float(np.mean(errors**2))
+        ratio = 1.0
+        if fitted.sensitivity.size:
+            meat = _of_blocks(fitted.sensitivity[:, seen] / size, errors)
+            ratio = np.diag(relative @ meat @ relative) / np.maximum(np.diag(white), 1e-300)
+        wider = np.sqrt(np.maximum(ratio, 1.0)) * np.ones(len(seen))
+        unit = wider * np.array([fitted.free[j].scale for j in seen]) / size
+        matrix[np.ix_(seen, seen)] = white * np.outer(unit, unit)
     return xr.DataArray(matrix, {"parameter": keys, "other": keys}, ("parameter", "other"))
+
+
+def _of_blocks(sensitivity: Array, errors: Array) -> Array:
+    """Return the covariance of the sum of the scores, from their sums over blocks."""
+    samples, ny = errors.shape
+    scores = np.einsum("tip,ti->tp", sensitivity.reshape(samples, ny, -1), errors)
+    marks = np.linspace(0, samples, _BLOCKS + 1).astype(int)
+    sums = np.add.reduceat(scores, marks[:-1], axis=0)
+    sums = sums - sums.mean(axis=0)  # priors pull against the rest
+    return sums.T @ sums * _BLOCKS / (_BLOCKS - 1)
 
 
 def standard_errors(fitted: Fit) -> dict[str, float]:

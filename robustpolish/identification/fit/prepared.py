@@ -22,7 +22,7 @@ from robustpolish.identification.observer.run import (
     Runner,
     Start,
     StartedPiece,
-    fitted_start,
+    fitted_starts,
     rest,
     state_sizes,
 )
@@ -55,6 +55,10 @@ class PreparedRecord:
         `trial` is the first part of each estimation piece, for first fits of candidates.
     windows : list of StartedPiece
         The whole record in short pieces, for models whose long free runs judge nothing.
+    motion_before : Smoothed
+        What the linear model's observer made of the record.
+    short : int
+        Samples of short windows.
     """
 
     record: Record
@@ -67,6 +71,44 @@ class PreparedRecord:
     held_out: list[StartedPiece]
     everything: list[StartedPiece]
     windows: list[StartedPiece]
+    motion_before: Smoothed
+    short: int
+
+    def spans(self, pieces: Sequence[StartedPiece], growth: int = 2) -> list[int]:
+        """Return the lengths of windows that grow from a few swings to whole pieces."""
+        longest = max(piece.record.samples for piece in pieces)
+        swing = 2 * np.pi / (self.scales.bandwidth * self.record.dt)
+        span = max(self.policy.least_window, round(self.policy.swings * swing))
+        found = []
+        while span < longest:
+            found.append(span)
+            span *= growth
+        return [*found, longest]
+
+    def windows_of(
+        self, model: MechanicalModel, pieces: Sequence[StartedPiece], span: int
+    ) -> list[StartedPiece]:
+        """Return pieces cut into windows, with starts from the smoothed motion.
+
+        Parameters
+        ----------
+        model : MechanicalModel
+            Internal states of its effects begin at rest.
+        pieces : sequence of StartedPiece
+        span : int
+            Samples of a window, about.
+        """
+        linear, still = model.without_effects(), rest(model).internal
+        found = []
+        for piece in pieces:
+            if piece.record.samples <= span:
+                found.append(piece)
+                continue
+            for begin, end in _windows((0, piece.record.samples), span):
+                part = piece.record.part(begin, end)
+                state = self.motion_before.start(linear, part.first).state
+                found.append(StartedPiece(part, Start(state, still)))
+        return with_rest(model, found)
 
     @property
     def steps(self) -> int:
@@ -101,10 +143,7 @@ class PreparedRecord:
         self, run: RecordRun, pieces: Sequence[StartedPiece]
     ) -> list[StartedPiece]:
         """Return the pieces with the starts from which a model runs closest to them."""
-        sizes = self.sizes(run.model)
-        return [
-            StartedPiece(p.record, fitted_start(run, p.record, [p.start], sizes)) for p in pieces
-        ]
+        return fitted_starts(run, pieces, self.sizes(run.model))
 
 
 def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedRecord:
@@ -140,6 +179,7 @@ def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedR
         held_out=pieces((b, c), (d, e)),
         everything=pieces((0, samples)),
         windows=pieces((0, samples), length=short),
+        motion_before=motion, short=short,
     )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -142,6 +142,28 @@ class RecordRun:
             inputs, state, start.internal, record.time, record.Y, gain.filter, keep
         )
 
+    def over_all(self, pieces: Sequence[StartedPiece], keep: bool = False) -> NonlinearResponse:
+        """Return what the model predicts for several pieces, one after the other in the arrays."""
+        if self.runner.gain is not None:
+            runs = [self.over(piece, keep) for piece in pieces]
+            return NonlinearResponse(*(np.concatenate(part) for part in zip(*runs, strict=True)))
+        starts = np.zeros((len(pieces), self.run.system.states))
+        for row, piece in zip(starts, pieces, strict=True):
+            row[: piece.start.state.size] = piece.start.state
+        return self.run.over_pieces(
+            np.concatenate([self.runner.inputs(self.model, p.record) for p in pieces]),
+            starts,
+            np.array([p.start.internal for p in pieces]).reshape(len(pieces), -1),
+            np.concatenate([p.record.time for p in pieces]),
+            np.cumsum([0, *(p.record.samples for p in pieces)]),
+            keep,
+        )
+
+    def all_errors(self, pieces: Sequence[StartedPiece]) -> Array:
+        """Return measured minus predicted outputs of several pieces, shape (samples, ny)."""
+        measured = np.concatenate([piece.record.Y for piece in pieces])
+        return measured - self.over_all(pieces).outputs
+
     def errors(self, piece: StartedPiece) -> Array:
         """Return measured minus predicted outputs, shape (samples, ny)."""
         return piece.record.Y - self.over(piece).outputs
@@ -169,18 +191,13 @@ _SHORTEST = 50
 def fitted_start(run: RecordRun, record: Record, guesses: Sequence[Start], sizes: Array) -> Start:
     """Find the start from which a free run comes closest to the measured outputs.
 
-    For a linear model that is one least-squares problem, over the whole of the record, as in
-    MATLAB's ``compare``. With effects it is solved by damped Gauss-Newton steps on stretches that
-    grow twofold: errors over a short stretch depend smoothly on the start even where those over a
-    long one do not, and over a long run a wrong start is a wrong phase.
-
     Parameters
     ----------
     run : RecordRun
     record : Record
         All of it is run over.
     guesses : sequence of Start
-        Where the search may begin: at the best of them.
+        Where the search may begin: at the best of them over the first stretch.
     sizes : ndarray, shape (n,)
         What matters of each state: see :func:`state_sizes`, or :func:`visible_sizes`.
 
@@ -190,16 +207,45 @@ def fitted_start(run: RecordRun, record: Record, guesses: Sequence[Start], sizes
     """
     if not sizes.size:
         return guesses[0]
+    pieces = [StartedPiece(record, guess) for guess in guesses]
+    if len(pieces) > 1 and not run.linear:
+        pieces = _closest(run, pieces, lengths(record.samples)[0], sizes, _weights(record))
+    return min(
+        fitted_starts(run, pieces, sizes), key=lambda piece: _size(run, piece, _weights(record))
+    ).start
+
+
+def fitted_starts(
+    run: RecordRun, pieces: Sequence[StartedPiece], sizes: Array
+) -> list[StartedPiece]:
+    """Return pieces with the starts from which free runs come closest to the measured outputs.
+
+    For a linear model that is one least-squares problem, over the whole of a piece, as in
+    MATLAB's ``compare``. With effects it is solved by damped Gauss-Newton steps on stretches that
+    grow twofold: errors over a short stretch depend smoothly on the start even where those over a
+    long one do not, and over a long run a wrong start is a wrong phase.
+
+    Parameters
+    ----------
+    run : RecordRun
+    pieces : sequence of StartedPiece
+        With the starts at which the search begins.
+    sizes : ndarray, shape (n,)
+        As of :func:`fitted_start`.
+    """
+    found = list(pieces)
+    if not sizes.size or not found:
+        return found
+    weights = _weights(max((p.record for p in pieces), key=lambda record: record.samples))
+    longest = max(piece.record.samples for piece in pieces)
+    for samples in [longest] if run.linear else lengths(longest):
+        found = _closest(run, found, samples, sizes, weights)
+    return found
+
+
+def _weights(record: Record) -> Array:
     size = np.std(record.Y, axis=0)  # so that units do not matter
-    weights = 1 / np.where(size > 0, size, 1.0)
-    growing = [record.samples] if run.linear else lengths(record.samples)
-    first = record.part(0, growing[0])
-    start = guesses[0]
-    if len(guesses) > 1:
-        start = min(guesses, key=lambda guess: _sum(_error(run, first, guess, weights)))
-    for samples in growing:
-        start = _closest(run, record.part(0, samples), start, sizes, weights)
-    return start
+    return 1 / np.where(size > 0, size, 1.0)
 
 
 def lengths(samples: int) -> list[int]:
@@ -238,49 +284,74 @@ def visible_sizes(linear: RecordRun, record: Record, start: Start) -> Array:
     return scale
 
 
-def _error(run: RecordRun, record: Record, start: Start, weights: Array) -> Array:
-    """Weighted errors in one vector; a run that diverges has very large ones."""
+def _size(run: RecordRun, piece: StartedPiece, weights: Array) -> float:
+    """Return the sum of the squares of a run's weighted errors."""
+    return float(np.sum(_errors(run, [piece], weights) ** 2))
+
+
+def _errors(run: RecordRun, pieces: Sequence[StartedPiece], weights: Array) -> Array:
+    """Weighted errors of all pieces; a run that diverges has very large ones."""
     with np.errstate(over="ignore", invalid="ignore"):
-        error = -run.errors(StartedPiece(record, start)) * weights
-    return np.where(np.isfinite(error), np.clip(error, -1e6, 1e6), 1e6).ravel()
+        error = -run.all_errors(pieces) * weights
+    return np.where(np.isfinite(error), np.clip(error, -1e6, 1e6), 1e6)
 
 
-def _sum(error: Array) -> float:
-    return float(error @ error)
+def _closest(
+    run: RecordRun, pieces: Sequence[StartedPiece], samples: int, sizes: Array, weights: Array
+) -> list[StartedPiece]:
+    """Improve the starts of pieces over their first samples, by damped least squares.
 
+    No piece becomes worse. All are run together, each with a damping of its own.
+    """
+    heads = [p.record.part(0, min(samples, p.record.samples)) for p in pieces]
+    vectors = np.array([piece.start.vector for piece in pieces])
+    step, damping = (1.0, np.zeros(len(pieces))) if run.linear else (_STEP, np.full(len(pieces), 1e-3))
 
-def _closest(run: RecordRun, record: Record, start: Start, sizes: Array, weights: Array) -> Start:
-    """Improve a start by damped least squares; it never becomes worse."""
+    def errors(rows: Array, which: Sequence[int]) -> list[Array]:
+        started = [
+            StartedPiece(heads[i], pieces[i].start.with_vector(row))
+            for i, row in zip(which, rows, strict=True)
+        ]
+        marks = np.cumsum([p.record.samples for p in started])[:-1]
+        return [e.ravel() for e in np.split(_errors(run, started, weights), marks)]
 
-    def error(vector: Array) -> Array:
-        return _error(run, record, start.with_vector(vector), weights)
-
-    vector = start.vector
-    now = error(vector)
-    step, damping = (1.0, 0.0) if run.linear else (_STEP, 1e-3)
+    active = list(range(len(pieces)))
+    now = dict(zip(active, errors(vectors, active), strict=True))
     for _ in range(1 if run.linear else _ROUNDS):
-        jacobian = _jacobian(error, vector, now, step * sizes) / step
+        if not active:
+            break
+        columns = []
+        for j, size in enumerate(sizes):
+            ahead = vectors[active]
+            ahead[:, j] += step * size
+            columns.append(errors(ahead, active))
+        jacobians = {
+            i: np.column_stack([(column[k] - now[i]) / step for column in columns])
+            for k, i in enumerate(active)
+        }
+        settled, waiting = [], active
         for attempt in range(5):
-            candidate = vector - _damped_step(jacobian, now, damping * 10**attempt) * sizes
-            after = error(candidate)
-            if _sum(after) < _sum(now):
+            tried = np.array([
+                vectors[i] - _damped_step(jacobians[i], now[i], damping[i] * 10**attempt) * sizes
+                for i in waiting
+            ])
+            still = []
+            for i, row, after in zip(waiting, tried, errors(tried, waiting), strict=True):
+                if not after @ after < now[i] @ now[i]:
+                    still.append(i)
+                    continue
+                if after @ after > (1 - 1e-6) * (now[i] @ now[i]):
+                    settled.append(i)
+                vectors[i], now[i] = row, after
+                damping[i] *= 10.0 ** (attempt - 1)
+            waiting = still
+            if not waiting:
                 break
-        else:
-            break
-        settled = _sum(after) > (1 - 1e-6) * _sum(now)
-        vector, now, damping = candidate, after, damping * 10.0 ** (attempt - 1)
-        if settled:
-            break
-    return start.with_vector(vector)
-
-
-def _jacobian(error: Callable[[Array], Array], at: Array, now: Array, steps: Array) -> Array:
-    columns = []
-    for i, size in enumerate(steps):
-        ahead = at.copy()
-        ahead[i] += size
-        columns.append(error(ahead) - now)
-    return np.column_stack(columns)
+        active = [i for i in active if i not in settled and i not in waiting]
+    return [
+        StartedPiece(piece.record, piece.start.with_vector(row))
+        for piece, row in zip(pieces, vectors, strict=True)
+    ]
 
 
 def _damped_step(jacobian: Array, error: Array, damping: float) -> Array:
