@@ -26,6 +26,7 @@ BUILT_IN = (
     "coulomb_friction",
     "stribeck_friction",
     "elastic_coulomb_friction",
+    "dahl_friction",
     "lugre_friction",
     "quadratic_damping",
     "displacement_dependent_damping",

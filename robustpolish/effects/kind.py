@@ -63,6 +63,8 @@ class Parameter:
     fit_scale : float, optional
         Share of its value that a fit takes as one unit of change; less than 1 for what the
         data knows sharply, such as a frequency.
+    at_least : str, optional
+        Another parameter of the kind, below which a fit never takes this one.
     """
 
     name: str
@@ -74,6 +76,7 @@ class Parameter:
     fitted: bool = True
     fit_bounds: Callable[[Values], tuple[float, float]] | None = None
     fit_scale: float = 1.0
+    at_least: str = ""
 
     def bounds_from(self, values: Values) -> tuple[float, float]:
         """Return the limits of a fit that starts at `values`.
@@ -234,7 +237,7 @@ class EffectKind:
         spring at the place), ``"clearance"`` (m, what the effects there give),
         ``"spin_frequency"`` (rad/s), ``"mobility"``
         (time step over the effective mass, s/kg: no velocity below force times
-        mobility can be resolved).
+        mobility can be resolved), ``"step"`` (s: no memory fades faster than a step).
     gives : tuple of (str, str)
         What the effect adds to the context of others at its place, and the parameter that is
         its size, such as the ``"clearance"`` of a backlash, which is its ``"gap"``.

@@ -167,6 +167,7 @@ class Policy:
     most_large: int = 3
     most_further: int = 4
     most_paired: int = 3
+    most_pairs: int = 3
     far: float = 3.0
     alike: tuple[float, float] = (0.003, 0.03)
     lost: float = 5.0

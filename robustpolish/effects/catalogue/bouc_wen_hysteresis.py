@@ -1,4 +1,9 @@
-"""Smooth hysteresis with a yield force."""
+"""Smooth hysteresis.
+
+The force z follows ``z' = k (v - (beta |v| sign(z) + gamma v) |z / F|^n)``. With beta + gamma = 1
+the reference force F is the yield force; where beta + gamma is not positive nothing yields, and the
+loops stiffen. In the usual notation the coefficients are ``k beta / F^n`` and ``k gamma / F^n``.
+"""
 
 from __future__ import annotations
 
@@ -11,21 +16,26 @@ from robustpolish.effects.shapes import Scan
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-    # z is the hysteretic force, p: yield force, stiffness, exponent, share of the sign term
-    towards = np.sign(v[0] * z[0])
-    level = abs(z[0]) / max(p[0], 1e-300)
-    dz[0] = p[1] * v[0] * (1.0 - (p[3] * towards + 1.0 - p[3]) * level ** p[2])
+    # z is the hysteretic force, p: reference force, stiffness, exponent, beta, gamma, step
+    level = max(abs(z[0]) / max(p[0], 1e-300), 1e-12)
+    bends = level ** p[2]
+    rate = p[1] * abs(v[0]) * p[2] * abs(p[3]) * bends / (level * max(p[0], 1e-300))
+    stiffness = p[1] / max(1.0, rate * p[5])
+    dz[0] = stiffness * (v[0] - (p[3] * abs(v[0]) * np.sign(z[0]) + p[4] * v[0]) * bends)
     f[0] = -z[0]
 
 
 def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
-    rate = values["exponent"] * abs(values["stiffness"]) * v / max(values["force"], 1e-300)
+    steepest = values["exponent"] * (abs(values["beta"]) + abs(values["gamma"]))
+    rate = steepest * abs(values["stiffness"]) * v / max(values["force"], 1e-300)
     return abs(values["stiffness"]), 0.0, rate
 
 
 def _implausible(values: Mapping[str, float]) -> str | None:
     if values["exponent"] > 12:
         return "its exponent is that of an elastic Coulomb element"
+    if values["beta"] <= 0:
+        return "its loops would feed energy into the motion"
     return None
 
 
@@ -38,21 +48,23 @@ KIND = EffectKind(
     title="Bouc-Wen hysteresis",
     domain="pair",
     parameters=(
-        Parameter("force", "F", "yield force", lower=0.0),
+        Parameter("force", "F", "force that beta and gamma refer to", lower=0.0, fitted=False),
         Parameter("stiffness", "F/L", "hysteretic stiffness at small motion", lower=0.0),
         Parameter("exponent", "1", "sharpness of yielding", lower=0.5, upper=20.0, default=1.0),
-        Parameter("beta", "1", "share of the sign term", 0.0, 1.0, default=0.5, fitted=False),
+        Parameter("beta", "1", "of the term with the sign of the velocity", default=0.5),
+        Parameter("gamma", "1", "of the term without, negative if it stiffens", default=0.5),
     ),
     law=_law,
     linear_in=("force",),
     scan=(
-        Scan("stiffness", "per slip", (0.05, 0.15, 0.4, 0.8)),
+        Scan("stiffness", "per slip", (0.01, 0.05, 0.15, 0.4, 0.8)),
         Scan("exponent", "1", (1.0, 2.0)),
     ),
     gains=_gains,
     implausible=_implausible,
     state_sizes=_state_sizes,
     states=1,
+    context=("step",),
     family="dry friction",
     sharp=True,
     looks_like="Rounded loops of residual force over displacement that do not depend on speed.",

@@ -19,15 +19,11 @@ def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by N
 
 def implausible(values: Mapping[str, float]) -> str | None:
     """Say why static and sliding friction cannot be those of a machine, or return None."""
-    if values["static_force"] < values["force"]:
+    if values["static_force"] < (1 - 1e-9) * values["force"]:
         return "the static friction is below the sliding friction"
     if values["static_force"] > 6 * values["force"]:
         return "the static friction is many times the sliding friction"
     return None
-
-
-def _above_sliding(values: Mapping[str, float]) -> tuple[float, float]:
-    return min(0.95 * values["force"], values["static_force"]), np.inf
 
 
 def _near_velocity(values: Mapping[str, float]) -> tuple[float, float]:
@@ -37,7 +33,7 @@ def _near_velocity(values: Mapping[str, float]) -> tuple[float, float]:
 
 
 STATIC_FORCE = Parameter(
-    "static_force", "F", "friction force at rest", lower=0.0, fit_bounds=_above_sliding
+    "static_force", "F", "friction force at rest", lower=0.0, at_least="force"
 )
 VELOCITY = Parameter(
     "velocity", "L/T", "speed over which it falls", 0.0, default=1.0, fit_bounds=_near_velocity

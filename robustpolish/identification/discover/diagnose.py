@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import xarray as xr
 
 from robustpolish.identification.discover.conclude import add_wrong_gains, conclude
 from robustpolish.identification.discover.filtered import null_score
-from robustpolish.identification.discover.judge import chosen, judgement, objection
+from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of
+from robustpolish.identification.discover.judge import chosen, together, judgement, objection
 from robustpolish.identification.discover.own_numbers import refit_own, with_holds
-from robustpolish.identification.discover.screening import Screening, hopeful, screen
+from robustpolish.identification.discover.screening import screen
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.fit.prepared import prepare
@@ -96,11 +97,14 @@ def _add_one(search: Search) -> bool:
     for start in _starts(search):
         search.say(f"screening for effect {number}")
         screening = search.screening = screen(start, search.prepared)
-        refits = _refits(search, start, screening)
+        search.say(f"a look at free runs for effect {number}")
+        found = hopeful(screening, search.stage.fit, search.prepared)
+        refits = _refits(search, start, found)
+        refits += _family(refits, start, search)
         ranked = sorted(refits, key=lambda item: judgement(item.fitted, refits))
         search.remember(ranked, screening.candidates, number)
-        earned = chosen(ranked, search)
-        if earned is not None:
+        earned = chosen(ranked, search) or together(ranked, found.pairs, search)
+        if earned:
             search.accept(earned)
             return True
         if screening.level.force <= search.policy.silent:
@@ -108,15 +112,40 @@ def _add_one(search: Search) -> bool:
     return False
 
 
-def _refits(search: Search, start: MechanicalModel, screening: Screening) -> list[RefittedEffect]:
+def _family(
+    refits: Sequence[RefittedEffect], start: MechanicalModel, search: Search
+) -> list[RefittedEffect]:
+    """Refit the other kinds of the family of what would be added, at its place.
+
+    Which kind of friction it is shows in runs, once there is friction at all.
+    """
+    assert search.screening is not None
+    before = list(search.reasons), list(search.confusions)
+    ranked = sorted(refits, key=lambda item: judgement(item.fitted, refits))
+    earned = chosen(ranked, search)
+    search.reasons, search.confusions = before
+    if not earned or not earned[0].effect.definition.family or earned[0].constant:
+        return []
+    done = {item.screened.place for item in refits}
+    found = []
+    stage, prepared = search.stage.fit, search.prepared
+    for candidate in rivals_of(earned[0].effect, stage, prepared, search.screening):
+        if candidate.place not in done:
+            search.say(f"refit with {candidate.effect} instead")
+            fitted = search.fitted_with(start, candidate.effect)
+            if fitted is not None:
+                found.append(RefittedEffect(candidate, fitted))
+    return found
+
+
+def _refits(search: Search, start: MechanicalModel, found: Hopeful) -> list[RefittedEffect]:
     """Refit the candidates that deserve it, as long as it can change anything."""
     refits: list[RefittedEffect] = []
-    first, further = hopeful(screening, search.policy)
-    for candidate in [*first, *further]:
+    for candidate in [*found.first, *found.further]:
         explained = any(search.at_floor(item.fitted) for item in refits)
-        if explained and candidate.score < search.policy.near_score * first[0].score:
-            break
-        if candidate in further and any(
+        if explained and candidate.score < search.policy.near_score * found.first[0].score:
+            continue
+        if candidate in found.further and any(
             not objection(search.stage, item.fitted, search.prepared) for item in refits
         ):
             break

@@ -10,6 +10,7 @@ import numpy as np
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.candidates import rivals
 from robustpolish.identification.discover.confusion import confused
+from robustpolish.identification.discover.screening import ScreenedEffect
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.fit.homotopy import JudgedFit
 from robustpolish.identification.fit.least_squares import covariance_of, errors_from
@@ -20,8 +21,8 @@ from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.simulation.signals import signals
 
 
-def chosen(refits: Sequence[RefittedEffect], search: Search) -> RefittedEffect | None:
-    """Return the effect that is to be added, if one earns its place; note what is like it.
+def chosen(refits: Sequence[RefittedEffect], search: Search) -> list[RefittedEffect]:
+    """Return the effect that is to be added, none if none earns its place; note what is like it.
 
     Parameters
     ----------
@@ -32,19 +33,20 @@ def chosen(refits: Sequence[RefittedEffect], search: Search) -> RefittedEffect |
     refits = _unbeaten(refits, search)
     earned = _first_earned(_in_turn(refits, search), search)
     if earned is None:
-        return _hiding(refits, search)
+        return []
     earned = _before_constant(earned, refits, search)
     here = judgement(earned.fitted, refits)
     for item in refits:
         apart = judgement(item.fitted, refits) - here
         if item.screened is not earned.screened and apart < _tolerance(search):
             search.confusions.append(confused(earned.effect, item.effect))
-    return earned
+    return [earned]
 
 
-def judgement(fitted: JudgedFit, among: Sequence[RefittedEffect]) -> float:
+def judgement(fitted: JudgedFit, among: Sequence[RefittedEffect | JudgedFit]) -> float:
     """Return the mean log of the held-out errors; over short windows unless all run reproducibly."""
-    every = all(item.fitted.reproducible for item in among)
+    fits = [item if isinstance(item, JudgedFit) else item.fitted for item in among]
+    every = all(item.reproducible for item in [fitted, *fits])
     errors = fitted.free if every else fitted.short
     return float(np.mean(np.log(np.maximum(errors, 1e-300))))
 
@@ -205,28 +207,65 @@ def _before_constant(
     return min(found, key=lambda pair: pair[0])[1] if found else earned
 
 
-def _hiding(ranked: Sequence[RefittedEffect], search: Search) -> RefittedEffect | None:
-    """Return the first of two effects that earn their places only beside each other.
+def together(
+    refits: Sequence[RefittedEffect],
+    pairs: Sequence[tuple[ScreenedEffect, ...]],
+    search: Search,
+) -> list[RefittedEffect]:
+    """Return two effects that earn their places only beside each other, none if there are none.
 
-    None of the candidates earned its place alone; the second is found by the next screening.
+    Parameters
+    ----------
+    refits : sequence of RefittedEffect
+        Of single effects, none of which earned its place, the best first.
+    pairs : sequence of tuple of ScreenedEffect
+        What free runs ask for.
+    search : Search
     """
-    policy = search.policy
-    limit = judgement(search.stage, ranked) + np.log(1 - policy.hiding_fall)
-    near = [i for i in ranked[: policy.most_paired] if judgement(i.fitted, ranked) < limit]
+    policy, known = search.policy, {item.screened.place: item for item in refits}
+    limit = judgement(search.stage, refits) + np.log(1 - policy.hiding_fall)
+    near = [i for i in refits[: policy.most_paired] if judgement(i.fitted, refits) < limit]
     if near and not any(item.constant for item in near):
-        near += _likeliest_constant(ranked, search)
-    for one, other in combinations(near, 2):
-        if rivals(one.effect.definition, other.effect.definition):
+        near += _likeliest_constant(refits, search)
+    tried = [*pairs, *((a.screened, b.screened) for a, b in combinations(near, 2))]
+    known |= {item.screened.place: item for item in near}
+    found: list[tuple[float, list[RefittedEffect]]] = []
+    for pair in tried:
+        if rivals(pair[0].effect.definition, pair[1].effect.definition):
             continue
-        both = search.fitted_with(one.fitted.model, other.fitted.model.effects[-1])
-        if both is None:
+        alone = [_alone(candidate, known, search) for candidate in pair]
+        if None in alone:
             continue
+        one, other = (item for item in alone if item is not None)
+        search.say(f"refit with {one.effect} and {other.effect}")
+        both = search.fitted_with(one.fitted.model, pair[1].effect)
+        first = search.fitted_with(search.stage.model, pair[0].effect, pair[1].effect)
+        fits = [fitted for fitted in (both, first) if fitted is not None]
+        if not fits:
+            continue
+        both = min(fits, key=lambda fitted: judgement(fitted, fits))
         kept = objection(other.fitted, both, search.prepared, place=-2)
         if not kept and not objection(one.fitted, both, search.prepared):
-            first, second = (other, one) if one.constant else (one, other)
-            search.reasons.append(f"{first.effect} earns its place only beside {second.effect}.")
-            return first
-    return None
+            found.append((judgement(both, [both]), [one, RefittedEffect(other.screened, both)]))
+    if not found:
+        return []
+    earned = min(found, key=lambda item: item[0])[1]
+    search.reasons.append(f"{earned[0].effect} earns its place only beside {earned[1].effect}.")
+    return earned
+
+
+def _alone(
+    candidate: ScreenedEffect,
+    known: dict[tuple[str, tuple[str, ...]], RefittedEffect],
+    search: Search,
+) -> RefittedEffect | None:
+    """Return the fit of an effect without the other, made now if there is none yet."""
+    if candidate.place not in known:
+        fitted = search.fitted_with(search.stage.model, candidate.effect)
+        if fitted is None:
+            return None
+        known[candidate.place] = RefittedEffect(candidate, fitted)
+    return known[candidate.place]
 
 
 def _likeliest_constant(ranked: Sequence[RefittedEffect], search: Search) -> list[RefittedEffect]:

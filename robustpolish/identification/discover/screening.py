@@ -62,16 +62,20 @@ class Screening:
     ----------
     candidates : tuple of ScreenedEffect
         By their odds, the sensible ones first.
-    large : tuple of ScreenedEffect
-        The same effects as they come closest to runs that are hardly led, by the share of the
-        error that they take away.
+    finalists : tuple of Columns
+        The shapes of the likeliest, and of those that are large, for a look at free runs.
     level : Level
         At which the model is likeliest without any.
     """
 
     candidates: tuple[ScreenedEffect, ...]
-    large: tuple[ScreenedEffect, ...]
+    finalists: tuple[Columns, ...]
     level: Level
+
+    def score(self, effect: Effect) -> float:
+        """Return the log odds of an effect; none if it was no finalist."""
+        there = (c.score for c in self.candidates if c.place == (effect.kind, effect.at))
+        return next(there, 0.0)
 
 
 def screen(
@@ -111,7 +115,7 @@ def screen(
         scores = {level: _try(filtered[level], entry, (0,))[0][0] for level in {**coarse, **hardly}}
         rough.append((min(scores[level] for level in coarse), entry))
         wide.append((min(scores[level] - nulls[level, 0] for level in hardly), entry))
-    found, large = [], []
+    found = []
     chosen: dict[int, Columns] = {}
     _choose(chosen, rough, policy.finalists, 2)
     _choose(chosen, wide, policy.further_finalists, 1)
@@ -123,34 +127,8 @@ def screen(
         )
         odds = (null - score) / 2
         found.append(_candidate(entry, odds, tried[level][1], filtered[level]))
-        for level in policy.hardly_led:
-            if np.isfinite(tried[level][0][0]):
-                large.append(_candidate(entry, odds, tried[level][1], filtered[level]))
     found.sort(key=lambda c: (-c.sensible, -c.score))
-    large.sort(key=lambda c: (-c.sensible, -c.fall))
-    return Screening(_best_of_each(found), _best_of_each(large), best_level)
-
-
-def hopeful(
-    screening: Screening, policy: Policy
-) -> tuple[list[ScreenedEffect], list[ScreenedEffect]]:
-    """Return the candidates that deserve a refit, and further ones if none of them earns its place.
-
-    The former are the likeliest, and the largest if others.
-    """
-    good = [c for c in screening.candidates if c.sensible and c.score > policy.least_odds]
-    chosen = [c for c in good if c.score > policy.near_best * good[0].score][: policy.most_refits]
-    taken = {c.place for c in chosen}
-    for candidate in screening.large[: policy.most_large]:
-        if candidate.place in taken:
-            if candidate.constant:
-                continue
-            break  # what takes away most is there
-        if candidate.sensible and candidate.fall > policy.visible_fall:
-            chosen.append(candidate)
-    taken = {c.place for c in chosen}
-    further = [c for c in good if c.place not in taken]
-    return chosen, further[: policy.most_further]
+    return Screening(_best_of_each(found), tuple(chosen.values()), best_level)
 
 
 def _try(

@@ -84,22 +84,24 @@ class Search:
         """Return whether not even the noise alone would make the error fall visibly."""
         return bool(np.all(stage.error < self.policy.at_floor * self.prepared.scales.noise))
 
-    def fitted_with(self, model: MechanicalModel, effect: Effect) -> JudgedFit | None:
-        """Return a model with one more effect, fitted; None if no fit ended well."""
-        prepared = self.prepared
-        extended = model.with_effect(effect.kind, effect.at, effect.values)
+    def fitted_with(self, model: MechanicalModel, *effects: Effect) -> JudgedFit | None:
+        """Return a model with more effects, fitted; None if no fit ended well."""
+        prepared, extended = self.prepared, model
+        for effect in effects:
+            extended = extended.with_effect(effect.kind, effect.at, effect.values)
         pieces = prepared.trial
         steps = prepared.steps if model.free else 2 * prepared.steps
         spans = prepared.spans(pieces, self.policy.growth)
         stages = homotopy(extended, prepared, pieces, self.reference, spans, steps)
         return best_stage(stages, prepared) if stages else None
 
-    def accept(self, earned: RefittedEffect) -> None:
-        """Go on with the model that has an effect."""
-        self.stage = earned.fitted
-        self.steps.append((earned.effect.kind, self.stage.model))
-        refused = f"{earned.effect} was not added"
-        self.reasons = [reason for reason in self.reasons if not reason.startswith(refused)]
+    def accept(self, earned: Sequence[RefittedEffect]) -> None:
+        """Go on with the model that has the effects, each fitted with those before it."""
+        for item in earned:
+            self.stage = item.fitted
+            self.steps.append((item.effect.kind, self.stage.model))
+            refused = f"{item.effect} was not added"
+            self.reasons = [reason for reason in self.reasons if not reason.startswith(refused)]
 
     def remember(
         self, ranked: Sequence[RefittedEffect], screened: Sequence[ScreenedEffect], number: int

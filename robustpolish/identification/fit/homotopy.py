@@ -56,7 +56,7 @@ def homotopy(
     model = with_units_of_force(model, reference)
     for span in spans if model.free else spans[-1:]:  # what is imposed cannot go astray
         free = free_parameters(model, prepared.scales.bandwidth, prepared.policy, reference)
-        windows = _windows_of(model, prepared, pieces, span, kept)
+        windows = windows_after(model, prepared, pieces, span, kept)
         runner = prepared.runner(model)
         sizes = prepared.sizes(model) if windows[0].start.vector.size else None
         result = fit(Residuals(model, windows, runner, free, sizes), iterations, progress)
@@ -71,7 +71,7 @@ def homotopy(
     return stages
 
 
-def _windows_of(
+def windows_after(
     model: MechanicalModel,
     prepared: PreparedRecord,
     pieces: Sequence[StartedPiece],

@@ -92,6 +92,15 @@ class Residuals:
         self.upper = np.array([f.upper for f in free]) / self.scale
         self.prior = np.array([f.scale / f.prior for f in free])
         self.centre = np.array([f.centre / f.scale for f in free])
+        keys = [f.key for f in free]
+        self.above = [(j, keys.index(f.at_least)) for j, f in enumerate(free) if f.at_least in keys]
+
+    def within(self, x: Array) -> Array:
+        """Return scaled parameters moved to where they may be."""
+        x = np.clip(x, self.lower, self.upper)
+        for j, other in self.above:
+            x[j] = max(x[j], x[other] * self.scale[other] / self.scale[j])
+        return x
 
     def model_at(self, x: Array) -> MechanicalModel:
         """Return the model with scaled parameters x."""
@@ -146,14 +155,13 @@ def fit(
         Called after every step.
     """
     free = residuals.free
-    x = np.clip([f.start / f.scale for f in free], residuals.lower, residuals.upper)
-    x = np.asarray(x, dtype=float)
+    x = residuals.within(np.array([f.start / f.scale for f in free], dtype=float))
     starts = np.array([piece.start.vector for piece in residuals.pieces])
     errors = residuals.errors(x, starts)
     sigma = _weights(errors, np.ones(errors.shape[1]))
     cost = _cost(residuals, x, errors, sigma)
     damping = 1e-3
-    normal: _Normal | None = None
+    normal: Normal | None = None
     # Where only priors speak, damped steps hardly move: a free run ends with a step undamped.
     settles = bool(free) and residuals.runner.level.free
     settling = False
@@ -170,7 +178,7 @@ def fit(
         trial, new_starts, new_errors = x, starts, errors
         for _ in range(5):
             step, moves = _step(normal, x, residuals, damping)
-            trial = np.clip(x + step, residuals.lower, residuals.upper)
+            trial = residuals.within(x + step)
             new_starts = starts
             if residuals.start_sizes is not None:
                 new_starts = starts + moves * residuals.start_sizes
@@ -216,7 +224,7 @@ def _cost(residuals: Residuals, x: Array, errors: Array, sigma: Array) -> float:
     return total if np.isfinite(total) else np.inf
 
 
-class _Normal:
+class Normal:
     """Normal equations whose unknowns are the parameters, and the starts of every piece.
 
     The starts of one piece do not touch the errors of another, so that they are eliminated piece
@@ -279,10 +287,24 @@ class _Normal:
 
     def seen(self) -> Array:
         """Return what the errors tell of the parameters that no start could, like `J`."""
-        J = self.J.copy()
+        return self._without_starts(self.J)
+
+    def _without_starts(self, columns: Array) -> Array:
+        rest = columns.copy()
         for block, rows in zip(self.blocks, self.rows, strict=True):
-            J[rows] -= block @ np.linalg.lstsq(block, J[rows], rcond=1e-10)[0]
-        return J
+            size = np.sqrt(np.sum(block**2, axis=0))
+            scaled = block / np.where(size > 0, size, 1.0)
+            rest[rows] -= scaled @ np.linalg.lstsq(scaled, columns[rows], rcond=1e-10)[0]
+        return rest
+
+    def without_nuisance(self, columns: Array) -> Array:
+        """Return columns less what starts and parameters can do, priors aside."""
+        rest, J = self._without_starts(columns), self.seen()
+        size = np.sqrt(np.sum(J**2, axis=0))
+        J = J[:, size > 0] / size[size > 0]
+        if J.shape[1]:
+            rest -= J @ np.linalg.lstsq(J, rest, rcond=1e-10)[0]
+        return rest
 
     def information(self) -> Array:
         """Return J'J of the parameters, starts eliminated, priors included."""
@@ -290,9 +312,16 @@ class _Normal:
         return J.T @ J + np.diag(self.prior)
 
 
+def normal_of(residuals: Residuals, errors: Array, sigma: Array) -> Normal:
+    """Return the normal equations where the residuals stand, with the errors there."""
+    x = np.array([f.start / f.scale for f in residuals.free])
+    starts = np.array([piece.start.vector for piece in residuals.pieces])
+    return _normal(residuals, x, starts, errors, sigma)
+
+
 def _normal(
     residuals: Residuals, x: Array, starts: Array, errors: Array, sigma: Array
-) -> _Normal:
+) -> Normal:
     p, n = len(x), 0 if residuals.start_sizes is None else starts.shape[1]
     run = residuals.run_at(x) if n else None
 
@@ -311,11 +340,11 @@ def _normal(
         columns[a * ny : b * ny, p:] for a, b in itertools.pairwise(residuals.offsets)
     ] if n else []  # fmt: skip
     error = (errors / sigma).ravel()
-    return _Normal(np.ascontiguousarray(columns[:, :p]), blocks, error, residuals, x)
+    return Normal(np.ascontiguousarray(columns[:, :p]), blocks, error, residuals, x)
 
 
 def _step(
-    normal: _Normal, x: Array, residuals: Residuals, damping: float
+    normal: Normal, x: Array, residuals: Residuals, damping: float
 ) -> tuple[Array, Array]:
     """Solve the damped step, leaving out parameters that rest at a bound."""
     g = normal.g

@@ -28,6 +28,8 @@ class FreeParameter:
         Standard deviation of what is known about it beforehand, about `centre`;
         infinite if nothing is known.
     centre : float
+    at_least : str
+        Key of another number that this one is never below; empty if there is none.
     """
 
     key: str
@@ -37,6 +39,7 @@ class FreeParameter:
     upper: float
     prior: float = np.inf
     centre: float = 0.0
+    at_least: str = ""
 
     @property
     def is_effect(self) -> bool:
@@ -177,4 +180,6 @@ def _effect(i: int, effect: Effect, parameter: Parameter) -> FreeParameter:
     value = effect.values[parameter.name]
     lower, upper = parameter.bounds_from(effect.values)
     scale = parameter.scale_from(value)
-    return FreeParameter(f"effect[{i}].{parameter.name}", value, scale, lower, upper)
+    other = f"effect[{i}].{parameter.at_least}" if parameter.at_least else ""
+    key = f"effect[{i}].{parameter.name}"
+    return FreeParameter(key, value, scale, lower, upper, at_least=other)

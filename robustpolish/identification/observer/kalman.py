@@ -22,6 +22,8 @@ from robustpolish.simulation.step import step_matrices
 from robustpolish.simulation.system import NonlinearSystem
 
 _QUIETEST = 1e-5
+# Share of the highest density up to which a spectrum may be leakage of its window.
+_LEAKS = 1e-6
 # A force that lasts cannot be told from a displacement by a sensor that does not see one.
 _LEAK = {VELOCITY: 20.0, ACCELERATION: 4.0}
 
@@ -218,7 +220,8 @@ def excited_bandwidth(model: MechanicalModel, record: Record) -> float:
         frequency, density = welch(y, 1 / record.dt, nperseg=min(2048, max(len(y) // 2, 1)))
         omega = 2 * np.pi * frequency
         order = {DISPLACEMENT: 0, VELOCITY: 2, ACCELERATION: 4}.get(output.quantity, 0)
-        floor = np.percentile(density, 10)
+        # what leaks from a strong line towards zero frequency would pass for a large displacement
+        floor = max(np.percentile(density, 10), _LEAKS * np.max(density))
         power = np.cumsum(np.maximum(density[1:] - 3 * floor, 0) / omega[1:] ** order)
         if power.size and power[-1] > 0:
             highest = max(highest, float(omega[1:][np.searchsorted(power, 0.98 * power[-1])]))

@@ -111,6 +111,7 @@ def context_of(model: MechanicalData, at: tuple[str, ...], step: float) -> Mappi
         "spring_stiffness": float(stiffness),
         "spin_frequency": 2 * np.pi * (model.spin_frequency or 0.0),
         "mobility": step * inverse_mass,
+        "step": step,
     }
     for effect in model.effects:
         if set(effect.at) == ends:

@@ -1,0 +1,52 @@
+"""Dry friction that builds up over a short way, and remembers it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from robustpolish.effects.kind import EffectKind, Parameter
+from robustpolish.effects.shapes import Scan
+
+
+def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
+    # z is the friction force, p: sliding force, stiffness at reversals, step
+    size = max(p[0], 1e-300)
+    stiffness = p[1] / max(1.0, p[1] * abs(v[0]) / size * p[2])
+    dz[0] = stiffness * (v[0] - abs(v[0]) * z[0] / size)
+    f[0] = -z[0]
+
+
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    rate = abs(values["stiffness"]) * v / max(values["force"], 1e-300)
+    return abs(values["stiffness"]), 0.0, rate
+
+
+def _state_sizes(values: Mapping[str, float], q: float, v: float) -> tuple[float, ...]:
+    return (values["force"],)
+
+
+KIND = EffectKind(
+    kind="dahl_friction",
+    title="Dahl friction",
+    domain="pair",
+    parameters=(
+        Parameter("force", "F", "sliding friction force", lower=0.0),
+        Parameter("stiffness", "F/L", "stiffness after a reversal", lower=0.0),
+    ),
+    law=_law,
+    linear_in=("force",),
+    scan=(Scan("stiffness", "per slip", (0.003, 0.01, 0.03, 0.1, 0.3)),),
+    gains=_gains,
+    state_sizes=_state_sizes,
+    states=1,
+    context=("step",),
+    family="dry friction",
+    sharp=True,
+    looks_like="Like Coulomb friction, with rounded corners after each reversal: over some way, "
+    "however slowly it is gone.",
+    checks=(
+        "Rolling bearings, seals and dampers: the way over which the force builds up.",
+        "Move slowly to and fro by a few micrometres: the force follows displacement.",
+    ),
+    references=("Dahl (1976), AIAA Journal 14(12), 1675-1682",),
+)

@@ -1,0 +1,157 @@
+"""What free runs say of effects before any is fitted: by how much their errors would fall.
+
+The model runs freely over windows; each candidate is added with a small size, and what it changes is
+compared with the errors, after all that starts and the model's own numbers could do is taken out of
+both. That is a score test (Rao 1948), on the errors that will judge in the end; it holds for models
+with effects too, and tells which two effects help only together.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from robustpolish.arrays import Array
+from robustpolish.effects import Effect
+from robustpolish.identification.discover.candidates import Columns
+from robustpolish.identification.fit.homotopy import windows_after
+from robustpolish.identification.fit.least_squares import Fit, Residuals, fit, normal_of
+from robustpolish.identification.fit.parameters import free_parameters
+from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.models.mechanical import MechanicalModel
+
+_TINY = 1e-4
+"""Size of a candidate on trial, as a share of the forces."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What one effect or two would do to the errors of free runs.
+
+    Attributes
+    ----------
+    entries : tuple of Columns
+    effects : tuple of Effect
+        With first values.
+    fall : float
+        Share of the error that they would take away.
+    odds : float
+        Half the fall of the Bayesian information criterion.
+    """
+
+    entries: tuple[Columns, ...]
+    effects: tuple[Effect, ...]
+    fall: float
+    odds: float
+
+    @property
+    def places(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        """Kinds and places."""
+        return tuple((e.kind, e.at) for e in self.effects)
+
+
+def evidence(
+    stage: Fit, prepared: PreparedRecord, entries: Sequence[Columns], span: int
+) -> tuple[list[Evidence], list[Evidence]]:
+    """Return what single effects and pairs would do to runs over windows, the best first.
+
+    Parameters
+    ----------
+    stage : Fit
+        The model as it is.
+    prepared : PreparedRecord
+    entries : sequence of Columns
+        Candidates with shapes from screening.
+    span : int
+        Samples of the windows.
+    """
+    model = stage.model
+    windows = windows_after(model, prepared, prepared.trial, span, stage)
+    free = free_parameters(model, prepared.scales.bandwidth, prepared.policy, model)
+    runner = prepared.runner(model)
+    sizes = prepared.sizes(model) if windows[0].start.vector.size else None
+    settled = fit(Residuals(model, windows, runner, free, sizes), 3)
+    if not np.isfinite(settled.cost):
+        return [], []
+    residuals = Residuals(settled.model, settled.pieces, runner, free, sizes)
+    normal = normal_of(residuals, settled.errors, settled.sigma)
+    rest = normal.without_nuisance((settled.errors / settled.sigma).ravel()[:, None])[:, 0]
+    total = float(rest @ rest)
+    force = float(np.mean(prepared.scales.force)) or 1.0
+
+    def column(task: tuple[int, int]) -> Array:
+        """Change of the errors for a unit of one coefficient."""
+        entry, j = entries[task[0]], task[1]
+        size = float(np.sqrt(np.mean(entry.shape.columns[j] ** 2)))
+        target = force if entry.rows is not None else float(np.std(entry.shape.columns[j]))
+        unit = np.zeros(len(entry.shape.columns))
+        unit[j] = _TINY * target / size if size > 0 else 0.0
+        if not unit[j]:
+            return np.zeros(rest.size)
+        values = entry.shape.values(unit)
+        extended = settled.model.with_effect(entry.kind.kind, entry.at, values)
+        run = prepared.runner(extended).run(extended)
+        pieces = prepared.with_memory(extended, settled.pieces)
+        change = (run.all_errors(pieces) - settled.errors) / settled.sigma / unit[j]
+        return np.nan_to_num(change.ravel(), nan=0.0, posinf=0.0, neginf=0.0)
+
+    tasks = [(i, j) for i, entry in enumerate(entries) for j in range(len(entry.shape.columns))]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        raw = np.array(list(pool.map(column, tasks))).reshape(len(tasks), -1).T
+    C = normal.without_nuisance(raw)
+    before, after = np.sum(raw**2, axis=0), np.sum(C**2, axis=0)
+    hidden = after < 1e-6 * np.maximum(before, 1e-300)
+    gram, target = C.T @ C, -C.T @ rest
+    of: dict[int, list[int]] = {}
+    for k, (i, _) in enumerate(tasks):
+        of.setdefault(i, []).append(k)
+    samples = rest.size
+
+    def judged(which: tuple[int, ...]) -> Evidence | None:
+        rows = [k for i in which for k in of[i]]
+        if hidden[rows].any():
+            return None
+        size = np.sqrt(np.diag(gram)[rows])
+        scaled = gram[np.ix_(rows, rows)] / np.outer(size, size)
+        c = np.linalg.lstsq(scaled, target[rows] / size, rcond=1e-6)[0] / size
+        fall = float(c @ target[rows])
+        effects = []
+        for i in which:
+            entry = entries[i]
+            own = c[[rows.index(k) for k in of[i]]]
+            if any(s * v < 0 for s, v in zip(entry.shape.signs, own, strict=True)):
+                return None
+            values = dict(entry.shape.values(own))
+            for name, value in values.items():
+                parameter = entry.kind.parameter(name)
+                values[name] = float(np.clip(value, parameter.lower, parameter.upper))
+            effects.append(Effect(entry.kind.kind, entry.at, values))
+        left = max(total - fall, 1e-12 * total)
+        odds = 0.5 * samples * np.log(total / left) - 0.5 * len(rows) * np.log(samples)
+        share = 1 - float(np.sqrt(left / total))
+        return Evidence(tuple(entries[i] for i in which), tuple(effects), share, float(odds))
+
+    singles: dict[object, tuple[int, Evidence]] = {}
+    for i in range(len(entries)):
+        found = judged((i,))
+        if found is None:
+            continue
+        key = found.places
+        if key not in singles or found.odds > singles[key][1].odds:
+            singles[key] = (i, found)
+    # a partner may do nothing alone, or pull the wrong way: its first shape stands for it
+    shapes = dict.fromkeys((e.kind.kind, e.at) for e in entries)
+    first = {key: i for i, e in reversed(list(enumerate(entries))) if (key := (e.kind.kind, e.at)) in shapes}
+    chosen = first | {key[0]: i for key, (i, _) in singles.items()}
+    pairs = []
+    for a, b in itertools.combinations(chosen.values(), 2):
+        found = judged((a, b))
+        if found is not None:
+            pairs.append(found)
+    ranked = sorted((found for _, found in singles.values()), key=lambda e: -e.odds)
+    return ranked, sorted(pairs, key=lambda e: -e.odds)

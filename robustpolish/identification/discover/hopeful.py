@@ -1,0 +1,121 @@
+"""Which effects deserve a refit: what the innovations name, and what free runs ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from robustpolish.effects import Effect, kinds
+from robustpolish.identification.discover.candidates import columns_at, rivals
+from robustpolish.identification.discover.evidence import Evidence, evidence
+from robustpolish.identification.discover.screening import ScreenedEffect, Screening
+from robustpolish.identification.fit.least_squares import Fit
+from robustpolish.identification.fit.prepared import PreparedRecord
+
+
+class Hopeful(NamedTuple):
+    """What is to be refitted.
+
+    Attributes
+    ----------
+    first, further : list of ScreenedEffect
+        Single effects, the likeliest first; the further ones if none of the first earns its place.
+    pairs : list of tuple of ScreenedEffect
+        Two effects that would help together far more than alone.
+    """
+
+    first: list[ScreenedEffect]
+    further: list[ScreenedEffect]
+    pairs: list[tuple[ScreenedEffect, ...]]
+
+
+def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopeful:
+    """Choose among all candidates.
+
+    Parameters
+    ----------
+    screening : Screening
+    stage : Fit
+        The model as it is, for the look at free runs.
+    prepared : PreparedRecord
+    """
+    policy = prepared.policy
+    good = [c for c in screening.candidates if c.sensible and c.score > policy.least_odds]
+    first = [c for c in good if c.score > policy.near_best * good[0].score][: policy.most_refits]
+    pairs: list[tuple[ScreenedEffect, ...]] = []
+    for span in _spans(prepared):
+        singles, couples = evidence(stage, prepared, screening.finalists, span)
+        _add_singles(first, singles, screening, prepared)
+        pairs += _pairs(singles, couples, screening, prepared)
+    taken = {c.place for c in first}
+    further = [c for c in good if c.place not in taken][: policy.most_further]
+    unique = {tuple(sorted(c.place for c in pair)): pair for pair in reversed(pairs)}
+    return Hopeful(first, further, list(unique.values())[: policy.most_pairs])
+
+
+def _spans(prepared: PreparedRecord) -> list[int]:
+    """Return the windows to look through: some swings, and as long as the shortest piece."""
+    spans = prepared.spans(prepared.trial, prepared.policy.growth)
+    return spans[1:-1] or spans[-1:]
+
+
+def _add_singles(
+    first: list[ScreenedEffect],
+    singles: Sequence[Evidence],
+    screening: Screening,
+    prepared: PreparedRecord,
+) -> None:
+    policy = prepared.policy
+    taken = {c.place for c in first}
+    large = [found for found in singles if found.fall > policy.visible_fall / 2]
+    for found in large[: policy.most_large]:
+        if found.places[0] not in taken:
+            first.append(_screened(found, 0, screening))
+            taken.add(found.places[0])
+
+
+def _pairs(
+    singles: Sequence[Evidence],
+    couples: Sequence[Evidence],
+    screening: Screening,
+    prepared: PreparedRecord,
+) -> list[tuple[ScreenedEffect, ...]]:
+    """Return the pairs that take away visibly more than each of the two does alone."""
+    policy = prepared.policy
+    alone = {found.places[0]: found.fall for found in singles}
+    found = []
+    for couple in couples:
+        best = max(alone.get(place, 0.0) for place in couple.places)
+        if 1 - couple.fall < (1 - policy.visible_fall) * (1 - best):
+            found.append(tuple(_screened(couple, i, screening) for i in range(2)))
+        if len(found) == policy.most_pairs:
+            break
+    return found
+
+
+def _screened(found: Evidence, i: int, screening: Screening) -> ScreenedEffect:
+    effect = found.effects[i]
+    return ScreenedEffect(effect, screening.score(effect), found.fall)
+
+
+def rivals_of(
+    effect: Effect, stage: Fit, prepared: PreparedRecord, screening: Screening
+) -> list[ScreenedEffect]:
+    """Return the other kinds of an effect's family at its place, with the values that suit best.
+
+    Parameters
+    ----------
+    effect : Effect
+    stage : Fit
+        The model without it.
+    prepared : PreparedRecord
+    screening : Screening
+    """
+    model, record = stage.model, prepared.screened
+    motion = prepared.motion(model, record)
+    kind = effect.definition
+    others = [k for k in kinds().values() if k.kind != kind.kind and rivals(k, kind)]
+    entries = [c for k in others for c in columns_at(model, k, effect.at, motion, record)]
+    found = [e for span in _spans(prepared) for e in evidence(stage, prepared, entries, span)[0]]
+    best = {e.places[0]: e for e in sorted(found, key=lambda e: e.fall)}
+    return [_screened(e, 0, screening) for e in best.values()]
