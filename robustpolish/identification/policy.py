@@ -168,6 +168,8 @@ class Policy:
     most_further: int = 4
     most_paired: int = 3
     most_pairs: int = 3
+    most_likely: int = 2
+    near_error: float = 1.3
     far: float = 3.0
     alike: tuple[float, float] = (0.003, 0.03)
     lost: float = 5.0

@@ -24,6 +24,7 @@ from robustpolish.models.mechanical.ports import (
 from robustpolish.simulation.step import StepMatrices, step_matrices
 
 _MOST_SUBSTEPS = 32
+_FADING = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +114,8 @@ def needed_substeps(model: MechanicalData, dt: float, amplitude: float) -> int:
             effect.values, amplitude, min(omega, 1 / dt) * amplitude
         )
         inverse = np.sum(port_rows(model, effect)[:, m.free] ** 2 / np.diag(m.M)[m.free])
-        fastest = max(
-            fastest, np.sqrt(abs(stiffness) * inverse), abs(damping) * inverse, 0.3 * rate
-        )
+        # laws see to it that no memory fades faster than a step; a few are enough for its rate
+        fading = min(0.3 * rate, (_FADING if model.free else _MOST_SUBSTEPS) / dt)
+        fastest = max(fastest, np.sqrt(abs(stiffness) * inverse), abs(damping) * inverse, fading)
         least = max(least, 4 if effect.definition.sharp else 2)
     return int(np.clip(np.ceil(2.0 * dt * fastest), least, _MOST_SUBSTEPS))

@@ -78,7 +78,8 @@ def evidence(
     settled = fit(Residuals(model, windows, runner, free, sizes), 3)
     if not np.isfinite(settled.cost):
         return [], []
-    residuals = Residuals(settled.model, settled.pieces, runner, free, sizes)
+    here = free_parameters(settled.model, prepared.scales.bandwidth, prepared.policy, model)
+    residuals = Residuals(settled.model, settled.pieces, runner, here, sizes)
     normal = normal_of(residuals, settled.errors, settled.sigma)
     rest = normal.without_nuisance((settled.errors / settled.sigma).ravel()[:, None])[:, 0]
     total = float(rest @ rest)
@@ -136,7 +137,7 @@ def evidence(
         share = 1 - float(np.sqrt(left / total))
         return Evidence(tuple(entries[i] for i in which), tuple(effects), share, float(odds))
 
-    singles: dict[object, tuple[int, Evidence]] = {}
+    singles: dict[tuple[tuple[str, tuple[str, ...]], ...], tuple[int, Evidence]] = {}
     for i in range(len(entries)):
         found = judged((i,))
         if found is None:
@@ -145,13 +146,10 @@ def evidence(
         if key not in singles or found.odds > singles[key][1].odds:
             singles[key] = (i, found)
     # a partner may do nothing alone, or pull the wrong way: its first shape stands for it
-    shapes = dict.fromkeys((e.kind.kind, e.at) for e in entries)
-    first = {key: i for i, e in reversed(list(enumerate(entries))) if (key := (e.kind.kind, e.at)) in shapes}
-    chosen = first | {key[0]: i for key, (i, _) in singles.items()}
-    pairs = []
-    for a, b in itertools.combinations(chosen.values(), 2):
-        found = judged((a, b))
-        if found is not None:
-            pairs.append(found)
+    chosen: dict[tuple[str, tuple[str, ...]], int] = {}
+    for i, entry in enumerate(entries):
+        chosen.setdefault((entry.kind.kind, entry.at), i)
+    chosen |= {key[0]: i for key, (i, _) in singles.items()}
+    pairs = [judged(couple) for couple in itertools.combinations(chosen.values(), 2)]
     ranked = sorted((found for _, found in singles.values()), key=lambda e: -e.odds)
-    return ranked, sorted(pairs, key=lambda e: -e.odds)
+    return ranked, sorted((pair for pair in pairs if pair is not None), key=lambda e: -e.odds)

@@ -41,12 +41,15 @@ def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopef
     """
     policy = prepared.policy
     good = [c for c in screening.candidates if c.sensible and c.score > policy.least_odds]
-    first = [c for c in good if c.score > policy.near_best * good[0].score][: policy.most_refits]
+    first: list[ScreenedEffect] = []
     pairs: list[tuple[ScreenedEffect, ...]] = []
     for span in _spans(prepared):
         singles, couples = evidence(stage, prepared, screening.finalists, span)
         _add_singles(first, singles, screening, prepared)
         pairs += _pairs(singles, couples, screening, prepared)
+    taken = {c.place for c in first}
+    likely = [c for c in good if c.score > policy.near_best * good[0].score]
+    first += [c for c in likely[: policy.most_likely] if c.place not in taken]
     taken = {c.place for c in first}
     further = [c for c in good if c.place not in taken][: policy.most_further]
     unique = {tuple(sorted(c.place for c in pair)): pair for pair in reversed(pairs)}
@@ -67,7 +70,8 @@ def _add_singles(
 ) -> None:
     policy = prepared.policy
     taken = {c.place for c in first}
-    large = [found for found in singles if found.fall > policy.visible_fall / 2]
+    left = policy.near_error * (1 - max((found.fall for found in singles), default=0.0))
+    large = [e for e in singles if e.fall > policy.visible_fall / 2 and 1 - e.fall < left]
     for found in large[: policy.most_large]:
         if found.places[0] not in taken:
             first.append(_screened(found, 0, screening))

@@ -31,10 +31,10 @@ from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid
 
-# Two held-out pieces, 30 % of the record, between those for estimation. Of free decays the end is
-# held out: what is right there was not fitted to amplitudes on both sides.
+# Two held-out pieces, 30 % of the record, between those for estimation; free decays keep their
+# beginning, where the amplitude is, for estimation.
 _MARKS = (0.0, 0.4, 0.55, 0.85, 1.0)
-_MARKS_OF_DECAYS = (0.0, 0.33, 0.4, 0.67, 1.0)
+_MARKS_OF_DECAYS = (0.0, 0.35, 0.65, 0.9, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
