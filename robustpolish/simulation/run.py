@@ -95,9 +95,13 @@ class Stepper:
         )  # fmt: skip
         return NonlinearResponse(measured(self.model, outputs, time), states, inner)
 
-
     def over_pieces(
-        self, inputs: Array, starts: Array, internal: Array, time: Array, marks: Array,
+        self,
+        inputs: Array,
+        starts: Array,
+        internal: Array,
+        time: Array,
+        marks: Array,
         keep: bool = False,
     ) -> NonlinearResponse:
         """Return what :meth:`over` does freely, of pieces that follow each other in the arrays.

@@ -59,6 +59,7 @@ KIND = EffectKind(
     scan=(
         Scan("stiffness", "per slip", (0.01, 0.05, 0.15, 0.4, 0.8)),
         Scan("exponent", "1", (1.0, 2.0)),
+        Scan("gamma", "1", (0.5, -0.5)),
     ),
     gains=_gains,
     implausible=_implausible,

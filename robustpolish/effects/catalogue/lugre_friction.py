@@ -12,7 +12,8 @@ from robustpolish.effects.shapes import Scan
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-    # z is the force in the bristles, p: sliding and static force, velocity, stiffness, damping, step
+    # z is the force in the bristles
+    # p: sliding and static force, velocity, stiffness, damping, step
     size = max(p[0] + (p[1] - p[0]) * np.exp(-((v[0] / p[2]) ** 2)), 1e-300)
     stiffness = p[3] / max(1.0, p[3] * abs(v[0]) / size * p[5])
     dz[0] = stiffness * (v[0] - abs(v[0]) * z[0] / size)

@@ -32,9 +32,7 @@ def _near_velocity(values: Mapping[str, float]) -> tuple[float, float]:
     return (0.2 * velocity, 6 * velocity) if velocity > 0 else (0.0, np.inf)
 
 
-STATIC_FORCE = Parameter(
-    "static_force", "F", "friction force at rest", lower=0.0, at_least="force"
-)
+STATIC_FORCE = Parameter("static_force", "F", "friction force at rest", lower=0.0, at_least="force")
 VELOCITY = Parameter(
     "velocity", "L/T", "speed over which it falls", 0.0, default=1.0, fit_bounds=_near_velocity
 )

@@ -12,6 +12,7 @@ from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.confusion import confused
 from robustpolish.identification.discover.free_shape import better_shape
+from robustpolish.identification.discover.noise_floor import noise_floor
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.findings.findings import Confusion, FoundEffect, Value
@@ -19,6 +20,7 @@ from robustpolish.identification.findings.ledger import Entry, Ledger
 from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, free_rms, homotopy
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import chain_keys, connected, driving
+from robustpolish.identification.fit.prepared import with_rest
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import effect_unit, unit_of
@@ -45,7 +47,6 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
         The model as the user gave it.
     """
     prepared, reference = search.prepared, search.reference
-    noise = prepared.scales.noise
     search.say("final fit")
     best = search.stage
     calm = best.reproducible and free_rms(best.model, prepared, prepared.everything)[1]
@@ -56,13 +57,15 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
     base, refitted = errors[0], errors[min(1, len(errors) - 1)]
     # how an input acts between its samples is no number of the model
     as_it_was = _whole_error(reference, search, calm) if reference is not model else base
-    verdict = _verdict(search, calm, as_it_was, refitted, error, added)
-    above = np.any(error > search.policy.shape_above * noise)
-    if verdict.word == "missing_effect" and above:
-        other = better_shape(final.model, prepared)
-        if other:
-            verdict = Verdict("unexplained", [other], verdict.floor)
-    if added and verdict.word == "unexplained":
+    floor = _floor(final.model, search, calm)
+    verdict = _verdict(search, calm, as_it_was, refitted, error, added, floor)
+    above = np.any(error > search.policy.shape_above * verdict.floor)
+    wrong_name = None
+    if added and above:
+        wrong_name = better_shape(final.model, prepared)
+        if wrong_name:
+            verdict = Verdict("unexplained", [wrong_name], verdict.floor)
+    if wrong_name:
         # what explains too little is reported as a candidate, not kept in the model
         named = ", ".join(e.kind for e in final.model.effects[len(reference.effects) :])
         verdict.reasons.append(f"The nearest of the catalogue, not kept: {named}.")
@@ -70,7 +73,7 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
         search.confusions.clear()
         final, error = _final_fit(search, search.linear, search.linear.reproducible)
         errors = [base, error]
-        verdict = verdict._replace(floor=np.minimum(noise, error))
+        verdict = verdict._replace(floor=np.minimum(floor, error))
     return _diagnosis(search, final, errors, verdict, calm)
 
 
@@ -108,6 +111,16 @@ def _diagnosis(
     )
 
 
+def _floor(model: MechanicalModel, search: Search, calm: bool) -> Array:
+    """Return the noise of each output, from the errors of a model's free runs."""
+    prepared = search.prepared
+    run = prepared.runner(model).run(model)
+    pieces = prepared.everything if calm else prepared.windows
+    started = prepared.with_fitted_starts(run, with_rest(model, pieces))
+    motion = run.over_all(started).outputs
+    return noise_floor(prepared.record.Y - motion, motion, prepared.scales.noise)
+
+
 def _whole_error(model: MechanicalModel, search: Search, calm: bool) -> Array:
     """Return the free-run error of each output over the whole record.
 
@@ -135,7 +148,13 @@ def _final_fit(search: Search, stage: JudgedFit, calm: bool) -> tuple[Fit, Array
 
 
 def _verdict(
-    search: Search, calm: bool, base: Array, refitted: Array, error: Array, added: bool
+    search: Search,
+    calm: bool,
+    base: Array,
+    refitted: Array,
+    error: Array,
+    added: bool,
+    floor: Array,
 ) -> Verdict:
     """Choose the verdict.
 
@@ -148,26 +167,34 @@ def _verdict(
         Free-run errors of the model as it was, refitted, and in the end.
     added : bool
         Whether effects were added.
+    floor : ndarray, shape (ny,)
+        Noise of the sensors.
     """
-    policy, noise = search.policy, search.prepared.scales.noise
+    policy = search.policy
     size = np.std(search.prepared.record.Y, axis=0)
-    # the last screening may have seen coloured noise, and no missing force
-    silent = search.screening is not None and search.screening.level.force <= policy.silent
-    noise_like = silent and bool(np.all(error < policy.loudest * size))
-    at_floor = float(np.max(error / noise)) < policy.at_floor or noise_like
-    floor = error if at_floor else np.minimum(noise, error)
+    at_floor = bool(np.all(error < policy.shape_above * floor))
+    if not at_floor and _noise_on_inputs(search) and np.all(error < policy.loudest * size):
+        at_floor, floor = True, error
     if added:
-        share = _explained(refitted, error, noise)
+        share = _explained(refitted, error, floor)
+        told = [f"The effects explain {100 * share:.0f} % of the error above the noise."]
         if at_floor or share > policy.explained or not calm:
-            told = f"The effects explain {100 * share:.0f} % of the error above the noise."
-            return Verdict("missing_effect", [told] if share > 0 else [], floor)
-        why = f"What was found explains {100 * share:.0f} % of the error above the noise only."
-        return Verdict("unexplained", [why], floor)
+            return Verdict("missing_effect", told if share > 0 else [], floor)
+        told[0] += f" {100 * (1 - share):.0f} % is left."
+        return Verdict("partly_explained", told, floor)
     if not at_floor:
         why = "No effect of the catalogue makes the error fall visibly."
         return Verdict("unexplained", [why], floor)
     wrong = np.any(base > policy.improved * error)
     return Verdict("parameters" if wrong else "adequate", [], floor)
+
+
+def _noise_on_inputs(search: Search) -> bool:
+    """Return whether the last screening saw noise on the inputs, and no missing force."""
+    if search.screening is None:
+        return False
+    level = search.screening.level
+    return level.force <= search.policy.silent and level.input_noise > 0
 
 
 def _explained(before: Array, after: Array, noise: Array) -> float:

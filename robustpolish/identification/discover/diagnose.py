@@ -9,7 +9,7 @@ import xarray as xr
 from robustpolish.identification.discover.conclude import add_wrong_gains, conclude
 from robustpolish.identification.discover.filtered import null_score
 from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of
-from robustpolish.identification.discover.judge import chosen, together, judgement, objection
+from robustpolish.identification.discover.judge import chosen, judgement, objection, together
 from robustpolish.identification.discover.own_numbers import refit_own, with_holds
 from robustpolish.identification.discover.screening import screen
 from robustpolish.identification.discover.search import RefittedEffect, Search

@@ -1,8 +1,8 @@
 """What free runs say of effects before any is fitted: by how much their errors would fall.
 
-The model runs freely over windows; each candidate is added with a small size, and what it changes is
-compared with the errors, after all that starts and the model's own numbers could do is taken out of
-both. That is a score test (Rao 1948), on the errors that will judge in the end; it holds for models
+The model runs freely over windows; each candidate is added with a small size, and what it changes
+is compared with the errors, after all that starts and the model's own numbers could do is taken out
+of both. That is a score test (Rao 1948), on the errors that will judge in the end; it holds for models
 with effects too, and tells which two effects help only together.
 """
 
@@ -23,7 +23,6 @@ from robustpolish.identification.fit.homotopy import windows_after
 from robustpolish.identification.fit.least_squares import Fit, Residuals, fit, normal_of
 from robustpolish.identification.fit.parameters import free_parameters
 from robustpolish.identification.fit.prepared import PreparedRecord
-from robustpolish.models.mechanical import MechanicalModel
 
 _TINY = 1e-4
 """Size of a candidate on trial, as a share of the forces."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from robustpolish.effects import Effect, kinds
 from robustpolish.identification.discover.candidates import columns_at, rivals
 from robustpolish.identification.discover.evidence import Evidence, evidence
+from robustpolish.identification.discover.judge import line_of_motion
 from robustpolish.identification.discover.screening import ScreenedEffect, Screening
 from robustpolish.identification.fit.least_squares import Fit
 from robustpolish.identification.fit.prepared import PreparedRecord
@@ -41,10 +42,14 @@ def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopef
     """
     policy = prepared.policy
     good = [c for c in screening.candidates if c.sensible and c.score > policy.least_odds]
+    good = [c for c in good if not _line(c.effect, stage, prepared)]
     first: list[ScreenedEffect] = []
     pairs: list[tuple[ScreenedEffect, ...]] = []
     for span in _spans(prepared):
-        singles, couples = evidence(stage, prepared, screening.finalists, span)
+        singles, couples = (
+            [e for e in found if not any(_line(effect, stage, prepared) for effect in e.effects)]
+            for found in evidence(stage, prepared, screening.finalists, span)
+        )
         _add_singles(first, singles, screening, prepared)
         pairs += _pairs(singles, couples, screening, prepared)
     taken = {c.place for c in first}
@@ -54,6 +59,10 @@ def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopef
     further = [c for c in good if c.place not in taken][: policy.most_further]
     unique = {tuple(sorted(c.place for c in pair)): pair for pair in reversed(pairs)}
     return Hopeful(first, further, list(unique.values())[: policy.most_pairs])
+
+
+def _line(effect: Effect, stage: Fit, prepared: PreparedRecord) -> bool:
+    return bool(line_of_motion(effect, stage.model, prepared.record))
 
 
 def _spans(prepared: PreparedRecord) -> list[int]:

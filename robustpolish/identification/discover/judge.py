@@ -20,6 +20,9 @@ from robustpolish.identification.record import Record, repetition
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.simulation.signals import signals
 
+_SHIFTS = 0.1
+"""Share by which the frequency of a decay may shift with its amplitude."""
+
 
 def chosen(refits: Sequence[RefittedEffect], search: Search) -> list[RefittedEffect]:
     """Return the effect that is to be added, none if none earns its place; note what is like it.
@@ -44,7 +47,7 @@ def chosen(refits: Sequence[RefittedEffect], search: Search) -> list[RefittedEff
 
 
 def judgement(fitted: JudgedFit, among: Sequence[RefittedEffect | JudgedFit]) -> float:
-    """Return the mean log of the held-out errors; over short windows unless all run reproducibly."""
+    """Return the mean log of the held-out errors; of short windows unless all run reproducibly."""
     fits = [item if isinstance(item, JudgedFit) else item.fitted for item in among]
     every = all(item.reproducible for item in [fitted, *fits])
     errors = fitted.free if every else fitted.short
@@ -74,7 +77,7 @@ def objection(
         return "one output gains what another loses"
     index = place % len(after.model.effects)
     effect = after.model.effects[index]
-    refused = effect.definition.implausible(effect.values) or _line_of_inputs(
+    refused = effect.definition.implausible(effect.values) or line_of_motion(
         effect, after.model, prepared.record
     )
     if refused:
@@ -87,14 +90,16 @@ def objection(
     return None
 
 
-def _line_of_inputs(effect: Effect, model: MechanicalModel, record: Record) -> str | None:
-    """Say whether a force from outside has a line of the inputs.
+def line_of_motion(effect: Effect, model: MechanicalModel, record: Record) -> str | None:
+    """Say whether a force from outside has a line that the motion has by itself.
 
     What depends on the motion repeats with the inputs, so such a line may be any law of motion.
     """
     frequency = effect.definition.line
     if frequency is None:
         return None
+    if not model.inputs and _swings_at(model, effect.values[frequency], record):
+        return "in a free decay the machine swings at this frequency by itself"
     inputs = signals(model, record.data)
     period = repetition(inputs, record.dt)
     if period is None:
@@ -105,6 +110,14 @@ def _line_of_inputs(effect: Effect, model: MechanicalModel, record: Record) -> s
     return f"the inputs repeat every {period:.4g} s, and what they move has this line too"
 
 
+def _swings_at(model: MechanicalModel, frequency: float, record: Record) -> bool:
+    """Return whether a model without inputs has a mode that its record cannot tell from a line."""
+    poles = np.linalg.eigvals(model.matrices.first_order()[0])
+    apart = np.abs(np.abs(poles.imag) / (2 * np.pi) - frequency)
+    width = np.abs(poles.real) / np.pi + 2 / (record.samples * record.dt)
+    return bool(np.any(apart < np.maximum(width, _SHIFTS * frequency)))
+
+
 def _unbeaten(refits: Sequence[RefittedEffect], search: Search) -> list[RefittedEffect]:
     """Leave out what shows in free runs alone, and there no better than a mere repetition.
 
@@ -112,10 +125,12 @@ def _unbeaten(refits: Sequence[RefittedEffect], search: Search) -> list[Refitted
     the missing force speaks against an effect, the motion has a law that this effect is not.
     """
     record = search.prepared.record
+    if not search.reference.inputs:
+        return list(refits)
     lines = [
         item
         for item in refits
-        if _line_of_inputs(item.fitted.model.effects[-1], search.reference, record)
+        if line_of_motion(item.fitted.model.effects[-1], search.reference, record)
     ]
     least = min((judgement(item.fitted, refits) for item in lines), default=np.inf)
     limit = least + np.log(1 - search.policy.visible_fall)

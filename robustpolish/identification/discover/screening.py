@@ -13,7 +13,6 @@ from robustpolish.identification.discover.candidates import Columns, columns_at,
 from robustpolish.identification.discover.filtered import FilteredRecord
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.kalman import Level
-from robustpolish.identification.policy import Policy
 from robustpolish.models.mechanical import MechanicalModel
 
 

@@ -25,7 +25,7 @@ class Diagnosis(Findings, Displayed):
     Attributes
     ----------
     verdict : str
-        ``adequate``, ``parameters``, ``missing_effect`` or ``unexplained``.
+        ``adequate``, ``parameters``, ``missing_effect``, ``partly_explained`` or ``unexplained``.
     model : MechanicalModel
         The refitted model with the effects that were found.
     effects : tuple of FoundEffect

@@ -18,7 +18,7 @@ from robustpolish.identification.findings.ledger import Entry, Ledger
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.saved_file import Fields
 
-VERDICTS = ("adequate", "parameters", "missing_effect", "unexplained")
+VERDICTS = ("adequate", "parameters", "missing_effect", "partly_explained", "unexplained")
 
 
 def content(found: Findings) -> dict[str, Any]:

@@ -13,15 +13,17 @@ _VERDICTS = {
     "adequate": "The model is adequate: what is left is noise.",
     "parameters": "Nothing is missing, but the model's numbers were wrong; they were refitted.",
     "missing_effect": "The model lacks a physical effect.",
+    "partly_explained": "The model lacks physical effects; a part of the error is left.",
     "unexplained": "Something is missing that no effect of the catalogue explains.",
 }
 
 
 def headline(found: Findings) -> str:
     """Return the verdict as a sentence, with the effects by name."""
-    if found.verdict == "missing_effect" and found.effects:
+    if found.verdict in ("missing_effect", "partly_explained") and found.effects:
         named = " and ".join(f"{lookup(e.kind).title} at {', '.join(e.at)}" for e in found.effects)
-        return f"The model lacked: {named}."
+        more = "" if found.verdict == "missing_effect" else " And something else is missing."
+        return f"The model lacked: {named}.{more}"
     return _VERDICTS[found.verdict]
 
 

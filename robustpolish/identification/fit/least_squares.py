@@ -319,9 +319,7 @@ def normal_of(residuals: Residuals, errors: Array, sigma: Array) -> Normal:
     return _normal(residuals, x, starts, errors, sigma)
 
 
-def _normal(
-    residuals: Residuals, x: Array, starts: Array, errors: Array, sigma: Array
-) -> Normal:
+def _normal(residuals: Residuals, x: Array, starts: Array, errors: Array, sigma: Array) -> Normal:
     p, n = len(x), 0 if residuals.start_sizes is None else starts.shape[1]
     run = residuals.run_at(x) if n else None
 
@@ -343,9 +341,7 @@ def _normal(
     return Normal(np.ascontiguousarray(columns[:, :p]), blocks, error, residuals, x)
 
 
-def _step(
-    normal: Normal, x: Array, residuals: Residuals, damping: float
-) -> tuple[Array, Array]:
+def _step(normal: Normal, x: Array, residuals: Residuals, damping: float) -> tuple[Array, Array]:
     """Solve the damped step, leaving out parameters that rest at a bound."""
     g = normal.g
     held = ((x <= residuals.lower) & (g > 0)) | ((x >= residuals.upper) & (g < 0))

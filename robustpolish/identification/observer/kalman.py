@@ -23,7 +23,7 @@ from robustpolish.simulation.system import NonlinearSystem
 
 _QUIETEST = 1e-5
 # Share of the highest density up to which a spectrum may be leakage of its window.
-_LEAKS = 1e-6
+_LEAKS = 1e-4
 # A force that lasts cannot be told from a displacement by a sensor that does not see one.
 _LEAK = {VELOCITY: 20.0, ACCELERATION: 4.0}
 

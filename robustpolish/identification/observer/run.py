@@ -305,7 +305,9 @@ def _closest(
     """
     heads = [p.record.part(0, min(samples, p.record.samples)) for p in pieces]
     vectors = np.array([piece.start.vector for piece in pieces])
-    step, damping = (1.0, np.zeros(len(pieces))) if run.linear else (_STEP, np.full(len(pieces), 1e-3))
+    step, damping = (
+        (1.0, np.zeros(len(pieces))) if run.linear else (_STEP, np.full(len(pieces), 1e-3))
+    )
 
     def errors(rows: Array, which: Sequence[int]) -> list[Array]:
         started = [
@@ -331,10 +333,13 @@ def _closest(
         }
         settled, waiting = [], active
         for attempt in range(5):
-            tried = np.array([
-                vectors[i] - _damped_step(jacobians[i], now[i], damping[i] * 10**attempt) * sizes
-                for i in waiting
-            ])
+            tried = np.array(
+                [
+                    vectors[i]
+                    - _damped_step(jacobians[i], now[i], damping[i] * 10**attempt) * sizes
+                    for i in waiting
+                ]
+            )
             still = []
             for i, row, after in zip(waiting, tried, errors(tried, waiting), strict=True):
                 if not after @ after < now[i] @ now[i]:

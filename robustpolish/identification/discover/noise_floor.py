@@ -1,0 +1,57 @@
+"""The noise of the sensors, apart from what a model does wrong.
+
+What a model does wrong is a part of the motion: where the spectrum of the errors exceeds that of
+the motion itself, they are noise. The colour of that noise, of first order, tells how much of it lies
+under the motion (P. Whittle 1953, Arkiv foer Matematik 2, 423-434, on fits to spectra).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import welch
+
+from robustpolish.arrays import Array
+
+_POLES = np.linspace(0.0, 0.95, 39)
+_FEWEST = 8
+
+
+def noise_floor(errors: Array, motion: Array, least: Array) -> Array:
+    """Return the standard deviation of the noise of each output.
+
+    Parameters
+    ----------
+    errors, motion : ndarray, shape (samples, ny)
+        Of a model's runs, and its outputs there.
+    least : ndarray, shape (ny,)
+        Noise that is seen in the quietest band of the record, if the motion hides all other.
+
+    Returns
+    -------
+    ndarray, shape (ny,)
+        At most the error.
+    """
+    found = [_floor(e, y, low) for e, y, low in zip(errors.T, motion.T, least, strict=True)]
+    return np.minimum(found, np.sqrt(np.mean(errors**2, axis=0)))
+
+
+def _floor(error: Array, motion: Array, least: float) -> float:
+    if not (np.isfinite(error).all() and np.isfinite(motion).all()):
+        return least
+    length = min(512, len(error) // 4)
+    frequency, noise = welch(error, nperseg=length, detrend="linear")
+    _, moving = welch(motion, nperseg=length, detrend="linear")
+    seen = (noise > moving) & (frequency > 0) & (frequency < 0.5)
+    if np.count_nonzero(seen) < _FEWEST:
+        return least
+    density, turn = noise[seen] / 2, np.cos(2 * np.pi * frequency[seen])
+    best, chosen = np.inf, least
+    for pole in _POLES:
+        whitened = density * (1 + pole**2 - 2 * pole * turn)
+        power = float(np.mean(whitened))
+        if power <= 0:
+            return least
+        misfit = np.log(power) - np.mean(np.log(1 + pole**2 - 2 * pole * turn))
+        if misfit < best:
+            best, chosen = misfit, float(np.sqrt(power / (1 - pole**2)))
+    return max(chosen, least)
