@@ -2,8 +2,8 @@
 
 The model runs freely over windows; each candidate is added with a small size, and what it changes
 is compared with the errors, after all that starts and the model's own numbers could do is taken out
-of both. That is a score test (Rao 1948), on the errors that will judge in the end; it holds for models
-with effects too, and tells which two effects help only together.
+of both. That is a score test (Rao 1948), on the errors that will judge in the end; it holds for
+models with effects too, and tells which two effects help only together.
 """
 
 from __future__ import annotations

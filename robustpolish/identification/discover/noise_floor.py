@@ -1,8 +1,8 @@
 """The noise of the sensors, apart from what a model does wrong.
 
 What a model does wrong is a part of the motion: where the spectrum of the errors exceeds that of
-the motion itself, they are noise. The colour of that noise, of first order, tells how much of it lies
-under the motion (P. Whittle 1953, Arkiv foer Matematik 2, 423-434, on fits to spectra).
+the motion itself, they are noise. The colour of that noise, of first order, tells how much of it
+lies under the motion (P. Whittle 1953, Arkiv foer Matematik 2, 423-434, on fits to spectra).
 """
 
 from __future__ import annotations
