@@ -32,6 +32,7 @@ from robustpolish.closed_loop import (
     design_against_brush,
     simulate,
 )
+from robustpolish.effects.own import effect
 from robustpolish.errors import (
     InfeasibleError,
     InvalidInputError,
@@ -144,6 +145,7 @@ __all__ = [
     "datasets",
     "design_against_brush",
     "diagnose",
+    "effect",
     "given_controller",
     "h2_norm",
     "hinf_norm",

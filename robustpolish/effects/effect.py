@@ -7,7 +7,7 @@ registers.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from importlib import import_module
@@ -69,7 +69,8 @@ def register(kind: EffectKind) -> EffectKind:
     Raises
     ------
     InvalidInputError
-        If it is no EffectKind, or the name is taken by another.
+        If it is no EffectKind, or the name is one of the catalogue. One that was registered before
+        is replaced; effects that were made of it keep it.
     """
     if not isinstance(kind, EffectKind):
         raise invalid("kind", kind, "an EffectKind", "Build one, see 'How to add an effect'.")
@@ -78,6 +79,26 @@ def register(kind: EffectKind) -> EffectKind:
         raise invalid("kind.kind", kind.kind, "a name that is not taken", "Choose another name.")
     _registered[kind.kind] = kind
     return kind
+
+
+def unregister(name: str) -> None:
+    """Take a kind that was registered out of the catalogue of this process.
+
+    Effects that were made of it keep it.
+
+    Parameters
+    ----------
+    name : str
+
+    Raises
+    ------
+    InvalidInputError
+        If no such kind was registered.
+    """
+    if name not in _registered:
+        listed = ", ".join(_registered) or "those registered, of which there are none"
+        raise invalid("name", name, f"one of {listed}", "Check the spelling.")
+    del _registered[name]
 
 
 def kinds() -> dict[str, EffectKind]:
@@ -147,6 +168,9 @@ class Effect:
         Names of degrees of freedom ("ground" included), of an input or output.
     parameters : mapping of str to float
         SI values; those not given take the kind's defaults.
+    own : EffectKind, optional
+        The kind itself, of an effect of your own: the effect keeps it, whatever is registered
+        under its name later. What is registered now by default, None for the catalogue's.
 
     Raises
     ------
@@ -164,16 +188,43 @@ class Effect:
     kind: str
     at: tuple[str, ...]
     parameters: Mapping[str, float] = field(default_factory=dict)
+    own: EffectKind | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
+        if self.own is None:
+            object.__setattr__(self, "own", _registered.get(self.kind))
         definition = self.definition
         object.__setattr__(self, "at", _places(definition, self.at))
         object.__setattr__(self, "parameters", _numbers(definition, self.parameters))
 
+    @classmethod
+    def of(
+        cls, kind: EffectKind, at: Sequence[str], parameters: Mapping[str, float] | None = None
+    ) -> Effect:
+        """Return an effect of this kind, which need not be registered.
+
+        Parameters
+        ----------
+        kind : EffectKind
+        at : sequence of str
+        parameters : mapping of str to float, optional
+
+        Returns
+        -------
+        Effect
+
+        Examples
+        --------
+        >>> Effect.of(kinds()["cubic_stiffness"], ("x", "ground"), {"stiffness": 2.0}).kind
+        'cubic_stiffness'
+        """
+        own = None if _catalogue().get(kind.kind) == kind else kind
+        return cls(kind.kind, at, parameters or {}, own)  # type: ignore[arg-type]
+
     @property
     def definition(self) -> EffectKind:
         """The kind's description."""
-        return lookup(self.kind)
+        return self.own or lookup(self.kind)
 
     @property
     def values(self) -> dict[str, float]:

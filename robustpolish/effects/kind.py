@@ -16,7 +16,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numba
 import numpy as np
@@ -134,11 +134,12 @@ class Parameter:
         """
         if self.dimension in ("1", "rad", "signal"):
             return self.dimension
-        unit = "".join(_SI[c][rotational] if c in _SI else c for c in self.dimension)
+        words = re.split(r"([*/^])", self.dimension)
+        unit = "".join(_SI[word][rotational] if word in _SI else word for word in words)
         return unit.replace("*", " ")
 
     @property
-    def powers(self) -> dict[str, int]:
+    def powers(self) -> dict[str, float]:
         """The powers of F, L, T and M in the dimension.
 
         Examples
@@ -146,10 +147,13 @@ class Parameter:
         >>> Parameter("coefficient", "F*T/L^3", "of damping").powers
         {'F': 1, 'L': -3, 'T': 1, 'M': 0}
         """
-        found = dict.fromkeys("FLTM", 0)
+        found: dict[str, float] = dict.fromkeys("FLTM", 0)
         if self.dimension != "signal":
-            for slash, letter, power in re.findall(r"(/?)([FLTM])(?:\^(\d+))?", self.dimension):
-                found[letter] += (-1 if slash else 1) * int(power or 1)
+            for slash, factor in re.findall(r"(/?)([^*/]+)", self.dimension):
+                letter, _, power = factor.partition("^")
+                if letter in found:
+                    size = float(power or 1)
+                    found[letter] += (-1 if slash else 1) * (int(size) if size % 1 == 0 else size)
         return found
 
     @property
@@ -181,8 +185,8 @@ class Parameter:
         if powers["F"] != 1 or powers["M"] or a < 0 or b < 0:
             return 0.0, 0.0
         size = abs(value)
-        stiffness = a * size * q ** (a - 1) * v**b if a else 0.0
-        return stiffness, b * size * q**a * v ** (b - 1) if b else 0.0
+        stiffness = a * size * q ** (a - 1) * v**b if a and (q or a >= 1) else 0.0
+        return stiffness, b * size * q**a * v ** (b - 1) if b and (v or b >= 1) else 0.0
 
 
 def _no_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
@@ -193,7 +197,7 @@ def _plausible(values: Values) -> str | None:
     return None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class EffectKind:
     """One kind of physical effect; one of these per file.
 
@@ -251,6 +255,10 @@ class EffectKind:
         and v.
     implausible : callable
         ``implausible(values)`` says why values cannot be physical, or None.
+    channels : tuple of (str, str)
+        Measured signals that the law reads, with their units: coordinates of the model by these
+        names, which an input imposes. They are further ports behind its own, without a force:
+        ``q[1]`` is the first channel of a pair.
     family : str
         Kinds of one family are rivals: a place has one of them at most.
     sharp : bool
@@ -275,6 +283,7 @@ class EffectKind:
     gains: Callable[[Values, float, float], tuple[float, float, float]] | None = None
     state_sizes: Callable[[Values, float, float], tuple[float, ...]] = _no_sizes
     implausible: Callable[[Values], str | None] = _plausible
+    channels: tuple[tuple[str, str], ...] = ()
     family: str = ""
     sharp: bool = False
     looks_like: str = ""
@@ -293,6 +302,10 @@ class EffectKind:
                 "without it the effect would do nothing.",
             )
 
+    def __repr__(self) -> str:
+        units = ", ".join(f"{p.name} [{p.unit()}]" for p in self.parameters)
+        return f"EffectKind({self.kind!r}, {self.domain!r}: {units or 'no parameters'})"
+
     @property
     def _functions(self) -> str:
         given = [name for name in ("law", "on_signal") if getattr(self, name) is not None]
@@ -310,8 +323,8 @@ class EffectKind:
 
     @property
     def ports(self) -> int:
-        """Number of forces that the law writes."""
-        return 2 if self.domain == "axes" else 1
+        """Number of motions that the law reads: of its places, and of its channels."""
+        return (2 if self.domain == "axes" else 1) + len(self.channels)
 
     @property
     def has_memory(self) -> bool:
@@ -385,11 +398,22 @@ class EffectKind:
         )
 
 
+@runtime_checkable
+class CompilesItself(Protocol):
+    """A law that no file holds as a function, and that therefore compiles itself."""
+
+    def compiled(self) -> Any:
+        """Return the law compiled to :func:`law_signature`."""
+        ...
+
+
 @lru_cache(maxsize=256)
 def compiled_law(kind: EffectKind) -> Any:
     """Return the law compiled to one signature, so that kernels can call any of them."""
     if kind.law is None:
         raise invalid("kind", kind.kind, "an effect with a force law", "Choose another kind.")
+    if isinstance(kind.law, CompilesItself):
+        return kind.law.compiled()
     return numba.njit(law_signature(), cache=True, error_model="numpy")(kind.law)
 
 

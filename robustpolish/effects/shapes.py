@@ -53,13 +53,13 @@ class Scan:
     Parameters
     ----------
     parameter : str
-    of : str
+    of : str or (float, float)
         What the shares are multiplied by: ``"1"``, the ``"amplitude"`` or the ``"speed"`` of the
-        motion. ``"per slip"`` is the inverse of a share of the amplitude, if that is longer than
-        half a sample's travel: the stiffness of what slips at a unit of force. ``"percentile"``
-        is the displacement at which so many percent of the samples are below, and its mirror
-        image. ``"line of the force"`` is the frequency in Hz of the strongest line of the missing
-        force (0), the second one (1), and so on.
+        motion, or powers of these two. ``"per slip"`` is the inverse of a share of the amplitude,
+        if that is longer than half a sample's travel: the stiffness of what slips at a unit of
+        force. ``"percentile"`` is the displacement at which so many percent of the samples are
+        below, and its mirror image. ``"line of the force"`` is the frequency in Hz of the strongest
+        line of the missing force (0), the second one (1), and so on.
     shares : tuple of float
     kept : bool
         False for what only rounds a candidate's corners: the effect keeps its default.
@@ -73,7 +73,7 @@ class Scan:
     """
 
     parameter: str
-    of: str
+    of: str | tuple[float, float]
     shares: tuple[float, ...]
     kept: bool = True
 
@@ -98,7 +98,12 @@ class Scan:
             travel = 0.5 * motion.speed * float(motion.time[1] - motion.time[0])
             slips = (share * motion.amplitude for share in self.shares)
             return [1 / slip for slip in slips if slip > travel]
-        size = {"1": 1.0, "amplitude": motion.amplitude, "speed": motion.speed}[self.of]
+        if isinstance(self.of, str):
+            size = {"1": 1.0, "amplitude": motion.amplitude, "speed": motion.speed}[self.of]
+        elif motion.amplitude and motion.speed:
+            size = motion.amplitude ** self.of[0] * motion.speed ** self.of[1]
+        else:
+            size = 0.0
         return [share * size for share in self.shares] if size else []
 
 

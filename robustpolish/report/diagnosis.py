@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from robustpolish.display import Table
-from robustpolish.effects import lookup
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification import Comparison, ResidualAnalysis, residual_analysis
 from robustpolish.identification.findings.diagnosis import Diagnosis
@@ -90,7 +89,7 @@ def _which(diagnosis: Diagnosis) -> Section:
         return Section(title, ("None.",))
     text, rows = [], []
     for effect in diagnosis.effects:
-        kind = lookup(effect.kind)
+        kind = effect.definition
         place = ", ".join(effect.at)
         text.append(f"{kind.title} at {place}. In the residual: {kind.looks_like}")
         rows += [
@@ -125,9 +124,9 @@ def _how_much(diagnosis: Diagnosis, after: Comparison | None) -> Section:
 
 def _checks(diagnosis: Diagnosis) -> Section:
     points = [
-        f"{lookup(effect.kind).title} at {', '.join(effect.at)}: {check}"
+        f"{effect.definition.title} at {', '.join(effect.at)}: {check}"
         for effect in diagnosis.effects
-        for check in lookup(effect.kind).checks
+        for check in effect.definition.checks
     ]
     tables = ()
     text = () if points else ("Nothing was found that could be checked on the machine.",)

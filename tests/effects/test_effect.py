@@ -6,7 +6,15 @@ import pickle
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect, Motion, force_along, lookup, register
+from robustpolish.effects import (
+    Effect,
+    Motion,
+    force_along,
+    lookup,
+    own_kind,
+    register,
+    unregister,
+)
 from robustpolish.effects import effect as catalogue
 from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.errors import InvalidInputError
@@ -74,3 +82,23 @@ def test_users_add_a_kind(monkeypatch):
     np.testing.assert_allclose(force, -2 * along.q**5)
     with pytest.raises(InvalidInputError, match="taken"):
         register(EffectKind("cubic_stiffness", "Another", "pair", (Parameter("a", "F", "b"),), law))
+
+
+def test_an_effect_keeps_the_kind_it_was_made_of(monkeypatch):
+    monkeypatch.setattr(catalogue, "_registered", {})
+    former, later = (
+        own_kind({"formula": f"f = -k*q**{power}", "units": {"k": f"N/m^{power}"}, "name": "law"})
+        for power in (5, 7)
+    )
+    register(former)
+    effect = Effect("law", "x", {"k": 2.0})
+    register(later)
+    assert effect.definition == effect.with_values({"k": 3.0}).definition == former
+    assert Effect("law", "x", {"k": 2.0}).definition == later
+    assert pickle.loads(pickle.dumps(effect)) == effect
+    unregister("law")
+    assert effect.definition == former
+    with pytest.raises(InvalidInputError, match="spelling"):
+        Effect("law", "x")
+    assert Effect.of(later, "x").values == {"k": 0.0}
+    assert Effect.of(lookup("cubic_stiffness"), "x") == Effect("cubic_stiffness", "x")

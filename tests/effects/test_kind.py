@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect, EffectKind, Parameter, lookup, register
+from robustpolish.effects import Effect, EffectKind, Parameter, compiled_law, lookup, register
 from robustpolish.effects import effect as catalogue
 from robustpolish.errors import InvalidInputError
 
@@ -76,3 +76,33 @@ def test_the_units_tell_how_steep_a_power_law_is(name, values, expected):
     kind = lookup(name)
     full = {p.name: p.default for p in kind.parameters} | values
     assert kind.steepness(full, 0.3, 5.0) == pytest.approx(expected)
+
+
+def test_powers_need_not_be_whole_and_other_units_stay():
+    contact = Parameter("stiffness", "F/L^1.5", "of a ball on a plane")
+    assert contact.unit() == "N/m^1.5"
+    assert contact.unit(rotational=True) == "N m/rad^1.5"
+    assert contact.powers == {"F": 1, "L": -1.5, "T": 0, "M": 0}
+    assert contact.slopes(2.0, q=4.0, v=1.0) == (6.0, 0.0)
+    assert Parameter("root", "F/L^0.5", "").slopes(2.0, q=0.0, v=0.0) == (0.0, 0.0)
+    pressed = Parameter("gain", "F*T/L/MPa", "damping by pressure")
+    assert pressed.unit() == "N s/m/MPa"
+    assert pressed.powers == {"F": 1, "L": -1, "T": 1, "M": 0}
+
+
+def test_a_law_may_compile_itself():
+    class Pull:
+        def __call__(self, t, q, v, z, p, f, dz):
+            f[0] = -p[0]
+
+        def compiled(self):
+            return "compiled by itself"
+
+    kind = EffectKind("pull", "Pull", "pair", (Parameter("force", "F", "of it"),), Pull())
+    assert compiled_law(kind) == "compiled by itself"
+
+
+def test_a_kind_shows_itself_in_a_line():
+    shown = repr(lookup("coulomb_friction"))
+    assert shown.startswith("EffectKind('coulomb_friction', 'pair': force [N]")
+    assert len(shown.splitlines()) == 1

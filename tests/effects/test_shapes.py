@@ -32,6 +32,15 @@ def test_a_scan_follows_the_size_of_the_motion():
     assert Scan("gap", "amplitude", (0.5,)).values(still) == []
 
 
+def test_a_scan_may_follow_powers_of_amplitude_and_speed():
+    time = np.linspace(0.0, 1.0, 101)
+    motion = Motion(time, np.full((1, 101), 2.0), np.full((1, 101), 6.0))
+    assert Scan("rate", (-1, 1), (0.5, 1.0)).values(motion) == [1.5, 3.0]
+    assert Scan("curve", (-2.0, 0.0), (1.0,)).values(motion) == [0.25]
+    resting = Motion(time, np.full((1, 101), 2.0), np.zeros((1, 101)))
+    assert Scan("rate", (-1, 1), (0.5, 1.0)).values(resting) == []
+
+
 def test_a_scan_finds_the_strongest_lines_of_the_force():
     lines = Scan("frequency", "line of the force", (0, 1))
     assert lines.values(MOTION) == []

@@ -32,7 +32,10 @@ class Columns:
 
 def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
     """Return where a kind of effect can act in a model."""
-    free, all_names = model.free, model.dof_names
+    channels = model.channels
+    free, all_names = model.free, [name for name in model.dof_names if name not in channels]
+    if not set(dict(kind.channels)) <= set(model.imposed):
+        return []
     if kind.domain == "input":
         return [(i.name,) for i in model.inputs if i.imposes is None]
     if kind.domain == "output":
@@ -85,7 +88,7 @@ def columns_at(
         return []
     if kind.domain in ("input", "output"):
         return _signal_columns(model, kind, at, motion, record.time)
-    effect = Effect(kind.kind, at)
+    effect = Effect.of(kind, at)
     rows = port_rows(model, effect)
     q, v = rows @ motion.q, rows @ motion.v
     if not q.any():
@@ -124,7 +127,7 @@ def _clearances(
     """Return what clearances would change about the forces of the effects that are there."""
     along = (motion.q, motion.v, record.time, record.dt)
     base = known_forces(model, *along)
-    amplitude = float(np.percentile(np.abs(port_rows(model, Effect(kind.kind, at)) @ motion.q), 95))
+    amplitude = float(np.percentile(np.abs(port_rows(model, Effect.of(kind, at)) @ motion.q), 95))
     name, found = kind.parameters[0].name, []
     # with a clearance, the elastic part has to be stiffer than it seemed without
     for share, ratio in itertools.product((0.03, 0.07, 0.15, 0.3, 0.5), (1.0, 2.0)):

@@ -213,7 +213,7 @@ def _found(model: MechanicalModel, index: int, errors: dict[str, float]) -> Foun
         unit = effect_unit(model, effect, p.name)
         error = errors.get(f"effect[{index}].{p.name}", 0.0)
         parameters[p.name] = Value(effect.values[p.name], error, unit)
-    return FoundEffect(effect.kind, effect.at, parameters)
+    return FoundEffect(effect.kind, effect.at, parameters, effect.own)
 
 
 def _asymmetries(model: MechanicalModel, found: Sequence[FoundEffect]) -> list[Confusion]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robustpolish.effects import Effect, lookup
+from robustpolish.effects import Effect
 from robustpolish.identification.findings.findings import Confusion
 
 _EXPERIMENTS: dict[frozenset[str], str] = {
@@ -35,7 +35,7 @@ def _experiment(first: Effect, second: Effect) -> str:
         places = sorted(set(first.at) ^ set(second.at))
         ends = " and ".join(places)
         return f"Measure, or hold still, {ends}: the place shows in the relative motion."
-    if lookup(first.kind).has_memory != lookup(second.kind).has_memory:
+    if first.definition.has_memory != second.definition.has_memory:
         return (
             "Move slowly to and fro with growing amplitude, ten cycles each: only memory makes "
             "the path depend on the reversal before."

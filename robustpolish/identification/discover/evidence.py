@@ -94,7 +94,7 @@ def evidence(
         if not unit[j]:
             return np.zeros(rest.size)
         values = entry.shape.values(unit)
-        extended = settled.model.with_effect(entry.kind.kind, entry.at, values)
+        extended = settled.model.with_effect(entry.kind, entry.at, values)
         run = prepared.runner(extended).run(extended)
         pieces = prepared.with_memory(extended, settled.pieces)
         change = (run.all_errors(pieces) - settled.errors) / settled.sigma / unit[j]
@@ -130,7 +130,7 @@ def evidence(
             for name, value in values.items():
                 parameter = entry.kind.parameter(name)
                 values[name] = float(np.clip(value, parameter.lower, parameter.upper))
-            effects.append(Effect(entry.kind.kind, entry.at, values))
+            effects.append(Effect.of(entry.kind, entry.at, values))
         left = max(total - fall, 1e-12 * total)
         odds = 0.5 * samples * np.log(total / left) - 0.5 * len(rows) * np.log(samples)
         share = 1 - float(np.sqrt(left / total))

@@ -145,7 +145,7 @@ def _try(
     scores = f.scores(rest, len(c), orders)
     if entry.kind.domain == "output":
         # scaling the data down makes every error smaller: the density of the data pays for it
-        effect = Effect(entry.kind.kind, entry.at, entry.shape.values(c))
+        effect = Effect.of(entry.kind, entry.at, entry.shape.values(c))
         gain, _ = entry.kind.signal_slope(effect.values)
         if abs(1 - 1 / gain) > f.policy.sensor_gain:
             return bad, c
@@ -175,7 +175,7 @@ def _candidate(entry: Columns, score: float, c: Array, f: FilteredRecord) -> Scr
     for name, value in values.items():
         parameter = entry.kind.parameter(name)
         values[name] = float(np.clip(value, parameter.lower, parameter.upper))
-    effect = Effect(entry.kind.kind, entry.at, values)
+    effect = Effect.of(entry.kind, entry.at, values)
     before = _size(f.residual(None)[0], entry)
     after = _size(f.residual(f.weighted(f.respond(entry)))[0], entry)
     return ScreenedEffect(effect, score, float(1 - np.min(after / before)), remark)

@@ -88,7 +88,7 @@ class Search:
         """Return a model with more effects, fitted; None if no fit ended well."""
         prepared, extended = self.prepared, model
         for effect in effects:
-            extended = extended.with_effect(effect.kind, effect.at, effect.values)
+            extended = extended.with_effect(effect.definition, effect.at, effect.values)
         pieces = prepared.trial
         steps = prepared.steps if model.free else 2 * prepared.steps
         spans = prepared.spans(pieces, self.policy.growth)
@@ -129,6 +129,7 @@ class Search:
     def _remember(
         self, effect: Effect, error: float, score: float, number: int, remark: str = ""
     ) -> None:
+        place, values = (effect.kind, effect.at), effect.values
         self.candidates.append(
-            RankedCandidate(effect.kind, effect.at, error, score, number, effect.values, remark)
+            RankedCandidate(*place, error, score, number, values, remark, effect.own)
         )

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.arrays import Array
-from robustpolish.effects import Effect
+from robustpolish.effects import Effect, EffectKind, lookup
 from robustpolish.identification.findings.ledger import Ledger
 from robustpolish.models.mechanical import MechanicalModel
 
@@ -25,11 +25,17 @@ class Value:
 
 @dataclass(frozen=True)
 class FoundEffect:
-    """An effect that was added, with fitted parameters."""
+    """An effect that was added, with fitted parameters; `own` is its kind, if no catalogue's."""
 
     kind: str
     at: tuple[str, ...]
     parameters: Mapping[str, Value]
+    own: EffectKind | None = None
+
+    @property
+    def definition(self) -> EffectKind:
+        """The kind's description."""
+        return self.own or lookup(self.kind)
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,8 @@ class RankedCandidate:
         Log odds from screening.
     remark : str
         Why it was not taken, if there is a reason.
+    own : EffectKind or None
+        Its kind, if no catalogue's.
     """
 
     kind: str
@@ -55,6 +63,7 @@ class RankedCandidate:
     step: int
     parameters: Mapping[str, float]
     remark: str = ""
+    own: EffectKind | None = None
 
 
 @dataclass(frozen=True)

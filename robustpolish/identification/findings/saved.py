@@ -6,7 +6,7 @@ from typing import Any
 
 import xarray as xr
 
-from robustpolish.effects import Effect, lookup
+from robustpolish.effects import Effect, EffectKind, lookup, own_kind, own_table
 from robustpolish.identification.findings.findings import (
     Confusion,
     Findings,
@@ -30,11 +30,11 @@ def content(found: Findings) -> dict[str, Any]:
         "reproducible": found.reproducible,
         "model": found.model.to_toml().splitlines(),
         "effects": [
-            {"kind": e.kind, "at": e.at, "parameters": _values(e.parameters)} for e in found.effects
+            {**_what(e), "at": e.at, "parameters": _values(e.parameters)} for e in found.effects
         ],
         "candidates": [
             {
-                "kind": c.kind,
+                **_what(c),
                 "at": c.at,
                 "nrmse_held_out": c.nrmse_held_out,
                 "score": c.score,
@@ -77,18 +77,18 @@ def findings_from(fields: Fields) -> Findings:
         verdict=fields.text("verdict", VERDICTS),
         model=MechanicalModel.from_toml("\n".join(fields.texts("model")) + "\n"),
         effects=tuple(
-            FoundEffect(_kind(e), e.texts("at"), _read_values(e.table("parameters")))
+            FoundEffect(*_kind(e)[:2], _read_values(e.table("parameters")), _kind(e)[2])
             for e in fields.tables("effects")
         ),
         candidates=tuple(
             RankedCandidate(
-                kind=_kind(c),
-                at=c.texts("at"),
+                *_kind(c)[:2],
                 nrmse_held_out=c.number("nrmse_held_out"),
                 score=c.number("score"),
                 step=c.whole("step"),
                 parameters=c.numbers("parameters"),
                 remark=c.text("remark"),
+                own=_kind(c)[2],
             )
             for c in fields.tables("candidates")
         ),
@@ -132,12 +132,26 @@ def _read_values(table: Fields) -> dict[str, Value]:
 
 
 def _place(effect: Effect) -> dict[str, Any]:
-    return {"kind": effect.kind, "at": effect.at, "parameters": dict(effect.parameters)}
+    return {**_what(effect), "at": effect.at, "parameters": dict(effect.parameters)}
 
 
 def _effect(table: Fields) -> Effect:
-    return Effect(_kind(table), table.texts("at"), table.numbers("parameters"))
+    kind, at, own = _kind(table)
+    return Effect(kind, at, table.numbers("parameters"), own)
 
 
-def _kind(table: Fields) -> str:
-    return lookup(table.text("kind")).kind
+def _what(item: Effect | FoundEffect | RankedCandidate) -> dict[str, Any]:
+    """Return the kind by name, and what it is if no catalogue knows it."""
+    table = None if item.own is None else own_table(item.own)
+    return {"kind": item.kind} if table is None else {"kind": item.kind, "own": table}
+
+
+def _kind(table: Fields) -> tuple[str, tuple[str, ...], EffectKind | None]:
+    """Return the name, the place and the kind itself, if no catalogue knows it."""
+    at = table.texts("at")
+    if "own" in table:
+        own = table.table("own")
+        kind = own_kind({key: own.raw(key) for key in own})
+    else:
+        kind = lookup(table.text("kind"))
+    return kind.kind, at, Effect.of(kind, at).own

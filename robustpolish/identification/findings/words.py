@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robustpolish.effects import Effect, lookup
+from robustpolish.effects import Effect
 from robustpolish.identification.findings.findings import Findings, Value
 
 _VERDICTS = {
@@ -21,7 +21,7 @@ _VERDICTS = {
 def headline(found: Findings) -> str:
     """Return the verdict as a sentence, with the effects by name."""
     if found.verdict in ("missing_effect", "partly_explained") and found.effects:
-        named = " and ".join(f"{lookup(e.kind).title} at {', '.join(e.at)}" for e in found.effects)
+        named = " and ".join(f"{e.definition.title} at {', '.join(e.at)}" for e in found.effects)
         more = "" if found.verdict == "missing_effect" else " And something else is missing."
         return f"The model lacked: {named}.{more}"
     return _VERDICTS[found.verdict]
@@ -31,7 +31,7 @@ def explain(found: Findings) -> str:
     """Return the text of `Diagnosis.explain`."""
     lines = [headline(found), *found.reasons]
     for number, effect in enumerate(found.effects, 1):
-        kind = lookup(effect.kind)
+        kind = effect.definition
         lines += ["", f"{number}. {kind.title} at {', '.join(effect.at)}"]
         for name, v in effect.parameters.items():
             lines.append(f"   {name} = {v.value:.5g} +- {v.stderr:.2g} {v.unit}")

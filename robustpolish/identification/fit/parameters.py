@@ -49,7 +49,7 @@ class FreeParameter:
 
 def connected(model: MechanicalModel) -> list[set[str]]:
     """Return the chains of a model: coordinates that springs, dampers and effects join."""
-    groups = [{name} for name in model.dof_names]
+    groups = [{name} for name in model.dof_names if name not in model.channels]
     joints = [s.between for s in model.springs] + [d.between for d in model.dampers]
     for joint in [*joints, *(e.at for e in model.effects)]:
         ends = {name for name in joint if name in model.dof_names}

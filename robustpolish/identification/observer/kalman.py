@@ -237,6 +237,6 @@ def amplitude_of(model: MechanicalModel, record: Record, bandwidth: float) -> fl
         if order is not None:
             found.append(size / bandwidth**order)
     for item in model.inputs:
-        if item.imposes == DISPLACEMENT:
+        if item.imposes == DISPLACEMENT and item.on[0] not in model.channels:
             found.append(float(np.percentile(np.abs(record.data[item.name].values), 98)))
     return max(found, default=0.0)

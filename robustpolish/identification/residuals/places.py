@@ -101,7 +101,7 @@ def _motion(comparison: Comparison) -> tuple[Array, Array, Array, bool]:
 def _places(model: MechanicalModel) -> list[tuple[tuple[str, str], Array]]:
     """Every coordinate against ground, and every pair that something connects."""
     names = model.dof_names
-    pairs = [(name, "ground") for name in names]
+    pairs = [(name, "ground") for name in names if name not in model.channels]
     connected = [s.between for s in model.springs] + [d.between for d in model.dampers]
     connected += [e.at for e in model.effects if e.definition.domain == "pair"]
     connected += [output.of for output in model.outputs]

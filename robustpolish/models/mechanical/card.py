@@ -6,6 +6,7 @@ from typing import Any
 
 from robustpolish.display import Card, Table
 from robustpolish.models.mechanical.data import MechanicalData, unit_of, values
+from robustpolish.models.mechanical.parts import Input
 
 COLUMNS = ("part", "at", "quantity", "value", "unit")
 
@@ -14,6 +15,8 @@ def mechanical_card(model: MechanicalData) -> Card:
     """List masses, springs, dampers and effects, and the signals that drive and leave a model."""
     rows: list[tuple[Any, ...]] = []
     for dof in model.dofs:
+        if dof.name in model.channels:  # no mass, and no motion
+            continue
         name = dof.key[-1]
         rows.append((name, dof.name, name, dof.mass, dof.unit))
     parts = [(f"spring[{i}]", "spring", s.between) for i, s in enumerate(model.springs)]
@@ -25,8 +28,7 @@ def mechanical_card(model: MechanicalData) -> Card:
             name = key.removeprefix(f"{start}.")
             rows.append((part, _joined(at), name, float(numbers[key]), unit_of(model, key)))
     signals = [
-        ("input", item.name, _joined(item.on), item.imposes or "force", model.unit_of(item))
-        for item in model.inputs
+        ("input", item.name, *_what(model, item), model.unit_of(item)) for item in model.inputs
     ] + [
         ("output", item.name, _joined(item.of), item.quantity, model.unit_of(item))
         for item in model.outputs
@@ -36,6 +38,13 @@ def mechanical_card(model: MechanicalData) -> Card:
     if model.spin_frequency is not None:
         tables.append(Table("", (), (("spin [Hz]", model.spin_frequency),)))
     return Card(f"Mechanical model {model.name}".rstrip(), tuple(tables))
+
+
+def _what(model: MechanicalData, item: Input) -> tuple[str, str]:
+    """Return where an input acts, and what it is there."""
+    if item.imposes and item.on[0] in model.channels:
+        return "", "channel"
+    return _joined(item.on), item.imposes or "force"
 
 
 def _joined(places: tuple[str, ...]) -> str:

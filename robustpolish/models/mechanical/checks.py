@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from robustpolish.effects import GROUND, Effect
@@ -68,7 +68,7 @@ def checked_fields(given: Mapping[str, Any]) -> dict[str, Any]:
     found["outputs"] = tuple(_output(item, dofs, moved) for item in found["outputs"])
     signals = {key: [i.name for i in found[f"{key}s"]] for key in ("input", "output")}
     for i, effect in enumerate(found["effects"]):
-        _check_place(("effect", i, "at"), effect, dofs, signals)
+        _check_place(("effect", i, "at"), effect, dofs, signals, moved)
     return {**found, "spin_frequency": spin, "name": given["name"]}
 
 
@@ -221,7 +221,11 @@ def _output(item: Output, dofs: Mapping[str, Dof], imposed: frozenset[str]) -> O
 
 
 def _check_place(
-    argument: Key, effect: Effect, dofs: Mapping[str, Dof], signals: Mapping[str, Sequence[str]]
+    argument: Key,
+    effect: Effect,
+    dofs: Mapping[str, Dof],
+    signals: Mapping[str, Sequence[str]],
+    moved: Collection[str],
 ) -> None:
     kind = effect.definition
     known = signals.get(kind.domain, [*dofs, GROUND])
@@ -229,6 +233,14 @@ def _check_place(
         if name not in known:
             listed = ", ".join(known) or f"the {kind.domain}s, of which there are none"
             raise invalid(argument, name, f"one of {listed}", f"{kind.title} acts there.")
+    for name, unit in kind.channels:
+        if name not in moved:
+            raise invalid(
+                argument,
+                described(f"an effect that reads {name!r}, which no input imposes"),
+                f"a coordinate {name} with an input in {unit}",
+                f"Add it with model.with_channel({name!r}, {unit!r}).",
+            )
     turning = {dofs[name].rotational for name in effect.at if name in dofs}
     if kind.domain == "pair" and len(turning) > 1:
         raise invalid(

@@ -11,6 +11,7 @@ from robustpolish.effects import Effect
 from robustpolish.models.mechanical.checks import checked_fields
 from robustpolish.models.mechanical.matrices import MechanicalMatrices, assemble
 from robustpolish.models.mechanical.parts import (
+    DISPLACEMENT,
     UNITS,
     Damper,
     Dof,
@@ -61,6 +62,21 @@ class MechanicalData:
         """Names of the coordinates whose motion an input imposes."""
         moved = imposed_by(self.inputs)
         return tuple(name for name in self.dof_names if name in moved)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the coordinates that are no motion but a measured signal, which effects read.
+
+        An input imposes them in a unit of its own, such as V, and nothing holds them.
+        """
+        held = {name for part in (*self.springs, *self.dampers) for name in part.between}
+        held |= {name for output in self.outputs for name in output.of}
+        return tuple(
+            item.on[0]
+            for item in self.inputs
+            if item.imposes == DISPLACEMENT and item.on[0] not in held and item.gain == 1
+            and item.unit not in (None, UNITS[self.is_rotational(item.on)][DISPLACEMENT])
+        )  # fmt: skip
 
     @property
     def free(self) -> tuple[str, ...]:

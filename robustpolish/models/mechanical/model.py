@@ -10,12 +10,13 @@ from typing import Literal
 import control
 
 from robustpolish.display import Card, Displayed
-from robustpolish.effects import Effect
+from robustpolish.effects import GROUND, Effect, EffectKind
 from robustpolish.models.machines.air_bearing_parameters import AirBearingParameters
 from robustpolish.models.mechanical.air_bearing import air_bearing_data
 from robustpolish.models.mechanical.card import mechanical_card
 from robustpolish.models.mechanical.data import MechanicalData, replaced, values
 from robustpolish.models.mechanical.linear import linearize
+from robustpolish.models.mechanical.parts import DISPLACEMENT, Dof, Input
 from robustpolish.models.mechanical.toml import read_model, write_model
 from robustpolish.models.plant.plant import GeneralizedPlant
 
@@ -149,7 +150,7 @@ class MechanicalModel(MechanicalData, Displayed):
 
     def with_effect(
         self,
-        kind: str,
+        kind: str | EffectKind,
         at: str | Sequence[str],
         parameters: Mapping[str, float] | None = None,
     ) -> MechanicalModel:
@@ -157,8 +158,8 @@ class MechanicalModel(MechanicalData, Displayed):
 
         Parameters
         ----------
-        kind : str
-            Name in the catalogue of effects.
+        kind : str or EffectKind
+            Name in the catalogue of effects, or a kind of your own, see :func:`effect`.
         at : str or sequence of str
             Where it acts, such as ``("x", "ground")``.
         parameters : mapping of str to float, optional
@@ -176,8 +177,49 @@ class MechanicalModel(MechanicalData, Displayed):
         >>> model.with_effect("coulomb_friction", ("x", "ground"), {"force": 3.1}).effects[0].kind
         'coulomb_friction'
         """
-        effect = Effect(kind, (at,) if isinstance(at, str) else tuple(at), parameters or {})
-        return replace(self, effects=(*self.effects, effect))
+        place = (at,) if isinstance(at, str) else tuple(at)
+        if isinstance(kind, EffectKind):
+            effect = Effect.of(kind, place, parameters)
+        else:
+            effect = Effect(kind, place, parameters or {})
+        model = self
+        for name, unit in effect.definition.channels:
+            if name not in model.dof_names:
+                model = model.with_channel(name, unit)
+        return replace(model, effects=(*self.effects, effect))
+
+    def with_channel(self, name: str, unit: str) -> MechanicalModel:
+        """Return the model with a measured signal that effects may read, such as a voltage.
+
+        It is a coordinate without mass, and an input that imposes it. `with_effect` adds what an
+        effect reads by itself; for a diagnosis it has to be there.
+
+        Parameters
+        ----------
+        name : str
+            The data column.
+        unit : str
+            Its unit.
+
+        Returns
+        -------
+        MechanicalModel
+
+        Raises
+        ------
+        InvalidInputError
+            If a coordinate, an input or an output has this name.
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> outputs = [rp.Output("x", ("x", "ground"))]
+        >>> model = rp.MechanicalModel([rp.Dof("x", 2.0)], outputs=outputs)
+        >>> model.with_channel("u", "V").channels
+        ('u',)
+        """
+        source = Input(name, (name, GROUND), DISPLACEMENT, unit=unit)
+        return replace(self, dofs=(*self.dofs, Dof(name, 0.0)), inputs=(*self.inputs, source))
 
     def without_effects(self) -> MechanicalModel:
         """Return the linear model.

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustpolish.arrays import Array
-from robustpolish.effects import Effect
+from robustpolish.effects import GROUND, Effect
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.matrices import incidence
 from robustpolish.models.mechanical.parts import FORCE
@@ -21,16 +21,16 @@ def port_row(model: MechanicalData, at: tuple[str, ...]) -> Array:
 
 def port_rows(model: MechanicalData, effect: Effect) -> Array:
     """Return one row per port of an effect."""
-    if effect.definition.domain == "axes":
-        return np.array([port_row(model, (name,)) for name in effect.at])
-    return port_row(model, effect.at)[None]
+    return np.array([port_row(model, ends[:1] if ends[-1] == GROUND else ends)
+                     for ends in port_pairs(effect)])  # fmt: skip
 
 
 def port_pairs(effect: Effect) -> list[tuple[str, ...]]:
     """Return the two ends of each port of an effect."""
+    channels = [(name, GROUND) for name, _ in effect.definition.channels]
     if effect.definition.domain == "pair":
-        return [effect.at]
-    return [(name, "ground") for name in effect.at]
+        return [effect.at, *channels]
+    return [*((name, GROUND) for name in effect.at), *channels]
 
 
 def port_matrices(

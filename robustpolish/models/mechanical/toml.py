@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from robustpolish.effects import GROUND, Effect
+from robustpolish.effects import GROUND, OWN_KEYS, Effect, own_kind, own_table
 from robustpolish.errors import InvalidInputError
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import (
@@ -181,17 +181,31 @@ def _output(where: Key, item: Table) -> Output:
 
 
 def _effect(where: Key, item: Table) -> Effect:
-    _keys(where, item, ("kind", "at", "parameters"), ("kind", "at"))
+    formula = "formula" in item
+    what = OWN_KEYS if formula else ("kind",)
+    _keys(where, item, (*what, "at", "parameters"), (what[0], "at"))
     at = item["at"]
     if not isinstance(at, str | list) or not at:
         raise invalid((*where, "at"), at, "a list of names", "Write at = ['x', 'ground'].")
+    place = (at,) if isinstance(at, str) else tuple(at)
+    numbers = item.get("parameters", {})
+    try:
+        if formula:
+            kind = own_kind({key: item[key] for key in OWN_KEYS if key in item})
+            return Effect.of(kind, place, numbers)
+    except InvalidInputError as error:
+        raise _at(where, error, error.key if error.key[0] in OWN_KEYS else error.key[1:]) from None
     if not isinstance(item["kind"], str):
         raise invalid((*where, "kind"), item["kind"], "a name", "Write it as text.")
-    place = (at,) if isinstance(at, str) else tuple(at)
     try:
-        return Effect(item["kind"], place, item.get("parameters", {}))
+        return Effect(item["kind"], place, numbers)
     except InvalidInputError as error:
-        raise InvalidInputError(f"effect[{where[1]}]: {error}", (*where, *error.key[1:])) from None
+        raise _at(where, error, error.key[1:]) from None
+
+
+def _at(where: Key, error: InvalidInputError, key: Key) -> InvalidInputError:
+    """Return an error of an effect with its place in the file."""
+    return InvalidInputError(f"effect[{where[1]}]: {error}", (*where, *key))
 
 
 def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
@@ -216,7 +230,8 @@ def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
     for output in model.outputs:
         lines += _entry("output", _output_table(output))
     for effect in model.effects:
-        table = {"kind": effect.kind, "at": effect.at, "parameters": dict(effect.parameters)}
+        what = own_table(effect.definition) or {"kind": effect.kind}
+        table = {**what, "at": effect.at, "parameters": dict(effect.parameters)}
         lines += _entry("effect", table)
     text = "\n".join(lines).lstrip("\n") + "\n"
     if path is not None:

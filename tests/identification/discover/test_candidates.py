@@ -1,7 +1,7 @@
 import numpy as np
 import xarray as xr
 
-from robustpolish.effects import lookup
+from robustpolish.effects import lookup, own_kind
 from robustpolish.identification.discover.candidates import columns_at, places, rivals
 from robustpolish.identification.observer.missing_force import Smoothed
 from robustpolish.identification.record import record_of
@@ -99,3 +99,11 @@ def test_a_clearance_changes_the_friction_that_slips_in_it():
         friction, spring = entry.values[0]
         assert 0 < np.abs(friction).max() <= 4.0 + 1e-9  # reversed, at most
         np.testing.assert_allclose(spring, 400.0 * np.clip(Q[0], -gap, gap))
+
+
+def test_nothing_acts_on_a_channel_and_what_reads_it_needs_it():
+    model, cubic = machine(), lookup("cubic_stiffness")
+    assert places(model.with_channel("u", "V"), cubic) == places(model, cubic)
+    reads = own_kind({"formula": "f = -c*u*v", "units": {"c": "N s/(m V)"}, "channels": {"u": "V"}})
+    assert places(model, reads) == []
+    assert places(model.with_channel("u", "V"), reads) == places(model, cubic)

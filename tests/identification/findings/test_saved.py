@@ -6,7 +6,14 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
+from robustpolish.effects import Effect, kinds, own_kind
 from robustpolish.errors import InvalidInputError
+from robustpolish.identification.findings.findings import (
+    Confusion,
+    FoundEffect,
+    RankedCandidate,
+    Value,
+)
 from tests import made_up
 
 KEYS = ["dof.x.mass", "spring[0].stiffness", "effect[0].force"]
@@ -73,3 +80,50 @@ def test_a_loaded_diagnosis_says_how_uncertain_a_design_is(tmp_path):
     assert one.keys == other.keys == tuple(KEYS)
     np.testing.assert_array_equal(other.norms, one.norms)
     assert np.std(one.norms) > 0
+
+
+def told_of_its_own():
+    """A diagnosis that found, tried and confused effects that only its formulas tell."""
+    law = own_kind({"formula": "f = -k*q**5", "units": {"k": "N/m^5"}})
+    drag = own_kind({"formula": "f = -c*v**3", "units": {"c": "N s^3/m^3"}, "name": "drag",
+                     "bounds": {"c": [0.0, np.inf]}})  # fmt: skip
+    effect = Effect.of(law, made_up.PLACE, {"k": 3.0})
+    found = FoundEffect(effect.kind, effect.at, {"k": Value(3.0, 0.1, "N/m^5")}, effect.own)
+    tried = [
+        RankedCandidate(law.kind, effect.at, 0.02, 812.5, 1, {"k": 3.0}, "", effect.own),
+        RankedCandidate("drag", effect.at, np.inf, 9.1, 1, {"c": 1.0}, "screened only", drag),
+    ]
+    confusion = Confusion(effect, Effect.of(drag, made_up.PLACE, {"c": 1.0}), "Move slowly.")
+    return replace(
+        made_up.diagnosis(),
+        model=made_up.model().with_effect(law, made_up.PLACE, {"k": 3.0}),
+        effects=(found,),
+        candidates=(*made_up.diagnosis().candidates, *tried),
+        indistinguishable=(confusion,),
+    )
+
+
+def test_effects_of_ones_own_come_back_and_are_offered_to_nobody(tmp_path):
+    before, catalogue = told_of_its_own(), list(kinds())
+    before.save(tmp_path / "own.json")
+    after = rp.load(tmp_path / "own.json")
+    assert after.model == before.model
+    assert after.effects == before.effects
+    assert after.candidates == before.candidates
+    assert after.indistinguishable == before.indistinguishable
+    assert after.explain() == before.explain()
+    assert "f = -k*q**5 at x, ground" in after.explain()
+    after.save(tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "own.json").read_bytes()
+    assert list(kinds()) == catalogue
+
+
+def test_a_damaged_effect_of_ones_own_is_refused(tmp_path):
+    path = tmp_path / "own.json"
+    told_of_its_own().save(path)
+    for damage in ("f = -k*q^5", 3, None, "f = __import__('os')"):
+        content = json.loads(path.read_text())
+        content["candidates"][2]["own"]["formula"] = damage
+        (tmp_path / "damaged.json").write_text(json.dumps(content))
+        with pytest.raises(InvalidInputError, match="formula"):
+            rp.load(tmp_path / "damaged.json")

@@ -117,3 +117,13 @@ def test_effects_say_themselves_what_is_fitted_and_how_far():
     asked = replace(model.effects[0], parameters={"force": 3.0, "asymmetry": 0.1})
     assert "effect[0].asymmetry" not in free(replace(model, effects=(asked,)))
     assert not free(model)["dof.x.mass"].is_effect
+
+
+def test_a_channel_belongs_to_no_chain():
+    model = machine()
+    assert connected(model.with_channel("u", "V")) == connected(model)
+    assert chosen(model.with_channel("u", "V")) == chosen(model)
+
+
+def chosen(model):
+    return [free.key for free in free_parameters(model, 30.0, POLICY)]

@@ -134,3 +134,12 @@ def test_sizes_scale_with_their_units():
     for name in ("noise", "force", "inputs"):
         np.testing.assert_allclose(getattr(small, name), 1e-6 * getattr(plain, name))
     assert small.bandwidth == plain.bandwidth
+
+
+def test_a_voltage_is_no_amplitude():
+    data = record()
+    data = data.assign(u=("time", np.full(data.time.size, 5.0), {"units": "V"}))
+    model = oscillator()
+    read = model.with_channel("u", "V")
+    one, other = (amplitude_of(m, record_of(m, data), 40.0) for m in (model, read))
+    assert one == other < 5.0

@@ -88,3 +88,11 @@ def test_a_short_record_shows_the_simulated_motion_and_no_force():
     edges = np.linspace(x.min(), x.max(), 5)
     found = place.displacement["displacement"].values
     np.testing.assert_allclose(found, (edges[:-1] + edges[1:]) / 2, rtol=1e-3)
+
+
+def test_a_channel_is_no_place():
+    data = record(model().with_effect("cubic_stiffness", ("a", "ground"), {"stiffness": 1e11}))
+    data = data.assign(u=("time", np.cos(TIME), {"units": "V"}))
+    found = residual_analysis(compare(model().with_channel("u", "V"), data))
+    assert "u" not in found.places
+    assert "a" in found.places

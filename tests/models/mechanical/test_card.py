@@ -20,3 +20,10 @@ def test_the_table_shows_units_of_effects():
     shown = str(turning.with_effect("sensor_offset", "angle", {"offset": 0.1}))
     for unit in ("kg m^2", "N m/rad\n", "N m s/rad", "N m/rad^3", "0.1  rad"):
         assert unit in shown
+
+
+def test_a_channel_is_no_mass_and_no_motion():
+    model = MechanicalModel([Dof("x", 1.0)], outputs=[Output("x", ("x", "ground"))])
+    lines = [line.split() for line in str(model.with_channel("u", "V")).splitlines()]
+    assert ["input", "u", "channel", "V"] in lines
+    assert not any(line[:2] == ["mass", "u"] for line in lines)

@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
+from robustpolish.effects import Effect, own_kind
 from robustpolish.errors import InvalidInputError
 from robustpolish.models import (
     Damper,
@@ -91,3 +92,10 @@ def test_refused_with_the_key(case):
     make, message = BAD[case]
     with pytest.raises(InvalidInputError, match=message):
         make()
+
+
+def test_what_an_effect_reads_has_to_be_there():
+    kind = own_kind({"formula": "f = -c*u*v", "units": {"c": "N s/(m V)"}, "channels": {"u": "V"}})
+    with pytest.raises(InvalidInputError, match="with_channel") as caught:
+        two_masses(effects=[Effect.of(kind, GROUND)])
+    assert caught.value.key == ("effect", 0, "at")

@@ -60,3 +60,19 @@ def test_parameters_by_key_and_back():
     assert model.parameters["dof.x.mass"] == 0.2
     with pytest.raises(InvalidInputError, match=r"dof\.y\.mass"):
         model.with_parameters({"dof.y.mass": 1.0})
+
+
+def test_a_channel_is_a_signal_in_a_unit_of_its_own_that_nothing_holds():
+    base = MechanicalModel(
+        [Dof("x", 2.0), Dof("u", 0.0)],
+        [Spring(("x", "ground"), 3.0)],
+        inputs=[Input("u", ("u", "ground"), "displacement", unit="V")],
+        outputs=[Output("x", ("x", "ground"))],
+    )
+    assert base.channels == ("u",)
+    held = replace(base, springs=(Spring(("x", "u"), 3.0),))
+    seen = replace(base, outputs=(Output("x", ("x", "u")),))
+    table = replace(base, inputs=(Input("u", ("u", "ground"), "displacement"),))
+    metres = replace(base, inputs=(Input("u", ("u", "ground"), "displacement", unit="m"),))
+    sensor = replace(base, inputs=(Input("u", ("u", "ground"), "displacement", 2e-3, "V"),))
+    assert [m.channels for m in (held, seen, table, metres, sensor)] == [()] * 5

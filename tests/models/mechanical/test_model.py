@@ -1,7 +1,10 @@
 """Mechanical models as users make them."""
 
 import numpy as np
+import pytest
 
+from robustpolish.effects import lookup, own_kind
+from robustpolish.errors import InvalidInputError
 from robustpolish.models import (
     Damper,
     Dof,
@@ -20,3 +23,22 @@ def test_a_model_without_springs_integrates():
     )
     assert 0 in np.linalg.eigvals(model.state_space().A)
     assert model.unit_of(model.inputs[0]) == "V"
+
+
+def test_an_effect_may_be_given_by_its_kind():
+    base = MechanicalModel([Dof("x", 2.0)], outputs=[Output("x", ("x", "ground"))])
+    named = base.with_effect("cubic_stiffness", "x", {"stiffness": 3.0})
+    assert base.with_effect(lookup("cubic_stiffness"), "x", {"stiffness": 3.0}) == named
+    assert named.effects[0].own is None
+
+
+def test_a_channel_is_added_once():
+    kind = own_kind({"formula": "f = -c*u*v", "units": {"c": "N s/(m V)"}, "channels": {"u": "V"}})
+    base = MechanicalModel([Dof("x", 2.0)], outputs=[Output("x", ("x", "ground"))])
+    twice = base.with_effect(kind, "x", {"c": 1.0}).with_effect(kind, "x", {"c": 2.0})
+    assert twice.dof_names == ("x", "u")
+    assert twice.input_names == ("u",)
+    assert twice.unit_of(twice.inputs[0]) == "V"
+    assert base.with_channel("u", "V").without_effects() == twice.without_effects()
+    with pytest.raises(InvalidInputError, match="Rename"):
+        twice.with_channel("u", "V")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from robustpolish.effects import own_kind
 from robustpolish.models import Output
 from robustpolish.models.mechanical.ports import (
     context_of,
@@ -54,3 +55,14 @@ def test_what_an_effect_is_told_of_its_model():
     assert found["mobility"] == pytest.approx(1e-3 * (1 / 0.6 + 1 / 0.2))
     assert context_of(MODEL, ("x",), 1e-3)["spring_stiffness"] == 0.0
     assert context_of(two_masses(), BETWEEN, 0.0)["spin_frequency"] == 0.0
+
+
+def test_what_an_effect_reads_is_a_port_without_a_force():
+    kind = own_kind({"formula": "f = -c*u*v", "units": {"c": "N s/(m V)"}, "channels": {"u": "V"}})
+    read = MODEL.with_effect(kind, BETWEEN, {"c": 2.0})
+    effect = read.effects[0]
+    np.testing.assert_array_equal(port_rows(read, effect), [[-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    assert port_pairs(effect) == [BETWEEN, ("u", "ground")]
+    found = effect_ports(read)
+    assert not found.G[:, 1].any()
+    assert not found.H[:, 1].any()

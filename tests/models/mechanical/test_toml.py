@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robustpolish.effects import kinds
 from robustpolish.errors import InvalidInputError
 from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
 
@@ -81,6 +82,36 @@ of = ["x", "ground"]
 """
 
 
+OWN = """\
+[dof.x]
+mass = 2.0
+[[output]]
+name = "x"
+measures = "x"
+[[effect]]
+formula = "f = -k*q**5"
+units = { k = "N/m^5" }
+at = ["x", "ground"]
+parameters = { k = 3e15 }
+[[effect]]
+formula = "f = -F*abs(v/w)**n*sign(v)"
+name = "rim"
+title = "Drag at the rim"
+at = ["x", "ground"]
+parameters = { F = 0.1, n = 1.7 }
+[effect.units]
+F = "N"
+w = "m/s"
+n = "1"
+[effect.bounds]
+F = [0, inf]
+[effect.scan]
+n = [1, 2]
+[effect.known]
+w = 0.5
+"""
+
+
 def test_the_documented_file():
     model = MechanicalModel.from_toml(FILE)
     assert model.name == "air bearing, x axis"
@@ -95,7 +126,7 @@ def test_the_documented_file():
     assert dict(model.effects[0].parameters) == {"force": 3.1}
 
 
-@pytest.mark.parametrize("text", [FILE, ROTATION, RIG], ids=["file", "rotation", "rig"])
+@pytest.mark.parametrize("text", [FILE, ROTATION, RIG, OWN], ids=["file", "rotation", "rig", "own"])
 def test_there_and_back(text, tmp_path):
     model = MechanicalModel.from_toml(text)
     path = tmp_path / "model.toml"
@@ -103,6 +134,40 @@ def test_there_and_back(text, tmp_path):
     assert MechanicalModel.from_toml(path) == model
     assert MechanicalModel.from_toml(str(path)) == model
     assert [p.name for p in tmp_path.iterdir()] == ["model.toml"]
+
+
+def test_effects_of_ones_own_in_the_file():
+    before = list(kinds())
+    model = MechanicalModel.from_toml(OWN)
+    fifth, rim = model.effects
+    assert (fifth.kind, fifth.values) == ("f = -k*q**5", {"k": 3e15})
+    assert (rim.kind, rim.definition.title) == ("rim", "Drag at the rim")
+    assert rim.definition.parameter("F").lower == 0.0
+    assert rim.values["n"] == 1.7
+    assert list(kinds()) == before  # a file offers nothing to later diagnoses
+    text = model.to_toml()
+    assert MechanicalModel.from_toml(text).to_toml() == text
+    assert 'formula = "f = -k*q**5"\nunits = { k = "N/m^5" }\n' in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "key"),
+    [
+        ("q**5", "q^5", 7, ("formula",)),
+        ('"N/m^5"', '"N/mm^5"', 8, ("units", "k")),
+        ('"N/m^5"', '"N/m^3"', 7, ("formula",)),
+        ("{ k = 3e15 }", "{ k = true }", 10, ("parameters", "k")),
+        ("{ k = 3e15 }", "{ c = 1.0 }", 10, ("parameters",)),
+        ('at = ["x", "ground"]', 'at = ["y", "ground"]', 9, ("at",)),
+        ('formula = "f = -k*q**5"', 'formula = "f = -k*q**5"\nkind = "x"', 8, ("kind",)),
+        ('units = { k = "N/m^5" }', "", 7, ("formula", "k")),
+        ('units = { k = "N/m^5" }', 'units = "N/m^5"', 8, ("units",)),
+    ],
+)
+def test_an_effect_of_ones_own_is_refused_with_its_line(old, new, line, key):
+    with pytest.raises(InvalidInputError, match=f"line {line}:") as caught:
+        MechanicalModel.from_toml(OWN.replace(old, new, 1))
+    assert caught.value.key == ("effect", 0, *key)
 
 
 def test_an_imposed_motion_in_the_file():
@@ -244,24 +309,25 @@ scalars = st.one_of(numbers, st.text(max_size=5), st.booleans(), st.integers(), 
 values = st.recursive(scalars, lambda inner: st.lists(inner, max_size=3), max_leaves=4)
 
 
-def test_damaged_files_end_in_a_message():
+@pytest.mark.parametrize(("text", "least"), [(FILE, 12), (OWN, 5)], ids=["file", "own"])
+def test_damaged_files_end_in_a_message(text, least):
     """Lines are dropped, doubled, cut and given odd values; nothing but our error may come out."""
     outcomes = Counter()
 
     @settings(max_examples=150, deadline=None, derandomize=True)
     @given(st.data())
     def damaged(data):
-        outcomes[read_damaged(data)] += 1
+        outcomes[read_damaged(data, text)] += 1
 
     damaged()
     # Damage to a remark or a number is harmless, most is not: neither may be the only answer.
-    assert outcomes["read"] >= 12
+    assert outcomes["read"] >= least
     assert outcomes["refused"] >= 90
 
 
-def read_damaged(data):
+def read_damaged(data, text):
     """Damage the file, read it if that is possible, and tell whether it was."""
-    lines = FILE.splitlines()
+    lines = text.splitlines()
     for _ in range(data.draw(st.integers(1, 4))):
         i = data.draw(st.integers(0, len(lines) - 1))
         kind = data.draw(st.sampled_from(["drop", "double", "cut", "value", "text"]))
