@@ -53,7 +53,7 @@ from robustpolish.identification import (
     residual_analysis,
 )
 from robustpolish.loading import load
-from robustpolish.measurements import read_measurement, split_blocks
+from robustpolish.measurements import decimate, read_measurement, split_blocks
 from robustpolish.models import (
     AirBearingParameters,
     Damper,
@@ -143,6 +143,7 @@ __all__ = [
     "compare_methods",
     "controllability",
     "datasets",
+    "decimate",
     "design_against_brush",
     "diagnose",
     "effect",

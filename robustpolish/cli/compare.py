@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from robustpolish.cli.measurement import load_data, measurement_options, replaceable
+from robustpolish.cli.measurement import Reading, load_data, measurement_options, replaceable
 from robustpolish.cli.options import result_options, show, to_json
 from robustpolish.identification import compare as compare_model
 from robustpolish.identification import residual_analysis
@@ -28,9 +28,7 @@ def compare(
     model: str,
     window: float | None,
     horizon: float | None,
-    table: str | None,
-    sampling_rate: float | None,
-    units: tuple[str, ...],
+    reading: Reading,
     residuals: bool,
     plot: str | None,
     json_out: str | None,
@@ -43,7 +41,7 @@ def compare(
     for bad input.
     """
     loaded = MechanicalModel.from_toml(Path(model))
-    record = load_data(data, loaded, table, sampling_rate, units)
+    record = load_data(data, loaded, reading)
     result = compare_model(loaded, record, window=window, horizon=horizon)
     content = result.to_dict()
     lines = [repr(result), *(f"  {note}" for note in record.attrs["notes"])]

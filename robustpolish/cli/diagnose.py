@@ -9,7 +9,7 @@ import click
 import xarray as xr
 
 import robustpolish
-from robustpolish.cli.measurement import load_data, measurement_options, replaceable
+from robustpolish.cli.measurement import Reading, load_data, measurement_options, replaceable
 from robustpolish.cli.options import result_options, show, to_json
 from robustpolish.errors import RobustPolishError
 from robustpolish.identification import Comparison, compare
@@ -32,9 +32,7 @@ def diagnose(
     model: str,
     save: str | None,
     report: str | None,
-    table: str | None,
-    sampling_rate: float | None,
-    units: tuple[str, ...],
+    reading: Reading,
     json_out: str | None,
     force: bool,
 ) -> None:
@@ -45,7 +43,7 @@ def diagnose(
     input.
     """
     loaded = MechanicalModel.from_toml(Path(model))
-    record = load_data(data, loaded, table, sampling_rate, units)
+    record = load_data(data, loaded, reading)
     with ExitStack() as places:
         # The places are claimed first: nothing is computed that could not be saved.
         drafts = {

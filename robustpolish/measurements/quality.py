@@ -61,8 +61,8 @@ def check_not_clipped(name: str, values: Vector) -> None:
     (few slopes), smooth holds (the signal slows down first), the flat tops of a coarse converter
     (likewise), and pulses that rest at zero.
     """
-    plateaus = [length for sign in (1, -1) for length in _plateaus(sign * values)]
-    if len(plateaus) >= 2 or sum(plateaus) >= 8:
+    plateaus = clipped_plateaus(values)
+    if plateaus:
         share = sum(plateaus) / values.size
         raise invalid(
             name,
@@ -70,6 +70,15 @@ def check_not_clipped(name: str, values: Vector) -> None:
             "a signal that is not clipped",
             "Lower the amplitude or widen the range of the sensor and record again.",
         )
+
+
+def clipped_plateaus(values: Vector) -> list[int]:
+    """Return the lengths of the plateaus that a cut left at the ends of a channel's range.
+
+    Empty if there is but one short plateau, which may be chance.
+    """
+    plateaus = [length for sign in (1, -1) for length in _plateaus(sign * values)]
+    return plateaus if len(plateaus) >= 2 or sum(plateaus) >= 8 else []
 
 
 def _plateaus(values: Vector) -> list[int]:

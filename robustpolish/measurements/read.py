@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from robustpolish.measurements import readers
+from robustpolish.arrays import Vector
+from robustpolish.measurements.clock.axis import uniform_time
+from robustpolish.measurements.clock.channel import find_time, is_text, seconds
+from robustpolish.measurements.gaps import ends_without_values, fill_gaps
+from robustpolish.measurements.headers import is_count
 from robustpolish.measurements.quality import (
     check_finite,
     check_moves,
@@ -17,28 +21,9 @@ from robustpolish.measurements.quality import (
     numeric,
 )
 from robustpolish.measurements.raw import RawTable
-from robustpolish.measurements.time_axis import UniformTime, uniform_time
+from robustpolish.measurements.sources import raw_table
 from robustpolish.measurements.units import to_si
-from robustpolish.validation import described, instance_of, invalid, positive
-
-_WITHOUT_TABLES: dict[str, Callable[[Path], RawTable]] = {
-    ".csv": readers.read_csv,
-    ".txt": readers.read_csv,
-    ".tsv": readers.read_csv,
-    ".dat": readers.read_csv,
-    ".wav": readers.read_wav,
-    ".uff": readers.read_uff,
-    ".unv": readers.read_uff,
-}
-_WITH_TABLES: dict[str, Callable[[Path, str | None], RawTable]] = {
-    ".mat": readers.read_mat,
-    ".h5": readers.read_hdf5,
-    ".hdf5": readers.read_hdf5,
-    ".hdf": readers.read_hdf5,
-    ".npz": readers.read_npz,
-    ".tdms": readers.read_tdms,
-}
-_TIME_NAMES = ("time", "t", "time_s", "t_s")
+from robustpolish.validation import described, invalid, positive
 
 
 def read_measurement(
@@ -47,6 +32,8 @@ def read_measurement(
     columns: Sequence[str] | None = None,
     units: Mapping[str, str] | None = None,
     time: str | None = None,
+    rename: Mapping[str, str] | None = None,
+    between: tuple[float, float] | None = None,
     sampling_rate: float | None = None,
     table: str | None = None,
 ) -> xr.Dataset:
@@ -55,15 +42,22 @@ def read_measurement(
     Parameters
     ----------
     source : path, pandas.DataFrame, pandas.Series, xarray.Dataset or xarray.DataArray
-        A CSV file with the header ``name [unit]`` (also ``.txt``, ``.tsv``, ``.dat``), a MATLAB
-        file of any version, HDF5, NPZ or WAV; TDMS and UFF 58 with the extra ``[io]``.
+        A text table (``.csv``, ``.txt``, ``.tsv``, ``.dat``, ``.asc``, ``.lvm``) with a header of
+        names and units, such as ``x [mm]``, ``x (mm)`` or ``x/mm``; a MATLAB file of any version,
+        HDF5, NPZ or WAV; TDMS and UFF 58 with the extra ``[io]``.
     columns : sequence of str, optional
-        The channels to read; all by default.
+        The channels to read; all by default. What a group holds is called ``group/name``, or
+        ``name`` alone where that is clear.
     units : mapping of str to str, optional
         Units of channels whose file has none, or other ones; a factor may precede the unit:
         ``{"channel_1": "2.5 mm"}``. A channel without a unit is kept as it is.
     time : str, optional
-        Name of the time channel; ``time`` or ``t`` by default.
+        Name of the time channel; by default what is called time, t, Zeit, timestamp and the like.
+        Dates and times of day (``2024-05-03T12:00:00.001``) count from the first.
+    rename : mapping of str to str, optional
+        New names by old ones; all other arguments go by the new names.
+    between : (float, float), optional
+        First and last time in s to be read, on the clock of the file.
     sampling_rate : float, optional
         In Hz, for files without time.
     table : str, optional
@@ -79,8 +73,9 @@ def read_measurement(
     ------
     InvalidInputError
         If the file is missing, damaged, empty or of an unknown kind; if a column is missing; if
-        time does not rise or is strongly irregular; if a channel has gaps, text, NaN, is constant
-        or clipped; if a unit is unknown. The message names file, channel, and sample or line.
+        time does not rise or has a long gap; if a channel has long gaps, text, infinities, is
+        constant or clipped; if a unit is unknown. The message names file, channel, and sample or
+        line.
     MissingDependencyError
         If the format needs the extra ``[io]``.
 
@@ -88,112 +83,52 @@ def read_measurement(
     --------
     >>> import pandas as pd
     >>> import robustpolish as rp
-    >>> frame = pd.DataFrame({"time [ms]": [0, 1, 2], "x [um]": [0.0, 2.0, 1.0]})
-    >>> data = rp.read_measurement(frame)
+    >>> frame = pd.DataFrame({"Time (ms)": [0, 1, 2], "disp [um]": [0.0, 2.0, 1.0]})
+    >>> data = rp.read_measurement(frame, rename={"disp": "x"})
     >>> data["x"].values, data["x"].attrs["units"]
     (array([0.e+00, 2.e-06, 1.e-06]), 'm')
     """
-    raw = _raw(source, table)
+    raw = raw_table(source, table)
+    raw.rename(rename or {})
     raw.units.update(_known(units or {}, raw, "units"))
-    name, axis = _time(raw, time, sampling_rate)
-    chosen = _chosen(raw, columns, name)
-    length = axis.time.size if axis.taken is None else axis.taken.size
+    name = find_time(raw, time) if raw.columns else None
+    stamps = _stamps(raw, name, sampling_rate)
+    channels = _channels(raw, columns, name, stamps.size)
+    kept = _kept(raw, stamps, channels, between)
+    axis = uniform_time(stamps[kept], name or "time")
+    taken = stamps[kept] if axis.taken is None else axis.taken
+    lines = None if raw.lines is None else raw.lines[kept]
     data: dict[str, Any] = {}
-    notes = [*raw.notes, *([axis.note] if axis.note else [])]
-    for column in chosen:
-        values = numeric(column, raw.columns[column])
-        if values.shape != (length,):
-            if columns is None:
-                notes.append(f"left out: {column}, which is not as long as the time")
-                continue
-            shown = described(f"shape {values.shape}")
-            raise invalid(column, shown, f"{length} samples, like the time", "Check the file.")
-        check_finite(column, values, axis.taken if axis.taken is not None else axis.time)
+    doubts = []
+    for column, whole in channels.items():
+        values, note = fill_gaps(column, whole[kept], taken, lines)
+        check_finite(column, values, taken)
         check_moves(column, values)
         check_not_clipped(column, values)
-        values, unit = to_si(values, raw.units.get(column, ""), f"unit of {column!r}")
+        source_name = column if column in raw.columns else raw.resolve("column", column)
+        values, unit = to_si(values, raw.units.get(source_name, ""), f"unit of {column!r}")
         data[column] = ("time", axis.move(values), {"units": unit})
-    if not data:
-        shown = described("no channel beside the time")
-        raise invalid("measurement", shown, "one channel or more", "Check the file.")
+        doubts += [text for text in (note, axis.doubt(column, values)) if text]
     dataset = xr.Dataset(data, coords={"time": ("time", axis.time, {"units": "s"})})
-    dataset.attrs["notes"] = notes
+    dataset.attrs["notes"] = [*raw.notes, *([axis.note] if axis.note else []), *doubts]
     if isinstance(source, str | Path):
         dataset.attrs["source"] = str(source)
     return dataset
 
 
-def _raw(source: Any, table: str | None) -> RawTable:
-    found = readers.read_object(source)
-    if found is not None:
-        return found
-    expected, remedy = "a path, or a pandas or xarray object", "Convert it to a pandas.DataFrame."
-    path = Path(instance_of("measurement", source, (str, Path), expected, remedy))
-    if not path.is_file():
-        what = "a folder" if path.is_dir() else "no such file"
-        raise invalid("measurement", described(f"{path} ({what})"), "a file", "Check the path.")
-    if path.stat().st_size == 0:
-        raise invalid("measurement", described(f"{path}, empty"), "data", "Export it again.")
-    suffix = path.suffix.casefold()
-    try:
-        if suffix in _WITH_TABLES:
-            return _WITH_TABLES[suffix](path, table)
-        if suffix in _WITHOUT_TABLES:
-            if table is not None:
-                shown = described(f"{table!r} for a {suffix} file")
-                raise invalid("table", shown, "no table: the file has but one", "Leave it out.")
-            return _WITHOUT_TABLES[suffix](path)
-    except OSError as error:
-        shown = described(f"{path} ({error.strerror or error})")
-        raise invalid("measurement", shown, "a file that can be read", "Check it.") from None
-    known = ", ".join([*_WITHOUT_TABLES, *_WITH_TABLES])
-    raise invalid("measurement", path.name, f"one of the suffixes {known}", "Convert the file.")
-
-
 def _known(units: Mapping[str, str], raw: RawTable, argument: str) -> dict[str, str]:
     for name, unit in units.items():
-        if name not in raw.columns:
-            raise invalid(argument, name, f"one of {', '.join(raw.columns)}", "Check its name.")
         if not isinstance(unit, str):
             raise invalid(f"{argument}[{name!r}]", unit, "text such as 'mm'", "Quote it.")
-    return dict(units)
+    return {raw.resolve(argument, name): unit for name, unit in units.items()}
 
 
-def _chosen(raw: RawTable, columns: Sequence[str] | None, time: str | None) -> list[str]:
-    available = [name for name in raw.columns if name != time]
-    if columns is None:
-        return available
-    wanted = [columns] if isinstance(columns, str) else list(columns)
-    for name in wanted:
-        if name not in available:
-            listed = ", ".join(available) or "none"
-            raise invalid(
-                "column",
-                described(f"no channel {name!r}"),
-                f"the channels that are there: {listed}",
-                "Check the header.",
-            )
-    return wanted
-
-
-def _time(
-    raw: RawTable, name: str | None, sampling_rate: float | None
-) -> tuple[str | None, UniformTime]:
-    """Return the name of the time channel, if there is one, and the uniform axis."""
+def _stamps(raw: RawTable, name: str | None, sampling_rate: float | None) -> Vector:
+    """Return the times in s at which the samples were taken, as the file says."""
     if not raw.columns:
         raise invalid("measurement", described("no channels"), "signals", "Check the file.")
-    if name is not None and name not in raw.columns:
-        raise invalid("time", name, f"one of {', '.join(raw.columns)}", "Check its name.")
-    if name is None:
-        named = {column.casefold(): column for column in reversed(raw.columns)}
-        name = next((named[key] for key in _TIME_NAMES if key in named), None)
     if name is not None and sampling_rate is None:
-        stamps = numeric(name, raw.columns[name])
-        check_finite(name, stamps)
-        stamps, unit = to_si(stamps, raw.units.get(name, "") or "s", f"unit of {name!r}")
-        if unit != "s":
-            raise invalid(f"unit of {name!r}", unit, "a unit of time", "Correct the header.")
-        return name, uniform_time(np.atleast_1d(stamps).reshape(-1), name)
+        return seconds(raw, name)
     rate = raw.sampling_rate if sampling_rate is None else sampling_rate
     if rate is None:
         raise invalid(
@@ -203,15 +138,83 @@ def _time(
             "Pass time=NAME or sampling_rate=HZ.",
         )
     step = 1 / positive("sampling_rate", rate, "Hz")
-    length = _common_length(raw, name)
+    lengths = [np.size(values) for column, values in raw.columns.items() if column != name]
+    length = max(set(lengths), key=lengths.count) if lengths else 0
     if length < 2:
-        raise invalid(
-            "measurement", described(f"{length} samples"), "two or more", "Record longer."
-        )
-    return name, UniformTime(step * np.arange(length, dtype=np.float64))
+        shown = described(f"{length} samples")
+        raise invalid("measurement", shown, "two or more", "Record longer.")
+    return step * np.arange(length, dtype=np.float64)
 
 
-def _common_length(raw: RawTable, time: str | None) -> int:
-    """Length of most of the channels."""
-    lengths = [np.size(values) for name, values in raw.columns.items() if name != time]
-    return max(set(lengths), key=lengths.count) if lengths else 0
+def _channels(
+    raw: RawTable, columns: Sequence[str] | None, time: str | None, length: int
+) -> dict[str, Vector]:
+    """Return the signals by the names that they are wanted under."""
+    if columns is None:
+        found = _all_channels(raw, time, length)
+    else:
+        wanted = [columns] if isinstance(columns, str) else list(columns)
+        found = {name: raw.columns[raw.resolve("column", name)] for name in wanted}
+    channels = {}
+    for name, given in found.items():
+        values = numeric(name, given)
+        if values.shape != (length,):
+            shown = described(f"shape {values.shape}")
+            raise invalid(name, shown, f"{length} samples, like the time", "Check the file.")
+        channels[name] = values
+    if not channels:
+        shown = described("no channel beside the time")
+        raise invalid("measurement", shown, "one channel or more", "Check the file.")
+    return channels
+
+
+def _all_channels(raw: RawTable, time: str | None, length: int) -> dict[str, Any]:
+    """Return what is a signal beside the time, with a note for what is none."""
+    found: dict[str, Any] = {}
+    for name, values in raw.columns.items():
+        if name == time:
+            continue
+        if is_text(values):
+            raw.notes.append(f"left out: {name}, which is text")
+        elif np.shape(values) != (length,):
+            raw.notes.append(f"left out: {name}, which is not as long as the time")
+        elif is_count(name) and _counts(values):
+            raw.notes.append(f"left out: {name}, which numbers the samples")
+        else:
+            found[name] = values
+    return found
+
+
+def _counts(values: Any) -> bool:
+    array = np.asarray(values)
+    return array.dtype.kind in "iuf" and bool(np.all(np.diff(array) == 1))
+
+
+def _kept(
+    raw: RawTable,
+    stamps: Vector,
+    channels: Mapping[str, Vector],
+    between: tuple[float, float] | None,
+) -> slice:
+    """Return the samples to be used: those asked for, from where all channels have values."""
+    first, last = 0, stamps.size
+    if between is not None:
+        try:
+            start, end = (float(edge) for edge in between)
+        except (TypeError, ValueError):
+            remedy = "Pass two times in s."
+            raise invalid("between", between, "(START, END)", remedy) from None
+        inside = np.flatnonzero((stamps >= start) & (stamps <= end))
+        if inside.size < 2:
+            shown = described(f"{inside.size} samples from {start:.6g} to {end:.6g} s")
+            ends = f"{np.min(stamps, initial=np.inf):.6g} to {np.max(stamps, initial=-np.inf):.6g}"
+            raise invalid("between", shown, f"a part of the record, {ends} s", "Choose another.")
+        first, last = int(inside[0]), int(inside[-1]) + 1
+    if last - first > 2:
+        parts = [values[first:last] for values in channels.values()]
+        before, behind = ends_without_values(parts)
+        if before + behind and last - first - before - behind > 2:
+            where = [f"the first {before}"] * bool(before) + [f"the last {behind}"] * bool(behind)
+            raw.notes.append(f"cut off, as a channel has no value there: {' and '.join(where)}")
+            first, last = first + before, last - behind
+    return slice(first, last)

@@ -102,12 +102,25 @@ def test_units_and_rates_can_be_given(folder):
     assert "fit 98.98 %" in result.output
 
 
+def test_columns_can_be_renamed_and_parts_read(folder):
+    text = CSV.replace("time [ms],F [kN],x [um]", "clock [ms],force/kN,disp (um)")
+    (folder / "data.csv").write_text(text)
+    names = ("--time", "clock", "--rename", "force=F", "--rename", "disp=x")
+    result = run(folder, *names, "--between", 0.1, 0.9)
+    assert result.exit_code == 0, result.output
+    assert "fit 98.9" in result.output
+
+
 BAD = {
     "no data": ({"data": "none.csv"}, (), "no such file"),
     "no model": ({"model": "none.toml"}, (), "No such file"),
     "window": ({}, ("--window", 100), "window"),
     "both": ({}, ("--window", 0.1, "--horizon", 0.1), "either"),
     "unit": ({}, ("--unit", "x"), "COLUMN=UNIT"),
+    "rename": ({}, ("--rename", "x"), "OLD=NEW"),
+    "rename of nothing": ({}, ("--rename", "q=x"), "no channel 'q'"),
+    "time": ({}, ("--time", "q"), "no channel 'q'"),
+    "part": ({}, ("--between", 5, 6), "between"),
     "unit of nothing": ({}, ("--unit", "y=mm"), "'y'"),
     "kind": ({}, ("--unit", "x=kN"), "a column in N"),
     "picture": ({}, ("--plot", "out.doc"), "out"),

@@ -1,10 +1,12 @@
 """How the subcommands read a measurement."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.cli.measurement import load_data, replaceable
+from robustpolish.cli.measurement import Reading, load_data, replaceable
 from robustpolish.errors import InvalidInputError
 
 GROUND = ("x", "ground")
@@ -22,7 +24,7 @@ def path(tmp_path):
 
 
 def test_only_what_the_model_needs_is_read_in_the_units_given(path):
-    data = load_data(path, MODEL, None, 100.0, ("F=kN", "x=mm"))
+    data = load_data(path, MODEL, Reading(sampling_rate=100.0, units=("F=kN", "x=mm")))
     assert set(data.data_vars) == {"F", "x"}  # the constant temperature is no signal
     assert float(data["x"][0]) == pytest.approx(1e-3)
     assert float(abs(data["F"]).max()) == pytest.approx(1e3, rel=1e-2)
@@ -31,7 +33,22 @@ def test_only_what_the_model_needs_is_read_in_the_units_given(path):
 
 def test_a_unit_without_its_column_is_refused(path):
     with pytest.raises(InvalidInputError, match=r"--unit: got 'mm', expected COLUMN=UNIT"):
-        load_data(path, MODEL, None, 100.0, ("mm",))
+        load_data(path, MODEL, Reading(sampling_rate=100.0, units=("mm",)))
+
+
+def test_time_names_and_parts_can_be_said(path):
+    model = rp.MechanicalModel(
+        [rp.Dof("x", 1.0)], inputs=[rp.Input("F", GROUND)], outputs=[rp.Output("y", GROUND)]
+    )
+    names, *rows = Path(path).read_text().replace("F,x,T", "a=b,clock,y").splitlines()
+    rows = [f"{i / 100},{row}" for i, row in enumerate(rows)]
+    Path(path).write_text("\n".join([f"runs,{names}", *rows]) + "\n")
+    reading = Reading(time="runs", renames=("a=b=F", "clock=y", "y=T"), between=(0.5, 1.0))
+    data = load_data(path, model, reading)
+    assert set(data.data_vars) == {"F", "y"}
+    assert (float(data["time"][0]), float(data["time"][-1])) == (0.5, 1.0)
+    with pytest.raises(InvalidInputError, match=r"--rename: got 'F', expected OLD=NEW"):
+        load_data(path, model, Reading(renames=("F",)))
 
 
 def test_only_json_of_an_earlier_run_is_replaced(tmp_path):

@@ -28,6 +28,7 @@ from robustpolish.identification.observer.run import (
     visible_sizes,
 )
 from robustpolish.identification.record import Record, long_enough, record_of
+from robustpolish.identification.sanity.warnings import sanity_warnings
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid, positive
 
@@ -112,6 +113,9 @@ def compare(
     if not found.reproducible or found.reason:
         notes.append(found.reason)
     time = record.data["time"]
+    run_outputs = _dataset(model, simulated, time)
+    free = run_outputs if method == "free run" else None
+    notes += sanity_warnings(model, record.data, free)
     errors = {
         item.name: output_error(
             item.name, model.unit_of(item), record.Y[skip:, i], simulated[skip:, i]
@@ -125,7 +129,7 @@ def compare(
     return Comparison(
         model=model,
         data=record.data,
-        simulated=_dataset(model, simulated, time),
+        simulated=run_outputs,
         outputs=errors,
         method=method,
         span=span,

@@ -104,7 +104,7 @@ def _places(model: MechanicalModel) -> list[tuple[tuple[str, str], Array]]:
     pairs = [(name, "ground") for name in names if name not in model.channels]
     connected = [s.between for s in model.springs] + [d.between for d in model.dampers]
     connected += [e.at for e in model.effects if e.definition.domain == "pair"]
-    connected += [output.of for output in model.outputs]
+    connected += [(o.of[0], o.of[1]) for o in model.outputs if o.weights is None]
     for ends in connected:
         if "ground" not in ends and not any(set(ends) == set(pair) for pair in pairs):
             pairs.append((ends[0], ends[1]))

@@ -1,129 +1,169 @@
-"""Tables in text: a header line with names and units, then numbers."""
+"""Tables in text: whatever stands above them, a header with names and units, then numbers."""
 
 from __future__ import annotations
 
 import csv
-import io
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from robustpolish.measurements.raw import RawTable
+from robustpolish.measurements.readers.text_layout import (
+    Layout,
+    Line,
+    as_number,
+    find_layout,
+    is_empty,
+    split,
+)
+from robustpolish.measurements.stamps import is_clock_text
 from robustpolish.validation import described, invalid
 
 
 def read_csv(path: Path) -> RawTable:
     """Read a text table.
 
-    Columns are separated by comma, semicolon or tab (the header decides); with semicolons or
-    tabs, numbers may have a decimal comma. Lines before the header that begin with ``#`` and
-    blank lines are skipped.
+    Columns are separated by comma, semicolon, tab or blanks (the rows decide); unless it is a
+    comma, numbers may have a decimal comma. The header is the last line above the numbers that
+    names all columns, with their units in it or in a line of their own below it; what stands above
+    it is skipped, remarks and the heads of data loggers. Empty cells become NaN.
     """
-    # newline=None: all kinds of line ends count.
-    text = io.StringIO(_decode(path.read_bytes()), newline=None)
-    lines = [(number, line.rstrip("\n")) for number, line in enumerate(text, 1) if line.strip()]
-    while len(lines) > 1 and lines[0][1].lstrip().startswith("#") and _is_comment(lines):
-        lines.pop(0)
+    lines = _lines(path.read_bytes())
     if not lines:
         raise invalid("measurement", described(f"{path}, empty"), "a table", "Export it again.")
-    header_line, header = lines[0]
-    delimiter = _delimiter(header)
-    names = [name.strip() for name in _cells(header.strip(), delimiter)]
-    if all(_number(name) is not None for name in names if name):
-        raise invalid(
-            "measurement",
-            described(f"{path}, line {header_line}, with numbers only"),
-            "a header such as 'time [s],x [mm]'",
-            "Add a first line with the names and units of the columns.",
-        )
-    rows = lines[1:]
-    if not rows:
-        shown = described(f"{path} with a header and no numbers")
-        raise invalid("measurement", shown, "numbers below the header", "Export it again.")
-    values = _numbers(path, rows, names, delimiter)
-    table = RawTable()
-    for i, name in enumerate(names):
-        if not name:
+    layout = find_layout(path, lines)
+    rows = _without_blank_end(lines[layout.begin :], layout.delimiter)
+    table = RawTable(sampling_rate=layout.sampling_rate)
+    table.lines = np.array([number for number, _ in rows])
+    columns = _numbers(rows, layout) or _columns(path, rows, layout)
+    for i, (header, values) in enumerate(zip(layout.headers, columns, strict=True)):
+        if header and _is_empty(values):
+            table.notes.append(f"left out: {header}, which is empty")
+        elif header:
+            table.add(header, values, layout.units[i] or None, fraction=True)
+        elif not _is_superfluous(values, first=i == 0):
             shown = described(f"column {i + 1} of {path} without one")
             raise invalid("name", shown, "a name for each column", "Complete the header.")
-        table.add(name, values[:, i])
     return table
 
 
-def _decode(content: bytes) -> str:
+def _lines(content: bytes) -> list[Line]:
+    """Return the lines that are not blank; all kinds of line ends count."""
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return content.decode("utf-16", errors="replace")
+        text = content.decode("utf-16", errors="replace")
+    else:
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = content.decode("latin-1")  # older instruments, for the micro sign
+    ends = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return [(number, line) for number, line in enumerate(ends, 1) if line.strip()]
+
+
+def _without_blank_end(rows: list[Line], delimiter: str) -> list[Line]:
+    """Leave out rows of empty cells at the end, which spreadsheets append."""
+    last = len(rows)
+    while last > 1 and not any(split(rows[last - 1][1], delimiter)):
+        last -= 1
+    return rows[:last]
+
+
+def _decimal_comma(lines: Sequence[str], delimiter: str) -> bool:
+    return delimiter != "," and any("," in line for line in lines)
+
+
+def _numbers(rows: list[Line], layout: Layout) -> list[Any] | None:
+    """Read the rows in one go; None if there is anything but numbers in them."""
+    lines = [line for _, line in rows]
+    if _decimal_comma(lines, layout.delimiter):
+        lines = [line.replace(",", ".") for line in lines]
+    delimiter = None if layout.delimiter == " " else layout.delimiter
     try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode("latin-1")  # older instruments, for the micro sign
-
-
-def _is_comment(lines: list[tuple[int, str]]) -> bool:
-    """Return whether the first line is a remark and not a header that begins with #."""
-    first, second = (line for _, line in lines[:2])
-    delimiter = _delimiter(second)
-    return first.count(delimiter) != second.count(delimiter) or second.lstrip().startswith("#")
-
-
-def _cells(line: str, delimiter: str) -> list[str]:
-    try:
-        return next(csv.reader([line], delimiter=delimiter), [])
-    except csv.Error:  # such as a cell of more than 100 000 characters
-        return line.split(delimiter)
-
-
-def _delimiter(line: str) -> str:
-    return max("\t;,", key=line.count) if ";" not in line else ";"
-
-
-def _numbers(
-    path: Path, rows: list[tuple[int, str]], names: list[str], delimiter: str
-) -> np.ndarray:
-    text = [line for _, line in rows]
-    decimal_comma = delimiter != "," and any("," in line for line in text)
-    if decimal_comma:
-        text = [line.replace(",", ".") for line in text]
-    try:
-        values = np.loadtxt(text, delimiter=delimiter, ndmin=2, comments=None, quotechar='"')
-    except ValueError:
-        values = None
-    if values is None or values.shape[1] != len(names):
-        raise _bad_cell(path, rows, names, delimiter, decimal_comma)
-    return values
-
-
-def _bad_cell(
-    path: Path,
-    rows: list[tuple[int, str]],
-    names: list[str],
-    delimiter: str,
-    decimal_comma: bool,
-) -> Exception:
-    """Find the first cell that is no number, and build the message that names it."""
-    for number, line in rows:
-        cells = _cells(line, delimiter)
-        if len(cells) != len(names):
-            return invalid(
-                f"{path}, line {number}",
-                described(f"{len(cells)} columns"),
-                f"{len(names)}, like the header",
-                "Mend the line.",
-            )
-        for name, cell in zip(names, cells, strict=True):
-            if _number(cell.replace(",", ".") if decimal_comma else cell) is None:
-                blank = not cell.strip()
-                return invalid(
-                    f"{path}, line {number}, column {name!r}",
-                    described("nothing") if blank else cell.strip(),
-                    "a number",
-                    "Fill the gap or cut the record there." if blank else "Remove the text.",
-                )
-    return invalid("measurement", str(path), "a table of numbers", "Export it again.")
-
-
-def _number(cell: str) -> float | None:
-    try:
-        return float(cell)
+        values = np.loadtxt(lines, delimiter=delimiter, ndmin=2, comments=None, quotechar='"')
     except ValueError:
         return None
+    return list(values.T) if values.shape[1] == len(layout.headers) else None
+
+
+def _columns(path: Path, rows: list[Line], layout: Layout) -> list[Any]:
+    """Read the rows cell by cell: empty ones are NaN, columns of text stay text."""
+    cells = _cells(path, rows, layout)
+    comma = _decimal_comma([line for _, line in rows], layout.delimiter)
+    columns = []
+    for header, column in zip(layout.headers, zip(*cells, strict=True), strict=True):
+        values = _floats([cell.replace(",", ".") for cell in column] if comma else column)
+        if values is None:
+            values = _text(path, rows, header, column)
+        columns.append(values)
+    return columns
+
+
+def _cells(path: Path, rows: list[Line], layout: Layout) -> list[list[str]]:
+    """Return the cells of the rows, as many in each as there are headers."""
+    lines, width = [line for _, line in rows], len(layout.headers)
+    if layout.delimiter == " " or not any('"' in line for line in lines):
+        # Blanks around cells may stay: numbers are read with them, and text is stripped.
+        separator = None if layout.delimiter == " " else layout.delimiter
+        cells = [line.split(separator) for line in lines]
+    else:
+        try:
+            cells = [
+                [cell.strip() for cell in row]
+                for row in csv.reader(lines, delimiter=layout.delimiter)
+            ]
+        except csv.Error:
+            cells = []
+        if len(cells) != len(lines):  # a quotation mark that is not closed
+            cells = [split(line, layout.delimiter) for line in lines]
+    for i, row in enumerate(cells):
+        if len(row) == width + 1 and not row[-1].strip():
+            row.pop()  # a delimiter at the end
+        elif len(row) != width:
+            raise invalid(
+                f"{path}, line {rows[i][0]}",
+                described(f"{len(row)} columns"),
+                f"{width}, like the header",
+                "Mend the line.",
+            )
+    return cells
+
+
+def _floats(column: Sequence[str]) -> np.ndarray | None:
+    try:
+        return np.array([float(cell) if cell else np.nan for cell in column])
+    except ValueError:
+        pass
+    try:
+        return np.array([np.nan if is_empty(cell.strip()) else float(cell) for cell in column])
+    except ValueError:
+        return None
+
+
+def _text(path: Path, rows: list[Line], header: str, column: Sequence[str]) -> np.ndarray:
+    """Return a column of text, or refuse text among numbers."""
+    column = [cell.strip() for cell in column]
+    if is_clock_text(column[0]):
+        return np.array(column)
+    numbers = [as_number(cell) is not None for cell in column]
+    if any(numbers):
+        i = next(i for i, cell in enumerate(column) if not numbers[i] and not is_empty(cell))
+        raise invalid(
+            f"{path}, line {rows[i][0]}, column {header!r}",
+            column[i],
+            "a number",
+            "Remove the text, or leave the cell empty.",
+        )
+    return np.array(column)
+
+
+def _is_superfluous(values: np.ndarray, first: bool) -> bool:
+    """Return whether a column without a name is empty, or numbers the rows in front of them."""
+    if values.dtype.kind != "f":
+        return _is_empty(values)
+    return _is_empty(values) or (first and bool(np.all(np.diff(values) == 1)))
+
+
+def _is_empty(values: np.ndarray) -> bool:
+    return bool(np.isnan(values).all()) if values.dtype.kind == "f" else not any(values)

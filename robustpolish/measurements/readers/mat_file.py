@@ -8,13 +8,18 @@ from typing import Any
 import numpy as np
 import scipy.io
 
-from robustpolish.measurements.raw import RawTable, table_of, unreadable
+from robustpolish.measurements.raw import RawTable, unreadable
 from robustpolish.measurements.readers.hdf5_file import SIGNATURE, read_hdf5
 from robustpolish.measurements.readers.mat_structure import readable_variables
+from robustpolish.measurements.readers.named_arrays import table_of
 
 
 def read_mat(path: Path, table: str | None = None) -> RawTable:
-    """Read the vectors of a MATLAB file; the fields of a struct are named ``struct/field``."""
+    """Read the vectors of a MATLAB file.
+
+    The fields of a struct are named ``struct/field``, those of several ``struct(1)/field``, and the
+    parts of a cell ``cell{1}``.
+    """
     with path.open("rb") as stream:
         # Version 7.3 puts 512 bytes of its own before the HDF5 signature.
         start = stream.read(520)
@@ -32,11 +37,28 @@ def read_mat(path: Path, table: str | None = None) -> RawTable:
 
 
 def _flatten(name: str, value: Any, arrays: dict[str, Any]) -> None:
+    """Collect the arrays in nested structs and cells, named as in ``s/field`` and ``c{2}``."""
     array = np.asarray(value)
-    if array.dtype.names and array.size == 1:
-        for field in array.dtype.names:
-            _flatten(f"{name}/{field}", array.reshape(-1)[0][field], arrays)
-    elif array.dtype == object and array.size == 1:
-        _flatten(name, array.reshape(-1)[0], arrays)
-    else:
+    items = array.reshape(-1, order="F")
+    if array.dtype.names:
+        for i, item in enumerate(items, 1):
+            here = name if array.size == 1 else f"{name}({i})"
+            for field in array.dtype.names:
+                _flatten(f"{here}/{field}", item[field], arrays)
+    elif array.dtype != object:
         arrays[name] = array
+    elif array.size == 1:
+        _flatten(name, items[0], arrays)
+    elif (words := _words(items)) is not None:
+        arrays[name] = words
+    else:
+        for i, item in enumerate(items, 1):
+            _flatten(f"{name}{{{i}}}", item, arrays)
+
+
+def _words(items: np.ndarray) -> np.ndarray | None:
+    """Return the texts of a cell that holds nothing else, such as the names of columns."""
+    texts = [np.asarray(item) for item in items]
+    if not texts or any(text.dtype.kind != "U" or text.size > 1 for text in texts):
+        return None
+    return np.array(["".join(text.reshape(-1)) for text in texts])

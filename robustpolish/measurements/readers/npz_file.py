@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robustpolish.measurements.raw import RawTable, table_of, unreadable
+from robustpolish.measurements.raw import RawTable, unreadable
+from robustpolish.measurements.readers.named_arrays import table_of
 
 
 def read_npz(path: Path, table: str | None = None) -> RawTable:

@@ -57,7 +57,7 @@ def _frame(source: Any) -> RawTable:
         index.dtype.kind in "iu" and index.name is None
     )
     if not counts:
-        table.add(str(index.name or "time"), _seconds(index.to_numpy()))
+        table.add(str(index.name or "time"), _seconds(index.to_numpy()), fraction=True)
         if index.dtype.kind in "mM":
             name = next(iter(table.columns))
             table.columns = {"time": table.columns.pop(name)}
@@ -66,7 +66,7 @@ def _frame(source: Any) -> RawTable:
         values = source[name].to_numpy()
         if values.ndim != 1:
             raise invalid("column", name, "a name used once", "Rename one of the columns.")
-        table.add(str(name), values)
+        table.add(str(name), values, fraction=True)
     return table
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from robustpolish.display import Card, Table
 from robustpolish.models.mechanical.data import MechanicalData, unit_of, values
-from robustpolish.models.mechanical.parts import Input
+from robustpolish.models.mechanical.parts import Input, Output
 
 COLUMNS = ("part", "at", "quantity", "value", "unit")
 
@@ -30,7 +30,7 @@ def mechanical_card(model: MechanicalData) -> Card:
     signals = [
         ("input", item.name, *_what(model, item), model.unit_of(item)) for item in model.inputs
     ] + [
-        ("output", item.name, _joined(item.of), item.quantity, model.unit_of(item))
+        ("output", item.name, _seen(item), item.quantity, model.unit_of(item))
         for item in model.outputs
     ]
     columns = ("signal", "name", "at", "quantity", "unit")
@@ -45,6 +45,14 @@ def _what(model: MechanicalData, item: Input) -> tuple[str, str]:
     if item.imposes and item.on[0] in model.channels:
         return "", "channel"
     return _joined(item.on), item.imposes or "force"
+
+
+def _seen(item: Output) -> str:
+    """Return where an output measures, or the sum that it sees."""
+    if item.weights is None:
+        return _joined(item.of)
+    terms = zip(item.weights, item.of, strict=True)
+    return " ".join(f"{weight:+.4g} {name}" for weight, name in terms).removeprefix("+")
 
 
 def _joined(places: tuple[str, ...]) -> str:

@@ -199,6 +199,8 @@ def _output(item: Output, dofs: Mapping[str, Dof], imposed: frozenset[str]) -> O
     argument = ("output", item.name)
     quantity = QUANTITIES.get(item.quantity, item.quantity)
     one_of((*argument, "quantity"), quantity, (DISPLACEMENT, VELOCITY, ACCELERATION, FORCE))
+    if item.weights is not None:
+        return _sum(argument, item, quantity, dofs)
     of = places(argument, item.of)
     _check_coordinate(argument, of[0] if of[0] != GROUND else of[-1], dofs)
     of = _pair(argument, (*of, GROUND)[:2], dofs)
@@ -218,6 +220,37 @@ def _output(item: Output, dofs: Mapping[str, Dof], imposed: frozenset[str]) -> O
             "Write of = ['x', 'ground'] for the force in a connection.",
         )
     return Output(item.name, of, quantity, item.drive, item.unit)
+
+
+def _sum(argument: Key, item: Output, quantity: str, dofs: Mapping[str, Dof]) -> Output:
+    """Check an output that sees several coordinates."""
+    weights = item.weights
+    fits = isinstance(weights, Sequence) and not isinstance(item.of, str)
+    if not fits or not weights or len(weights) != len(item.of) or len({*item.of}) != len(item.of):
+        raise invalid(
+            (*argument, "weights"),
+            described(f"{weights} for {item.of}"),
+            "one number for each coordinate, each named once",
+            "Write measures = { q1 = 0.8, q2 = -0.3 }.",
+        )
+    for name in item.of:
+        _check_coordinate(argument, name, dofs)
+    found = tuple(number((*argument, "weights"), weight) for weight in weights)
+    if not any(found):
+        raise invalid((*argument, "weights"), weights, "one that is not 0", "Correct them.")
+    turning = {dofs[name].rotational for name in item.of}
+    if quantity == FORCE or (len(turning) > 1 and item.unit is None):
+        what = "a force" if quantity == FORCE else "coordinates in m and in rad"
+        raise invalid(
+            argument,
+            described(f"a sum of {what}"),
+            "a sum of motions of one kind, or with a unit of its own",
+            "Give unit = 'm' if the weights convert." if quantity != FORCE else "Measure a motion.",
+        )
+    if item.quantity in ROTATIONAL_ONLY and turning != {True}:
+        expected = "a quantity of translation"
+        raise invalid((*argument, "quantity"), item.quantity, expected, f"Write {quantity!r}.")
+    return Output(item.name, tuple(item.of), quantity, False, item.unit, found)
 
 
 def _check_place(

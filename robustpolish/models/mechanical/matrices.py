@@ -196,7 +196,9 @@ def assemble(
     B = np.array([item.gain * incidence(names, item.on) for item in forces]).reshape(-1, n).T
     Sq, Sv, Sa = (np.zeros((len(outputs), n)) for _ in range(3))
     for i, item in enumerate(outputs):
-        row = incidence(names, item.of)
+        row = incidence(names, item.of) if item.weights is None else np.zeros(n)
+        for name, weight in zip(item.of, item.weights or (), strict=False):
+            row[names.index(name)] = weight
         if item.quantity == DISPLACEMENT:
             Sq[i] = row
         elif item.quantity == VELOCITY:

@@ -186,9 +186,10 @@ class Output:
     ----------
     name : str
         The data column.
-    of : (str, str)
+    of : tuple of str
         For a motion the coordinate that is measured, and the one that it is measured
-        against (``"ground"`` for the absolute motion). For a force the two ends of the
+        against (``"ground"`` for the absolute motion); with `weights` any number of coordinates.
+        For a force the two ends of the
         connection whose force is measured, positive when the connection pulls the
         first end towards negative coordinates, as a stretched spring to ground does.
     quantity : str, optional
@@ -198,19 +199,26 @@ class Output:
         ``of[0]``, its inertia and all its connections included.
     unit : str, optional
         Unit of the column where the coordinate is measured in another one, such as ``"V"``.
+    weights : tuple of float, optional
+        What each coordinate of `of` counts for, where a sensor sees a sum of them: a beam's
+        sensor sees its modes by their shapes, one at the end of a lever its shift and its turn.
 
     Examples
     --------
     >>> import robustpolish as rp
     >>> rp.Output("a_tool", ("tool", "ground"), quantity="acceleration").of
     ('tool', 'ground')
+    >>> tip = rp.Output("tip", ("q1", "q2"), weights=(0.8, -0.3))
+    >>> tip.weights
+    (0.8, -0.3)
     """
 
     name: str
-    of: tuple[str, str]
+    of: tuple[str, ...]
     quantity: str = DISPLACEMENT
     drive: bool = False
     unit: str | None = None
+    weights: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         name = text("output", self.name)

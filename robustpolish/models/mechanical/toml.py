@@ -176,7 +176,12 @@ def _output(where: Key, item: Table) -> Output:
         of = item["of"]
         return Output(item["name"], of, quantity, isinstance(of, str) or len(of) == 1, unit)
     _keys(where, item, ("name", "measures", "quantity", "relative_to", "unit"), ("measures",))
-    of = (item["measures"], item.get("relative_to", GROUND))
+    measures = item["measures"]
+    if isinstance(measures, dict):
+        _keys(where, item, ("name", "measures", "quantity", "unit"))
+        weights = tuple(measures.values())
+        return Output(item["name"], tuple(measures), quantity, unit=unit, weights=weights)
+    of = (measures, item.get("relative_to", GROUND))
     return Output(item["name"], of, quantity, unit=unit)
 
 
@@ -258,6 +263,9 @@ def _output_table(item: Output) -> dict[str, Any]:
     if item.quantity == FORCE:
         of: Any = item.of[0] if item.drive else item.of
         table: dict[str, Any] = {"name": item.name, "quantity": item.quantity, "of": of}
+    elif item.weights is not None:
+        measures = dict(zip(item.of, item.weights, strict=True))
+        table = {"name": item.name, "measures": measures, "quantity": item.quantity}
     else:
         table = {"name": item.name, "measures": item.of[0], "quantity": item.quantity}
         if item.of[1] != GROUND:

@@ -6,6 +6,7 @@ import pytest
 import scipy.io
 import scipy.sparse
 
+from robustpolish.errors import InvalidInputError
 from robustpolish.measurements import read_measurement
 from tests.measurements.records import FORCE, MOTION, TIME, UNITS, check
 
@@ -53,3 +54,54 @@ def test_mat_of_version_7_3(tmp_path):
     content[:116] = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(116)
     path.write_bytes(bytes(content))
     check(read_measurement(path, units=UNITS))
+
+
+def cells(*items):
+    content = np.empty(len(items), dtype=object)
+    content[:] = items
+    return content
+
+
+def test_mat_cells_and_nested_structs(tmp_path):
+    path = tmp_path / "data.mat"
+    content = {"rig": {"daq": {"t": TIME, "F": FORCE / 1e3}, "c": cells(MOTION * 1e6, "a", 3.0)}}
+    scipy.io.savemat(path, content)
+    data = read_measurement(path, units={"F": "kN", "rig/c{1}": "um"})
+    check(data.rename({"rig/daq/F": "F", "rig/c{1}": "x"}))
+
+
+def test_mat_matrix_with_names_in_a_cell(tmp_path):
+    path = tmp_path / "data.mat"
+    table = np.column_stack([TIME, FORCE / 1e3, MOTION * 1e6])
+    scipy.io.savemat(path, {"data": table, "names": cells("t", "F [kN]", "x [um]")})
+    check(read_measurement(path))
+
+
+def test_mat_structs_by_number(tmp_path):
+    path = tmp_path / "data.mat"
+    runs = np.array([(TIME, FORCE), (TIME, 2 * FORCE)], dtype=[("t", object), ("F", object)])
+    scipy.io.savemat(path, {"run": runs})
+    second = read_measurement(path, table="run(2)")
+    np.testing.assert_allclose(second["F"], 2 * FORCE)
+    with pytest.raises(InvalidInputError, match=r"table=, one of run\(1\), run\(2\)"):
+        read_measurement(path)
+
+
+def test_mat_of_version_7_3_with_cells(tmp_path):
+    path = tmp_path / "data.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        parts = {"a": TIME, "b": FORCE / 1e3, "c": MOTION * 1e6}
+        for name, values in parts.items():
+            file[f"#refs#/{name}"] = values.reshape(1, -1)
+        for name, text in (("d", "t"), ("e", "F")):
+            file[f"#refs#/{name}"] = np.array([[ord(letter)] for letter in text], np.uint16)
+            file[f"#refs#/{name}"].attrs["MATLAB_class"] = np.bytes_("char")
+        references = [file[f"#refs#/{name}"].ref for name in "abc"]
+        file.create_dataset("data", data=np.array(references, dtype=h5py.ref_dtype))
+        words = [file[f"#refs#/{name}"].ref for name in "de"]
+        file.create_dataset("names", data=np.array(words, dtype=h5py.ref_dtype))
+    data = read_measurement(
+        path, rename={"data{1}": "t", "data{2}": "F", "data{3}": "x"}, units=UNITS
+    )
+    check(data)
+    assert data.attrs["notes"] == ["left out, as they are no signals: names"]

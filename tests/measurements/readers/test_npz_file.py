@@ -17,5 +17,5 @@ def test_npz_with_columns_and_tables(tmp_path):
     check(read_measurement(path, table="a", units=UNITS))
     with pytest.raises(InvalidInputError, match="a, b"):
         read_measurement(path)
-    with pytest.raises(InvalidInputError, match="a, b"):
+    with pytest.raises(InvalidInputError, match=r"a \(400 x 3\), b \(400 x 3\)"):
         read_measurement(path, table="c")

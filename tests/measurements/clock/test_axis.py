@@ -1,10 +1,12 @@
 """Time stamps: what is mended, and what is refused."""
 
+import re
+
 import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements.time_axis import uniform_time
+from robustpolish.measurements.clock.axis import uniform_time
 
 GRID = np.arange(2000) * 1e-3
 
@@ -54,14 +56,49 @@ def test_no_unit_of_time_is_special(units):
     assert "jittered" in uniform_time(time).note
 
 
+RANDOM = np.random.default_rng(1)
+IRREGULAR = {
+    "a tenth lost": GRID[RANDOM.random(2000) < 0.9],
+    "a loop that sleeps": np.cumsum(1e-3 * (1 + 0.8 * RANDOM.random(2000))),
+    "a clock that speeds up": np.cumsum(np.linspace(1.5e-3, 0.7e-3, 2000)),
+    "two speeds": np.cumsum(np.where(np.arange(2000) % 2, 1e-3, 2e-3)),
+}
+
+
+@pytest.mark.parametrize("case", IRREGULAR)
+def test_irregular_clocks_are_resampled_with_a_note(case):
+    taken = IRREGULAR[case]
+    axis = uniform_time(taken)
+    assert axis.irregular
+    assert re.search("irregular clock, steps from .* to .* s .*: resampled at .* Hz", axis.note)
+    assert axis.time.size == taken.size
+    np.testing.assert_allclose(np.diff(axis.time), np.diff(axis.time)[0], rtol=1e-6)
+    slow, fast = (lambda t, f=f: np.sin(2 * np.pi * f * t) for f in (9.0, 300.0))
+    np.testing.assert_allclose(axis.move(slow(taken)), slow(axis.time), atol=3e-4)
+    assert axis.doubt("x", slow(taken)) == ""
+    assert "x changes fast for its irregular clock" in axis.doubt("x", fast(taken))
+
+
+def test_a_gap_is_named_with_the_parts_that_can_be_read():
+    time = np.delete(GRID, [*range(400, 500), *range(1200, 1207), *range(1210, 1220)])
+    message = (
+        r"3 gaps?, the longest of 0.101 s after 0.399 s, with steps of 0.001 s, expected no gap "
+        r"of more than 5 samples. Read an unbroken part with between=\(START, END\): "
+        r"0 to 0.399 s, 0.5 to 1.199 s, 1.22 to 1.999 s"
+    )
+    with pytest.raises(InvalidInputError, match=message):
+        uniform_time(time)
+    longest_bridged = np.delete(GRID, range(400, 405))
+    assert uniform_time(longest_bridged).note.startswith("5 missing samples filled in at 1 place")
+
+
 BAD = {
     "falls": (np.where(np.arange(2000) == 500, 0.1, GRID), "0.1 s after 0.499 s, at sample 500"),
     "repeats": (np.repeat(GRID[:100], 2), "rises"),
     "stands still": (np.zeros(10), "rises"),
     "large gap": (np.delete(GRID, np.arange(400, 500)), "gap"),
-    "many gaps": (GRID[np.random.default_rng(1).random(2000) < 0.9], "gap|missing"),
-    "irregular": (np.sort(np.random.default_rng(2).uniform(0, 2, 2000)), "steps|gap"),
-    "logarithmic": (np.geomspace(1e-3, 1, 200), "steps|gap"),
+    "rests": (np.sort(np.random.default_rng(2).uniform(0, 2, 2000)), "gap"),
+    "logarithmic": (np.geomspace(1e-3, 1, 200), "gap"),
     "one": (np.array([0.0]), "two samples"),
     "none": (np.array([]), "two samples"),
 }

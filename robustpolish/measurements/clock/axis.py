@@ -1,22 +1,25 @@
-"""A uniform time axis, with small gaps and jitter mended and large ones refused."""
+"""A uniform time axis: irregular clocks resampled with a note, long gaps refused."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from robustpolish.arrays import Vector
+from robustpolish.measurements.gaps import LONGEST_GAP
 from robustpolish.validation import described, invalid
 
 # Shares of the sampling time.
 _ROUNDING = 1e-3  # stamps this close to a uniform grid are one, rounded
-_JITTER = 0.3  # more than this is no jitter
-# Shares of the record, and samples.
-_MISSING = 0.02
-_LONGEST_GAP = 10
+_JITTER = 0.3  # more than this is a clock without a rate of its own
+# Shares of the record.
+_MISSING = 0.02  # more than this is no lost sample here and there
+_UNRESOLVED = 0.1  # of a channel's own size: between the samples it is a guess
 _LATEST = 1e30  # s; squares of later times overflow
+_LONG_PART = 20  # samples; shorter parts between gaps are not worth reading
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,23 +34,51 @@ class UniformTime:
         Original times if the signals have to be interpolated.
     note : str
         What was wrong, or "".
+    irregular : bool
+        Whether the clock had no rate of its own, so that the grid is a choice.
     """
 
     time: Vector
     taken: Vector | None = None
     note: str = ""
+    irregular: bool = False
 
     def move(self, values: Vector) -> Vector:
         """Bring a signal to the uniform grid."""
-        if self.taken is None:
-            return values
-        if self.taken.size < 8:
-            return np.asarray(PchipInterpolator(self.taken, values)(self.time))
-        return np.asarray(make_interp_spline(self.taken, values, k=3)(self.time))
+        return values if self.taken is None else _through(self.taken, values, self.time)
+
+    def doubt(self, name: str, values: Vector) -> str:
+        """Say so if a signal changes too fast for an irregular clock, "" if it does not.
+
+        The samples with odd numbers are predicted from those with even ones, as those between the
+        samples are from all of them; the error of a smooth signal falls by 16 at half the step.
+        """
+        if not self.irregular or self.taken is None or values.size < 40:
+            return ""
+        guessed = _through(self.taken[::2], values[::2], self.taken[1:-1:2])
+        missed = float(np.sqrt(np.mean((values[1:-1:2] - guessed) ** 2)))
+        size = float(np.std(values))
+        if missed <= _UNRESOLVED * size:
+            return ""
+        return (
+            f"{name} changes fast for its irregular clock: every second sample predicts the others "
+            f"to {missed / size:.0%} only; record it faster or at a fixed rate"
+        )
+
+
+def _through(taken: Vector, values: Vector, time: Vector) -> Vector:
+    """Interpolate a signal by cubic polynomials."""
+    if taken.size < 8:
+        return np.asarray(PchipInterpolator(taken, values)(time))
+    return np.asarray(make_interp_spline(taken, values, k=3)(time))
 
 
 def uniform_time(time: Vector, name: str = "time") -> UniformTime:
     """Return the uniform grid that `time` is meant to be.
+
+    Stamps that scatter by up to 30 % of a step about a fixed rate keep that rate, and single
+    samples that are missing are filled in. An irregular clock, of whatever kind, gets a grid of
+    as many samples as it took.
 
     Parameters
     ----------
@@ -63,8 +94,8 @@ def uniform_time(time: Vector, name: str = "time") -> UniformTime:
     Raises
     ------
     InvalidInputError
-        If time does not rise everywhere, jitters by more than 30 % of the sampling time, has a
-        gap of more than 10 samples, or misses more than 2 % of the samples.
+        If time does not rise everywhere, or has a gap of more than a few samples; the message
+        lists the unbroken parts.
 
     Examples
     --------
@@ -75,10 +106,10 @@ def uniform_time(time: Vector, name: str = "time") -> UniformTime:
     _check_rising(time, name)
     steps = np.diff(time)
     step = float(np.median(steps))
+    _check_gaps(time, steps, name)
     with np.errstate(over="ignore"):
         counts = np.maximum(np.rint(steps / step), 1)
     missing = float(np.sum(counts)) + 1 - time.size
-    _check_gaps(time, steps, counts, missing, name)
     # With many rounded stamps the median is a rounded step: fit a line through all of them.
     number = np.concatenate([[0.0], np.cumsum(counts)])
     step, start = _line(number, time - time[0])
@@ -88,14 +119,9 @@ def uniform_time(time: Vector, name: str = "time") -> UniformTime:
     exact = exact or worst <= 0.51 * _resolution(time)
     if exact and not missing:
         return UniformTime(grid)
-    if not exact and worst > _JITTER * step:
-        raise invalid(
-            name,
-            described(f"time steps from {steps.min():.4g} to {steps.max():.4g} s"),
-            f"steps within {_JITTER:.0%} of {step:.4g} s",
-            "Resample the record, or record it at a fixed rate.",
-        )
-    if exact and missing:
+    if missing > max(_MISSING * time.size, 1) or not (exact or worst <= _JITTER * step):
+        return _irregular(time, steps)
+    if exact:
         return UniformTime(grid, grid[number.astype(int)], _gap_note(counts, missing))
     note = f"time jittered by up to {worst:.3g} s ({worst / step:.0%} of a step): resampled"
     if missing:
@@ -103,6 +129,17 @@ def uniform_time(time: Vector, name: str = "time") -> UniformTime:
     # Only times inside the record can be interpolated.
     grid = grid[(grid >= time[0]) & (grid <= time[-1])]
     return UniformTime(grid, time, note)
+
+
+def _irregular(time: Vector, steps: Vector) -> UniformTime:
+    """Return a grid of as many samples for a clock without a rate of its own."""
+    grid = np.linspace(time[0], time[-1], time.size)
+    note = (
+        f"irregular clock, steps from {steps.min():.3g} to {steps.max():.3g} s (median "
+        f"{np.median(steps):.3g} s): resampled at {(time.size - 1) / (time[-1] - time[0]):.6g} Hz "
+        "by cubic interpolation"
+    )
+    return UniformTime(grid, time, note, irregular=True)
 
 
 def _gap_note(counts: Vector, missing: float) -> str:
@@ -130,18 +167,26 @@ def _check_rising(time: Vector, name: str) -> None:
         )
 
 
-def _check_gaps(time: Vector, steps: Vector, counts: Vector, missing: float, name: str) -> None:
-    if counts.max() - 1 > _LONGEST_GAP or missing > _MISSING * time.size + 1:
-        i = int(np.argmax(steps))
-        raise invalid(
-            name,
-            described(
-                f"{missing:.4g} missing samples, the longest gap {steps[i]:.4g} s "
-                f"after {time[i]:.6g} s"
-            ),
-            f"no gap of more than {_LONGEST_GAP} samples and at most {_MISSING:.0%} missing",
-            "Cut the record into its unbroken parts.",
-        )
+def _check_gaps(time: Vector, steps: Vector, name: str) -> None:
+    typical = max(float(np.median(steps)), float(np.mean(steps)))
+    gaps = np.flatnonzero(steps > (LONGEST_GAP + 1.5) * typical)
+    if not gaps.size:
+        return
+    i = int(gaps[np.argmax(steps[gaps])])
+    edges = np.concatenate([[-1], gaps, [time.size - 1]])
+    parts = [(a + 1, b) for a, b in pairwise(edges.tolist()) if b - a >= _LONG_PART]
+    longest = sorted(sorted(parts, key=lambda part: part[0] - part[1])[:4])
+    listed = ", ".join(f"{time[a]:.6g} to {time[b]:.6g} s" for a, b in longest)
+    remedy = f"Read an unbroken part with between=(START, END): {listed}."
+    raise invalid(
+        name,
+        described(
+            f"{gaps.size} gap{'s' if gaps.size > 1 else ''}, the longest of {steps[i]:.4g} s "
+            f"after {time[i]:.6g} s, with steps of {np.median(steps):.4g} s"
+        ),
+        f"no gap of more than {LONGEST_GAP} samples",
+        remedy if parts else "Record at a fixed rate.",
+    )
 
 
 def _line(x: Vector, y: Vector) -> tuple[float, float]:

@@ -1,0 +1,75 @@
+"""Which reader takes which file or object."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from robustpolish.measurements import readers
+from robustpolish.measurements.raw import RawTable
+from robustpolish.validation import described, instance_of, invalid
+
+_WITHOUT_TABLES: dict[str, Callable[[Path], RawTable]] = {
+    ".csv": readers.read_csv,
+    ".txt": readers.read_csv,
+    ".tsv": readers.read_csv,
+    ".dat": readers.read_csv,
+    ".asc": readers.read_csv,
+    ".lvm": readers.read_csv,
+    ".wav": readers.read_wav,
+    ".uff": readers.read_uff,
+    ".unv": readers.read_uff,
+}
+_WITH_TABLES: dict[str, Callable[[Path, str | None], RawTable]] = {
+    ".mat": readers.read_mat,
+    ".h5": readers.read_hdf5,
+    ".hdf5": readers.read_hdf5,
+    ".hdf": readers.read_hdf5,
+    ".npz": readers.read_npz,
+    ".tdms": readers.read_tdms,
+}
+
+
+def raw_table(source: Any, table: str | None = None) -> RawTable:
+    """Read a file or take an object apart, without any check of what is in it.
+
+    Parameters
+    ----------
+    source : path, pandas or xarray object
+    table : str, optional
+        Matrix or group to read, in files that hold several.
+
+    Returns
+    -------
+    RawTable
+
+    Raises
+    ------
+    InvalidInputError
+        If the file is missing, damaged, empty or of an unknown kind.
+    """
+    found = readers.read_object(source)
+    if found is not None:
+        return found
+    expected, remedy = "a path, or a pandas or xarray object", "Convert it to a pandas.DataFrame."
+    path = Path(instance_of("measurement", source, (str, Path), expected, remedy))
+    if not path.is_file():
+        what = "a folder" if path.is_dir() else "no such file"
+        raise invalid("measurement", described(f"{path} ({what})"), "a file", "Check the path.")
+    if path.stat().st_size == 0:
+        raise invalid("measurement", described(f"{path}, empty"), "data", "Export it again.")
+    suffix = path.suffix.casefold()
+    try:
+        if suffix in _WITH_TABLES:
+            return _WITH_TABLES[suffix](path, table)
+        if suffix in _WITHOUT_TABLES:
+            if table is not None:
+                shown = described(f"{table!r} for a {suffix} file")
+                raise invalid("table", shown, "no table: the file has but one", "Leave it out.")
+            return _WITHOUT_TABLES[suffix](path)
+    except OSError as error:
+        shown = described(f"{path} ({error.strerror or error})")
+        raise invalid("measurement", shown, "a file that can be read", "Check it.") from None
+    known = ", ".join([*_WITHOUT_TABLES, *_WITH_TABLES])
+    raise invalid("measurement", path.name, f"one of the suffixes {known}", "Convert the file.")
