@@ -32,6 +32,7 @@ from robustpolish.closed_loop import (
     design_against_brush,
     simulate,
 )
+from robustpolish.effects import LearnedLaw
 from robustpolish.effects.own import effect
 from robustpolish.errors import (
     InfeasibleError,
@@ -112,6 +113,7 @@ __all__ = [
     "InfeasibleError",
     "Input",
     "InvalidInputError",
+    "LearnedLaw",
     "Ledger",
     "Linearization",
     "MechanicalModel",

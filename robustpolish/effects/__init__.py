@@ -7,11 +7,13 @@ from robustpolish.effects.effect import kinds as kinds
 from robustpolish.effects.effect import lookup as lookup
 from robustpolish.effects.effect import register as register
 from robustpolish.effects.effect import unregister as unregister
+from robustpolish.effects.formula import Formula as Formula
 from robustpolish.effects.kind import CONSTANT as CONSTANT
 from robustpolish.effects.kind import GROUND as GROUND
 from robustpolish.effects.kind import EffectKind as EffectKind
 from robustpolish.effects.kind import Parameter as Parameter
 from robustpolish.effects.kind import compiled_law as compiled_law
+from robustpolish.effects.learned_law import LearnedLaw as LearnedLaw
 from robustpolish.effects.own import OWN_KEYS as OWN_KEYS
 from robustpolish.effects.own import own_kind as own_kind
 from robustpolish.effects.own import own_table as own_table

@@ -18,6 +18,7 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects.kind import GROUND, EffectKind
+from robustpolish.effects.learned import learned_kind
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.validation import described, invalid
 
@@ -74,7 +75,7 @@ def register(kind: EffectKind) -> EffectKind:
     """
     if not isinstance(kind, EffectKind):
         raise invalid("kind", kind, "an EffectKind", "Build one, see 'How to add an effect'.")
-    present = _catalogue().get(kind.kind)
+    present = _catalogue().get(kind.kind) or learned_kind(kind.kind)
     if present is not None and present != kind:
         raise invalid("kind.kind", kind.kind, "a name that is not taken", "Choose another name.")
     _registered[kind.kind] = kind
@@ -118,6 +119,7 @@ def lookup(name: str) -> EffectKind:
     Parameters
     ----------
     name : str
+        Of the catalogue, or of a learned law, such as `learned_stiffness_9`.
 
     Returns
     -------
@@ -126,9 +128,9 @@ def lookup(name: str) -> EffectKind:
     Raises
     ------
     InvalidInputError
-        If the catalogue has none of that name.
+        If there is none of that name.
     """
-    kind = _registered.get(name) or _catalogue().get(name)
+    kind = _registered.get(name) or _catalogue().get(name) or learned_kind(name)
     if kind is None:
         raise invalid(
             ("effect", "kind"), name, f"one of {', '.join(kinds())}", "Check the spelling."

@@ -65,6 +65,9 @@ class Parameter:
         data knows sharply, such as a frequency.
     at_least : str, optional
         Another parameter of the kind, below which a fit never takes this one.
+    fit_size : callable, optional
+        ``fit_size(values)`` gives the unit of change from the values of all parameters, for one of
+        several that share a size and may themselves be near 0.
     """
 
     name: str
@@ -77,6 +80,7 @@ class Parameter:
     fit_bounds: Callable[[Values], tuple[float, float]] | None = None
     fit_scale: float = 1.0
     at_least: str = ""
+    fit_size: Callable[[Values], float] | None = None
 
     def bounds_from(self, values: Values) -> tuple[float, float]:
         """Return the limits of a fit that starts at `values`.
@@ -97,12 +101,14 @@ class Parameter:
         """
         return (self.lower, self.upper) if self.fit_bounds is None else self.fit_bounds(values)
 
-    def scale_from(self, value: float) -> float:
+    def scale_from(self, value: float, values: Values | None = None) -> float:
         """Return the change that a fit which starts at `value` takes as one unit.
 
         Parameters
         ----------
         value : float
+        values : mapping of str to float, optional
+            All parameters of the effect, for those that share a size.
 
         Returns
         -------
@@ -114,6 +120,8 @@ class Parameter:
         >>> Parameter("frequency", "1/T", "of the force", fit_scale=0.001).scale_from(50.0)
         0.05
         """
+        if self.fit_size is not None and values is not None:
+            return self.fit_size(values)
         return 1.0 if self.dimension == "rad" else self.fit_scale * abs(value) or 1.0
 
     def unit(self, rotational: bool = False) -> str:
@@ -259,6 +267,11 @@ class EffectKind:
         Measured signals that the law reads, with their units: coordinates of the model by these
         names, which an input imposes. They are further ports behind its own, without a force:
         ``q[1]`` is the first channel of a pair.
+    prior : callable, optional
+        ``prior(values)`` gives rows whose products with the fitted parameters are standard normal
+        beforehand: what is known about several of them together.
+    over : tuple of str
+        Of a learned law: what it is a curve over, "displacement", "velocity" or both.
     family : str
         Kinds of one family are rivals: a place has one of them at most.
     sharp : bool
@@ -284,6 +297,8 @@ class EffectKind:
     state_sizes: Callable[[Values, float, float], tuple[float, ...]] = _no_sizes
     implausible: Callable[[Values], str | None] = _plausible
     channels: tuple[tuple[str, str], ...] = ()
+    prior: Callable[[Values], Array] | None = None
+    over: tuple[str, ...] = ()
     family: str = ""
     sharp: bool = False
     looks_like: str = ""

@@ -3,6 +3,7 @@
 from robustpolish.plotting.bars import plot_bars as plot_bars
 from robustpolish.plotting.before_after import plot_panels as plot_panels
 from robustpolish.plotting.distribution import plot_distribution as plot_distribution
+from robustpolish.plotting.force_curve import plot_force_curve as plot_force_curve
 from robustpolish.plotting.frequency_response import plot_gains as plot_gains
 from robustpolish.plotting.frequency_response import plot_over_frequency as plot_over_frequency
 from robustpolish.plotting.gain_against_norm import plot_gain_against_norm as plot_gain_against_norm

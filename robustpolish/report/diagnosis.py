@@ -8,7 +8,7 @@ from robustpolish.display import Table
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification import Comparison, ResidualAnalysis, residual_analysis
 from robustpolish.identification.findings.diagnosis import Diagnosis
-from robustpolish.identification.findings.words import headline
+from robustpolish.identification.findings.words import headline, told_numbers
 from robustpolish.report.document import Report, Section
 from robustpolish.report.pictures import picture
 
@@ -94,10 +94,16 @@ def _which(diagnosis: Diagnosis) -> Section:
         text.append(f"{kind.title} at {place}. In the residual: {kind.looks_like}")
         rows += [
             (effect.kind, place, name, v.value, v.stderr, v.unit)
-            for name, v in effect.parameters.items()
+            for name, v in told_numbers(effect).items()
         ]
+    pictures, points = [], []
+    for law in diagnosis.laws:
+        place = ", ".join(law.effect.at)
+        points += law.describe().splitlines()
+        pictures.append(picture(f"The force over {law.over} at {place} as learned.", law.plot))
     head = ("effect", "at", "parameter", "value", "standard error", "unit")
-    return Section(title, tuple(text), tables=(Table("", head, tuple(rows)),))
+    tables = (Table("", head, tuple(rows)),) if rows else ()
+    return Section(title, tuple(text), tuple(pictures), tables, tuple(points))
 
 
 def _how_much(diagnosis: Diagnosis, after: Comparison | None) -> Section:

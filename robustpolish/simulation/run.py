@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.arrays import Array
 from robustpolish.models.mechanical.data import MechanicalData
@@ -101,7 +101,7 @@ class Stepper:
         starts: Array,
         internal: Array,
         time: Array,
-        marks: Array,
+        marks: NDArray[np.int64],
         keep: bool = False,
     ) -> NonlinearResponse:
         """Return what :meth:`over` does freely, of pieces that follow each other in the arrays.

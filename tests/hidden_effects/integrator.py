@@ -35,6 +35,8 @@ CODES = {
             "random_walk_force",
             "fading_damping",
             "saturating_spring",
+            "dead_zone_spring",
+            "power_damping",
         ]
     )
 }
@@ -115,6 +117,10 @@ def _force(code, p, t, a, b, q, v, z, dz, f):
         g = -p[0] * (1 + np.sin(p[1] * t)) * s
     elif code == 23:
         g = p[0] * d - p[0] * p[1] * np.tanh(d / p[1])
+    elif code == 24:  # p: stiffness, half width of the zone without force
+        g = -p[0] * np.sign(d) * max(abs(d) - p[1], 0.0)
+    elif code == 25:  # p: force at 1 m/s, power
+        g = -p[0] * np.sign(s) * abs(s) ** p[1]
     f[a] += g
     if b >= 0:
         f[b] -= g

@@ -7,6 +7,7 @@ import pytest
 from robustpolish.effects import lookup
 from robustpolish.report.diagnosis import diagnosis_report
 from tests import made_up
+from tests.identification.findings.learned_diagnosis import unknown_law
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +55,16 @@ def test_numbers_that_were_not_found_are_left_blank(told):
     ).tables[0].rows
     candidates = section(report, "Candidates").tables[0].rows
     assert candidates[1] == (1, "quadratic_damping", "x, ground", None, 9.1, "not sensible")
+
+
+def test_a_learned_law_is_drawn_and_told():
+    report = diagnosis_report(unknown_law())
+    which = section(report, "Which effects were added")
+    (shown,) = which.pictures
+    assert shown.caption == "The force over displacement at x, ground as learned."
+    assert any("k5*q**5 with k5 = " in point for point in which.points)
+    assert [row[:3] for row in which.tables[0].rows] == [("coulomb_friction", "x, ground", "force")]
+    assert not report.good  # what nobody has named is to be looked at
 
 
 def test_nothing_found_is_said(told):

@@ -12,6 +12,7 @@ from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.confusion import confused
 from robustpolish.identification.discover.free_shape import better_shape
+from robustpolish.identification.discover.learn import Learned, learn
 from robustpolish.identification.discover.noise_floor import noise_floor
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.diagnosis import Diagnosis
@@ -60,21 +61,46 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
     floor = _floor(final.model, search, calm)
     verdict = _verdict(search, calm, as_it_was, refitted, error, added, floor)
     above = np.any(error > search.policy.shape_above * verdict.floor)
-    wrong_name = None
-    if added and above:
-        wrong_name = better_shape(final.model, prepared)
-        if wrong_name:
-            verdict = Verdict("unexplained", [wrong_name], verdict.floor)
-    if wrong_name:
-        # what explains too little is reported as a candidate, not kept in the model
-        named = ", ".join(e.kind for e in final.model.effects[len(reference.effects) :])
-        verdict.reasons.append(f"The nearest of the catalogue, not kept: {named}.")
-        del search.steps[2:]
-        search.confusions.clear()
-        final, error = _final_fit(search, search.linear, search.linear.reproducible)
-        errors = [base, error]
-        verdict = verdict._replace(floor=np.minimum(floor, error))
+    wrong_name = better_shape(final.model, prepared) if added and above else None
+    if above and (wrong_name or not added):
+        learned = _unknown_law(search, floor)
+        if learned is not None:
+            final, error = learned.final, _whole_error(learned.model, search, calm)
+            errors = [base, refitted, error]
+            reasons = (
+                [learned.evidence()] if wrong_name is None else [wrong_name, learned.evidence()]
+            )
+            verdict = Verdict("unknown_law", reasons, np.minimum(floor, error))
+        elif wrong_name:
+            # what is wrong is reported as a candidate, not kept in the model
+            named = ", ".join(e.kind for e in final.model.effects[len(reference.effects) :])
+            reasons = [wrong_name, f"The nearest of the catalogue, not kept: {named}."]
+            _back_to_own_numbers(search)
+            final, error = _final_fit(search, search.linear, search.linear.reproducible)
+            errors = [base, error]
+            verdict = Verdict("unexplained", reasons, np.minimum(floor, error))
     return _diagnosis(search, final, errors, verdict, calm)
+
+
+def _back_to_own_numbers(search: Search) -> None:
+    """Forget what was added."""
+    search.stage = search.linear
+    del search.steps[2:]
+    search.confusions.clear()
+
+
+def _unknown_law(search: Search, floor: Array) -> Learned | None:
+    """Return a law that no catalogue holds, in place of all that was added, if it explains all."""
+    search.say("a law that no catalogue holds")
+    scales = replace(search.prepared.scales, noise=floor)
+    prepared = replace(search.prepared, scales=scales)
+    learned = learn(search.linear.model, prepared, search.reference)
+    if learned is None or not learned.explains:
+        return None
+    _back_to_own_numbers(search)
+    search.stage = learned.fitted
+    search.steps.append((learned.laws[0].effect.kind, learned.model))
+    return learned
 
 
 def _diagnosis(

@@ -126,6 +126,8 @@ def _family(
     search.reasons, search.confusions = before
     if not earned or not earned[0].effect.definition.family or earned[0].constant:
         return []
+    if search.at_floor(earned[0].fitted):
+        return []  # nothing is left that another kind could explain
     done = {item.screened.place for item in refits}
     found = []
     stage, prepared = search.stage.fit, search.prepared

@@ -11,9 +11,11 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from robustpolish.display import Card, Displayed, Table
+from robustpolish.effects import LearnedLaw
 from robustpolish.identification.findings.findings import Findings
+from robustpolish.identification.findings.laws import laws_of
 from robustpolish.identification.findings.saved import content, findings_from
-from robustpolish.identification.findings.words import explain, headline, plain
+from robustpolish.identification.findings.words import explain, headline, plain, told_numbers
 from robustpolish.plotting import plot_time_series
 from robustpolish.saved_file import Fields, read_saved, write_saved
 
@@ -25,7 +27,9 @@ class Diagnosis(Findings, Displayed):
     Attributes
     ----------
     verdict : str
-        ``adequate``, ``parameters``, ``missing_effect``, ``partly_explained`` or ``unexplained``.
+        ``adequate``, ``parameters``, ``missing_effect``, ``partly_explained`` (what was found is
+        there, and something else is missing), ``unknown_law`` (a force that no catalogue describes
+        was learned, see `laws`) or ``unexplained``.
     model : MechanicalModel
         The refitted model with the effects that were found.
     effects : tuple of FoundEffect
@@ -66,6 +70,11 @@ class Diagnosis(Findings, Displayed):
     >>> again.effects == diagnosis.effects
     True
     """
+
+    @property
+    def laws(self) -> tuple[LearnedLaw, ...]:
+        """The learned laws of the model, each with its curve, its words and its picture."""
+        return laws_of(self.model, self.covariance)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, as the command line writes it.
@@ -167,8 +176,13 @@ class Diagnosis(Findings, Displayed):
         found = [
             (effect.kind, ", ".join(effect.at), name, v.value, v.stderr, v.unit)
             for effect in self.effects
-            for name, v in effect.parameters.items()
+            for name, v in told_numbers(effect).items()
         ]
+        found += [
+            (law.effect.kind, ", ".join(law.effect.at), "largest force",
+             float(abs(law.curve()["force"]).max()), None, law.units[0])
+            for law in self.laws
+        ]  # fmt: skip
         head = ("effect", "at", "parameter", "value", "standard error", "unit")
         tables = [Table("Added effects", head, tuple(found))] if found else []
         ledger = self.ledger._card()

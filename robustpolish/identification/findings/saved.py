@@ -18,7 +18,9 @@ from robustpolish.identification.findings.ledger import Entry, Ledger
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.saved_file import Fields
 
-VERDICTS = ("adequate", "parameters", "missing_effect", "partly_explained", "unexplained")
+VERDICTS = (
+    "adequate", "parameters", "missing_effect", "partly_explained", "unknown_law", "unexplained",
+)  # fmt: skip
 
 
 def content(found: Findings) -> dict[str, Any]:

@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from robustpolish.effects import Effect
-from robustpolish.identification.findings.findings import Findings, Value
+from robustpolish.effects import Effect, LearnedLaw
+from robustpolish.identification.findings.findings import Findings, FoundEffect, Value
+from robustpolish.identification.findings.laws import laws_of
 
 _VERDICTS = {
     "adequate": "The model is adequate: what is left is noise.",
     "parameters": "Nothing is missing, but the model's numbers were wrong; they were refitted.",
     "missing_effect": "The model lacks a physical effect.",
     "partly_explained": "The model lacks physical effects; a part of the error is left.",
+    "unknown_law": "The model lacks a force that no effect of the catalogue describes; it was "
+    "learned as a curve.",
     "unexplained": "Something is missing that no effect of the catalogue explains.",
 }
 
 
 def headline(found: Findings) -> str:
     """Return the verdict as a sentence, with the effects by name."""
-    if found.verdict in ("missing_effect", "partly_explained") and found.effects:
+    told = ("missing_effect", "partly_explained", "unknown_law")
+    if found.effects and found.verdict in told:
         named = " and ".join(f"{e.definition.title} at {', '.join(e.at)}" for e in found.effects)
+        if found.verdict == "unknown_law":
+            return f"The model lacked a force that no catalogue describes: {named}."
         more = "" if found.verdict == "missing_effect" else " And something else is missing."
         return f"The model lacked: {named}.{more}"
     return _VERDICTS[found.verdict]
@@ -33,7 +40,10 @@ def explain(found: Findings) -> str:
     for number, effect in enumerate(found.effects, 1):
         kind = effect.definition
         lines += ["", f"{number}. {kind.title} at {', '.join(effect.at)}"]
-        for name, v in effect.parameters.items():
+        law = law_of(found, effect)
+        if law is not None:
+            lines += [f"   {line}" for line in law.describe().splitlines()]
+        for name, v in told_numbers(effect).items():
             lines.append(f"   {name} = {v.value:.5g} +- {v.stderr:.2g} {v.unit}")
         lines += [f"   In the residual: {kind.looks_like}"]
         lines += [f"   Check: {check}" for check in kind.checks]
@@ -58,6 +68,18 @@ def explain(found: Findings) -> str:
     return "\n".join(lines)
 
 
+def law_of(found: Findings, effect: FoundEffect) -> LearnedLaw | None:
+    """Return the learned law that an effect is, None if it has a name."""
+    laws = laws_of(found.model, found.covariance)
+    same = (law for law in laws if (law.effect.kind, law.effect.at) == (effect.kind, effect.at))
+    return next(same, None)
+
+
+def told_numbers(effect: FoundEffect) -> Mapping[str, Value]:
+    """Return the numbers that tell something about an effect: the coefficients of a law do not."""
+    return {} if effect.definition.over else effect.parameters
+
+
 def plain(found: Findings) -> dict[str, Any]:
     """Return the plain data of `Diagnosis.to_dict`."""
     return {
@@ -69,6 +91,15 @@ def plain(found: Findings) -> dict[str, Any]:
                 "parameters": {k: _plain(v) for k, v in e.parameters.items()},
             }
             for e in found.effects
+        ],
+        "laws": [
+            {
+                "kind": law.effect.kind,
+                "at": list(law.effect.at),
+                "words": law.describe().splitlines(),
+                "formula": None if law.formula() is None else str(law.formula()),
+            }
+            for law in laws_of(found.model, found.covariance)
         ],
         "candidates": [
             {

@@ -13,7 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from robustpolish.arrays import Array
-from robustpolish.identification.fit.parameters import FreeParameter
+from robustpolish.identification.fit.parameters import FreeParameter, joint_priors
 from robustpolish.identification.observer.run import RecordRun, Runner, StartedPiece
 from robustpolish.models.mechanical import MechanicalModel
 
@@ -92,6 +92,7 @@ class Residuals:
         self.upper = np.array([f.upper for f in free]) / self.scale
         self.prior = np.array([f.scale / f.prior for f in free])
         self.centre = np.array([f.centre / f.scale for f in free])
+        self.joint = joint_priors(model, self.free) * self.scale
         keys = [f.key for f in free]
         self.above = [(j, keys.index(f.at_least)) for j, f in enumerate(free) if f.at_least in keys]
 
@@ -218,7 +219,7 @@ def _rms(errors: Array) -> Array:
 
 
 def _cost(residuals: Residuals, x: Array, errors: Array, sigma: Array) -> float:
-    prior = (x - residuals.centre) * residuals.prior
+    prior = np.concatenate([(x - residuals.centre) * residuals.prior, residuals.joint @ x])
     with np.errstate(over="ignore", invalid="ignore"):  # a step may lead to a run that diverges
         total = 0.5 * float(np.sum((errors / sigma) ** 2) + prior @ prior)
     return total if np.isfinite(total) else np.inf
@@ -249,10 +250,10 @@ class Normal:
         self.rows = [slice(a, b) for a, b in itertools.pairwise(marks)]
         p, n = J.shape[1], blocks[0].shape[1] if blocks else 0
         shape = (len(blocks), n)
-        prior = residuals.prior**2
-        self.prior = prior
-        self.H = J.T @ J + np.diag(prior)
-        self.g = J.T @ error + prior * (x - residuals.centre)
+        own, joint = residuals.prior**2, residuals.joint.T @ residuals.joint
+        self.prior = np.diag(own) + joint
+        self.H = J.T @ J + self.prior
+        self.g = J.T @ error + own * (x - residuals.centre) + joint @ x
         self.mixed = np.zeros((len(blocks), p, n))
         self.own = np.zeros((*shape, n))
         self.own_g = np.zeros(shape)
@@ -265,7 +266,7 @@ class Normal:
         size = np.sqrt(np.diag(self.H))
         use = np.flatnonzero(free & (size > 0))
         scale = size[use]
-        H = self.H[np.ix_(use, use)] / np.outer(scale, scale) + damping * np.eye(use.size)
+        H = self.H[use][:, use] / np.outer(scale, scale) + damping * np.eye(use.size)
         g = self.g[use] / scale
         own = np.sqrt(np.einsum("kii->ki", self.own))
         own[own == 0] = 1.0
@@ -309,7 +310,7 @@ class Normal:
     def information(self) -> Array:
         """Return J'J of the parameters, starts eliminated, priors included."""
         J = self.seen()
-        return J.T @ J + np.diag(self.prior)
+        return J.T @ J + self.prior
 
 
 def normal_of(residuals: Residuals, errors: Array, sigma: Array) -> Normal:

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from robustpolish.effects import Effect, Parameter
+from robustpolish.arrays import Array
+from robustpolish.effects import CONSTANT, Effect, Parameter
+from robustpolish.effects.learned import coefficients_of, spline_basis
 from robustpolish.identification.policy import Policy
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import FORCE
+
+# Share of the largest force within which a law over the velocity has none at rest, where a law over
+# the displacement could have it as well.
+_HELD = 1e-3
 
 
 @dataclass(frozen=True)
@@ -157,12 +164,15 @@ def free_parameters(
         for dof in model.dofs
         if dof.name in moving
     ]
+    contained = within_laws(model)
     for i, spring in enumerate(model.springs):
         key, natural = f"spring[{i}].stiffness", mass * bandwidth**2
-        result.append(elastic(key, spring.stiffness, natural, policy.spring_prior))
+        if key not in contained:
+            result.append(elastic(key, spring.stiffness, natural, policy.spring_prior))
     for i, damper in enumerate(model.dampers):
         key, natural = f"damper[{i}].damping", 0.02 * mass * bandwidth
-        result.append(elastic(key, damper.damping, natural, policy.damper_prior))
+        if key not in contained:
+            result.append(elastic(key, damper.damping, natural, policy.damper_prior))
     # the gain of the only input of a chain would scale its masses and springs, no more
     pushing = {name for chain in connected(model) if len(driving(model, chain)) > 1
                for name in driving(model, chain)}  # fmt: skip
@@ -171,15 +181,93 @@ def free_parameters(
             result.append(near(f"input.{item.name}.gain", item.gain, policy.gain_prior))
     for i, effect in enumerate(model.effects):
         for parameter in effect.definition.parameters:
-            if parameter.fitted and parameter.name in effect.parameters:
+            told = parameter.fitted and parameter.name in effect.parameters
+            if told and f"effect[{i}].{parameter.name}" not in contained:
                 result.append(_effect(i, effect, parameter))
     return result
+
+
+def within_laws(model: MechanicalModel) -> set[str]:
+    """Return the keys of numbers that learned laws at their places contain, and that stay.
+
+    A curve over the displacement holds any spring, one over the velocity any damper, both any
+    constant force: fitted beside it, they would be shared out at random.
+    """
+    found: set[str] = set()
+    for law in model.effects:
+        over = law.definition.over
+        place = set(law.at)
+        if "displacement" in over:
+            parts = enumerate(model.springs)
+            found |= {f"spring[{i}].stiffness" for i, s in parts if set(s.between) == place}
+        if "velocity" in over:
+            parts = enumerate(model.dampers)
+            found |= {f"damper[{i}].damping" for i, d in parts if set(d.between) == place}
+        if over:
+            found |= {
+                f"effect[{i}].{e.definition.parameters[0].name}"
+                for i, e in enumerate(model.effects)
+                if e.definition.domain == "dof"
+                and e.definition.family == CONSTANT
+                and {*e.at, "ground"} == place
+            }
+    return found
+
+
+def joint_priors(model: MechanicalModel, free: Sequence[FreeParameter]) -> Array:
+    """Return rows whose products with the free numbers are standard normal beforehand.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    free : sequence of FreeParameter
+
+    Returns
+    -------
+    ndarray, shape (rows, len(free))
+        In SI units; none at all where numbers are known one by one only.
+    """
+    column = {f.key: j for j, f in enumerate(free)}
+    blocks = [np.zeros((0, len(free)))]
+    for i, effect in enumerate(model.effects):
+        prior = effect.definition.prior
+        keys = [f"effect[{i}].{p.name}" for p in effect.definition.parameters if p.fitted]
+        if prior is None or not all(key in column for key in keys):
+            continue
+        rows = prior(effect.values)
+        block = np.zeros((len(rows), len(free)))
+        block[:, [column[key] for key in keys]] = rows
+        blocks.append(block)
+    blocks += [_at_rest(model, i, column) for i in _beside_a_spring_law(model)]
+    return np.vstack(blocks)
+
+
+def _beside_a_spring_law(model: MechanicalModel) -> list[int]:
+    """Return which effects are laws over the velocity where one over the displacement is, too."""
+    springs = [set(e.at) for e in model.effects if e.definition.over == ("displacement",)]
+    return [
+        i
+        for i, e in enumerate(model.effects)
+        if e.definition.over == ("velocity",) and set(e.at) in springs
+    ]
+
+
+def _at_rest(model: MechanicalModel, i: int, column: Mapping[str, int]) -> Array:
+    """Return the row that holds the force of a law at no velocity: the other law has it."""
+    values = model.effects[i].values
+    c = coefficients_of(values)
+    row = np.zeros((1, len(column)))
+    keys = [f"effect[{i}].{name}" for name in values][-c.size :]
+    if all(key in column for key in keys):
+        at_rest = spline_basis(np.zeros(1), values["low"], values["high"], c.size, True)[:, 0]
+        row[0, [column[key] for key in keys]] = at_rest / (_HELD * (np.max(np.abs(c)) or 1.0))
+    return row
 
 
 def _effect(i: int, effect: Effect, parameter: Parameter) -> FreeParameter:
     value = effect.values[parameter.name]
     lower, upper = parameter.bounds_from(effect.values)
-    scale = parameter.scale_from(value)
+    scale = parameter.scale_from(value, effect.values)
     other = f"effect[{i}].{parameter.at_least}" if parameter.at_least else ""
     key = f"effect[{i}].{parameter.name}"
     return FreeParameter(key, value, scale, lower, upper, at_least=other)

@@ -1,0 +1,264 @@
+"""Learn the force that no catalogue holds: where it acts, what it depends on, and its curve.
+
+At every place a curve over the displacement, one over the velocity, both, and a surface over the
+two are fitted to the innovations (`penalised.py`); the information criterion says which explains
+best what is left. The best few go into the model as effects like any other and are refitted by
+free runs that grow longer; the held-out error judges, as it judges every named effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+from robustpolish.arrays import Array
+from robustpolish.effects import LearnedLaw, lookup
+from robustpolish.effects.learned import Over
+from robustpolish.identification.discover.candidates import places
+from robustpolish.identification.discover.filtered import FilteredRecord
+from robustpolish.identification.discover.law_fit import (
+    LEARNING,
+    fitted_to_all,
+    held_out,
+    log_size,
+    with_closer_knots,
+    with_laws,
+)
+from robustpolish.identification.discover.penalised import (
+    DRY,
+    Block,
+    CurveFit,
+    block,
+    dry_block,
+    fit_curves,
+)
+from robustpolish.identification.findings.laws import laws_of
+from robustpolish.identification.fit.homotopy import JudgedFit
+from robustpolish.identification.fit.least_squares import Fit, covariance_of
+from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.observer.missing_force import Smoothed
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.ports import port_row
+
+KINDS: tuple[tuple[Over | Literal["dry"], ...], ...] = (
+    ("stiffness",), ("damping",), ("stiffness", "damping"), ("stiffness", "dry"), ("force",),
+)  # fmt: skip
+"""What is tried at every place: curves, sums of curves, and a surface. Dry friction stands beside a
+curve over the displacement because no smooth curve jumps as it does."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A law that was tried.
+
+    Attributes
+    ----------
+    at : tuple of str
+    over : str
+    odds : float
+        Log odds against no law, from the innovations.
+    fall : float
+        Share by which the innovations fell.
+    ratio : float
+        Held-out error over the noise after the refit; infinite if there was none.
+    helps : bool
+        Whether that error fell.
+    """
+
+    at: tuple[str, ...]
+    over: str
+    odds: float
+    fall: float
+    ratio: float = np.inf
+    helps: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """What was learned.
+
+    Attributes
+    ----------
+    fitted : JudgedFit
+        The model with the laws, fitted to parts of the record and judged on the others.
+    final : Fit
+        The same, fitted to the whole of it.
+    laws : tuple of LearnedLaw
+        Those that were added, one or two at one place.
+    covariance : xarray.DataArray
+        Of the fitted numbers.
+    before, after : ndarray, shape (ny,)
+        Held-out errors over the noise, without and with the laws.
+    tried : tuple of Tried
+        The best first.
+    explains : bool
+        Whether the held-out error is as good as the noise now. If not, what is missing is no such
+        law, or not that alone: it may depend on time, on the past, or on more than one place.
+    """
+
+    fitted: JudgedFit
+    final: Fit
+    laws: tuple[LearnedLaw, ...]
+    covariance: xr.DataArray
+    before: Array
+    after: Array
+    tried: tuple[Tried, ...]
+    explains: bool
+
+    @property
+    def model(self) -> MechanicalModel:
+        """The model with the laws, fitted."""
+        return self.final.model
+
+    def evidence(self) -> str:
+        """Say in a sentence what the laws explain.
+
+        Returns
+        -------
+        str
+        """
+        best = self.tried[0]
+        before, after = float(np.max(self.before)), float(np.max(self.after))
+        told = (
+            f"A force over {best.over} at {', '.join(best.at)} takes the held-out error from "
+            f"{before:.3g} to {after:.3g} times the noise (log odds {best.odds:.0f})"
+        )
+        if self.explains:
+            return f"{told}: such a law explains what was left."
+        return (
+            f"{told}: it does not explain what is left, which may depend on time, on the past, "
+            "or on more than this place."
+        )
+
+
+def learn(
+    model: MechanicalModel, prepared: PreparedRecord, reference: MechanicalModel
+) -> Learned | None:
+    """Learn the law that explains best what a model leaves, and add it to the model.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+        Fitted, with the effects that were found.
+    prepared : PreparedRecord
+    reference : MechanicalModel
+        The model before any fit: its springs and dampers stay where a law contains them.
+
+    Returns
+    -------
+    Learned or None
+        None if no law makes the held-out error fall.
+    """
+    before = held_out(model, prepared)
+    best: JudgedFit | None = None
+    tried: list[Tried] = []
+    enough = prepared.policy.at_floor * prepared.scales.noise
+    ranked = _ranked(model, prepared)
+    for odds, curves in ranked:
+        fitted, least = None, max(LEARNING.odds, LEARNING.near * ranked[0][0])
+        refits = [t for t in tried if np.isfinite(t.ratio)]
+        done = best is not None and bool(np.all(best.error < enough))
+        # a law that is less likely than one that helps there is none beside it
+        done |= any(t.at == curves.at and t.helps for t in tried)
+        if odds >= least and len(refits) < LEARNING.refits and not done:
+            fitted = with_laws(model, curves, prepared, reference)
+        if fitted is not None and (
+            best is None or log_size(fitted.error) < log_size(best.error) - LEARNING.better
+        ):
+            best = fitted
+        tried.append(_told(odds, curves, fitted, before, prepared))
+    if best is None or not _helps(best.error, before):
+        return None
+    noise = prepared.scales.noise
+    best = with_closer_knots(best, len(model.effects), prepared, reference)
+    final = fitted_to_all(best, prepared, reference)
+    covariance = covariance_of(final)
+    old = sum(bool(e.definition.over) for e in model.effects)
+    return Learned(
+        best,
+        final,
+        laws_of(final.model, covariance)[old:],
+        covariance,
+        before / noise,
+        best.error / noise,
+        tuple(sorted(tried, key=lambda t: (t.ratio, -t.odds))),
+        bool(np.all(best.error <= LEARNING.explains * noise)),
+    )
+
+
+def _told(
+    odds: float,
+    curves: CurveFit,
+    fitted: JudgedFit | None,
+    before: Array,
+    prepared: PreparedRecord,
+) -> Tried:
+    over = " and ".join(
+        name for e in curves.effects for name in e.definition.over or [e.definition.title]
+    )
+    ratio, helps = np.inf, False
+    if fitted is not None:
+        ratio = float(np.max(fitted.error / prepared.scales.noise))
+        helps = _helps(fitted.error, before)
+    return Tried(curves.at, over, float(odds), curves.fall, ratio, helps)
+
+
+def _helps(error: Array, before: Array) -> bool:
+    return log_size(error) <= log_size(before) + np.log(1 - LEARNING.fall)
+
+
+def _ranked(model: MechanicalModel, prepared: PreparedRecord) -> list[tuple[float, CurveFit]]:
+    """Return laws by their log odds, the best of each place and kind, the best first."""
+    policy, record = prepared.policy, prepared.screened
+    motion = prepared.motion(model, record)
+    seen = [FilteredRecord(model, prepared, record, level, motion) for level in policy.shape_levels]
+    orders = policy.noise_orders
+    null = min(min(f.scores(f.residual(None)[0], 0, orders).values()) for f in seen)
+    pairs = places(model, lookup("cubic_stiffness"))
+    rough = []
+    for at in pairs:
+        for kinds in KINDS:
+            found = _best(model, at, kinds, LEARNING.first, motion, seen)
+            if found is not None:
+                rough.append(((null - found.score) / 2, found, at, kinds))
+    rough.sort(key=lambda item: -item[0])
+    ranked = [(odds, found) for odds, found, _, _ in rough]
+    for i, (_, _, at, kinds) in enumerate(rough[: LEARNING.refits]):
+        for count in LEARNING.counts if kinds != ("force",) else ():
+            if count * LEARNING.samples > record.samples:
+                continue
+            finer = _best(model, at, kinds, count, motion, seen)
+            if finer is not None and (null - finer.score) / 2 > ranked[i][0] + LEARNING.simpler:
+                ranked[i] = (null - finer.score) / 2, finer
+    return sorted(ranked, key=lambda item: -item[0])
+
+
+def _best(
+    model: MechanicalModel,
+    at: tuple[str, ...],
+    kinds: Sequence[Over | Literal["dry"]],
+    count: int,
+    motion: Smoothed,
+    seen: Sequence[FilteredRecord],
+) -> CurveFit | None:
+    """Return laws at a place at the level where they are likeliest."""
+    here = {name for e in model.effects if set(e.at) == set(at) for name in e.definition.over}
+    blocks: list[Block] = []
+    if "dry" in kinds and any(e.kind == DRY and set(e.at) == set(at) for e in model.effects):
+        return None
+    for over in kinds:
+        size = LEARNING.across[0] if over == "force" else count
+        made = (
+            dry_block(model, at, motion) if over == "dry" else block(model, at, over, size, motion)
+        )
+        if made is None or here & {*made.effect.definition.over}:
+            return None
+        blocks.append(made)
+    row = port_row(model, at)
+    found = [fit_curves(f, row, blocks) for f in seen]
+    found = [f for f in found if np.isfinite(f.score) and f.sensible]
+    return min(found, key=lambda f: f.score, default=None)

@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+
+from robustpolish.effects.learned import coefficients_of, spline_basis
+from robustpolish.identification.discover.law_fit import LEARNING, closer, log_size
+from robustpolish.identification.fit.parameters import free_parameters, joint_priors, within_laws
+from robustpolish.identification.policy import POLICY
+from tests.effects.learned_curves import law_of
+from tests.identification.oscillators import PLACE, oscillator
+
+
+@pytest.mark.parametrize("over", ["stiffness", "damping"])
+def test_closer_knots_draw_the_same_curve(over):
+    law = law_of(lambda x: 90 * x**3 - x, count=11, over=over, at=PLACE).effect
+    law = law.with_parameters(roughness=2.0)
+    finer = closer(law, -1.1, 1.0)
+    assert finer.kind == f"learned_{over}_19"
+    assert finer.values["roughness"] == pytest.approx(1.0)  # half the step, half the bend
+    x = np.linspace(-1.1, 1.0, 77)
+    one, other = (
+        coefficients_of(e.values)
+        @ spline_basis(x, e.values["low"], e.values["high"], n, over == "damping")
+        for e, n in ((law, 11), (finer, 19))
+    )
+    np.testing.assert_allclose(one, other, atol=1e-8)
+
+
+def test_closer_knots_have_an_end():
+    many = law_of(lambda x: x, count=LEARNING.closest // 2 + 3).effect
+    assert closer(many, -1.1, 1.0) == many
+    few = law_of(lambda x: x, count=9).effect
+    assert closer(few, 1.0, 1.0) == few
+
+
+def test_outputs_count_alike():
+    assert log_size(np.array([np.e, np.e**3])) == pytest.approx(2.0)
+
+
+def test_what_a_law_contains_is_not_fitted():
+    law = law_of(lambda q: 90 * q**3, count=9, at=PLACE).effect.with_parameters(roughness=0.5)
+    model = oscillator().with_effect(law.kind, law.at, law.values)
+    assert within_laws(oscillator()) == set()
+    assert within_laws(model) == {"spring[0].stiffness"}
+    model = model.with_effect("constant_force", "x", {"force": 1.0})
+    assert within_laws(model) == {"spring[0].stiffness", "effect[1].force"}
+    keys = [f.key for f in free_parameters(model, 10.0, POLICY)]
+    assert "spring[0].stiffness" not in keys
+    assert "effect[1].force" not in keys
+    assert "damper[0].damping" in keys
+    assert {f"effect[0].c{j}" for j in range(1, 10)} <= set(keys)
+    damper = law_of(lambda v: v, count=9, over="damping", at=PLACE).effect
+    both = model.with_effect(damper.kind, damper.at, damper.values)
+    assert "damper[0].damping" in within_laws(both)
+
+
+def test_what_is_known_of_a_law_is_its_bending():
+    law = law_of(lambda q: 90 * q**3, count=9, at=PLACE).effect.with_parameters(roughness=0.5)
+    model = oscillator().with_effect(law.kind, law.at, law.values)
+    free = free_parameters(model, 10.0, POLICY)
+    rows = joint_priors(model, free)
+    values = np.array([f.start for f in free])
+    wanted = np.diff(coefficients_of(law.values), 2) / 0.5
+    np.testing.assert_allclose(rows @ values, wanted, atol=1e-9)
+    assert joint_priors(oscillator(), free_parameters(oscillator(), 10.0, POLICY)).size == 0
+    # beside a spring law, one over the velocity has no force at rest
+    damper = law_of(lambda v: 5 * v + 1, count=9, over="damping", at=PLACE, share=0.0).effect
+    both = model.with_effect(damper.kind, damper.at, damper.values)
+    free = free_parameters(both, 10.0, POLICY)
+    last = joint_priors(both, free)[-1]
+    found = float(last @ np.array([f.start for f in free]))
+    largest = np.max(np.abs(coefficients_of(damper.values)))
+    assert found == pytest.approx(1.0 / (1e-3 * largest), rel=1e-3)

@@ -1,0 +1,98 @@
+"""Laws of simulated machines that the catalogue does not hold are learned, and no others."""
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+import robustpolish as rp
+from robustpolish.identification.discover.learn import learn
+from tests.hidden_effects.cases import Case, model_of, one, records
+from tests.hidden_effects.catalogue import all_cases
+from tests.identification.discover.searches import search_of
+
+PLACE = ("x", "ground")
+LISTED = {case.name: case for case in all_cases()}
+CASES = {
+    "fifth": LISTED["fifth power"],
+    "saturating": LISTED["saturating spring"],
+    "drifting": LISTED["stiffness drifts"],
+    "nothing": LISTED["nothing, one mass"],
+    "power": Case("power", one(), [("power_damping", PLACE, [4.0, 1.5])], drive=20, seed=904),
+    "dead zone": Case(
+        "dead zone",
+        one(),
+        [("dead_zone_spring", PLACE, [6000.0, 0.006]), ("coulomb_friction", PLACE, [4.0, 0.01])],
+        drive=20,
+        seed=901,
+    ),
+}
+TRUE = {
+    "fifth": lambda q: 1.2e10 * q**5,
+    "saturating": lambda q: -2000 * q + 8 * np.tanh(q / 0.004),
+    "dead zone": lambda q: 6000 * np.sign(q) * np.maximum(np.abs(q) - 0.006, 0),
+    "power": lambda v: 4 * np.sign(v) * np.abs(v) ** 1.5,
+}
+
+
+@lru_cache
+def learned(name):
+    """What is learned of a machine whose model has none of the effects, and an unseen record."""
+    case = CASES[name]
+    (data, _), (unseen, noise) = records(case)
+    search = search_of(model_of(case), data)
+    return learn(search.stage.model, search.prepared, search.reference), unseen, noise["x"]
+
+
+def check(name, over, largest=1.5):
+    found, unseen, noise = learned(name)
+    assert found is not None
+    assert found.explains, found.evidence()
+    assert "explains what was left" in found.evidence()
+    assert found.laws[0].over == over
+    assert found.laws[0].effect.at == PLACE
+    # what the model was given stays: the curve is what it lacked
+    assert found.model.parameters["spring[0].stiffness"] == pytest.approx(3000, rel=1e-2)
+    assert rp.compare(found.model, unseen).outputs["x"].rmse < largest * noise
+    curve = found.laws[0].curve()
+    along = curve[over].values
+    off = np.abs(curve["force"].values - TRUE[name](along)) / curve["stderr"].values
+    assert np.mean(off < 2) > 0.85
+    assert float(curve["stderr"].median()) < 0.01 * float(np.abs(curve["force"]).max())
+    return found
+
+
+def test_a_fifth_power():
+    found = check("fifth", "displacement")
+    formula = found.laws[0].formula()
+    assert formula.expression == "k5*q**5"
+    assert formula.numbers["k5"] == pytest.approx(1.2e10, rel=0.02)
+    assert found.tried[0].odds > 100
+    again = rp.MechanicalModel.from_toml(found.model.to_toml())
+    assert again == found.model
+
+
+def test_a_damping_between_the_powers():
+    found = check("power", "velocity")
+    assert "takes energy out" in found.laws[0].describe()
+
+
+@pytest.mark.slow
+def test_a_saturating_spring():
+    formula = check("saturating", "displacement").laws[0].formula()
+    assert formula.expression == "k*q + Fs*tanh(q/d)"
+    assert formula.numbers["k"] == pytest.approx(-2000, rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_dead_zone_with_friction():
+    found = check("dead zone", "displacement")
+    friction = next(e for e in found.model.effects if e.kind == "coulomb_friction")
+    assert friction.values["force"] == pytest.approx(4.0, rel=0.1)
+    assert "dead zone from -0.00" in found.laws[0].describe()
+
+
+@pytest.mark.parametrize("name", ["drifting", "nothing"])
+def test_what_is_no_law_of_the_motion_is_not_claimed(name):
+    found, _, _ = learned(name)
+    assert found is None or (not found.explains and "does not explain" in found.evidence())

@@ -1,0 +1,102 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robustpolish.effects import Effect
+from robustpolish.effects.learned import coefficients_of, spline_basis
+from robustpolish.identification.discover.filtered import FilteredRecord
+from robustpolish.identification.discover.penalised import (
+    block,
+    dry_block,
+    fit_curves,
+    with_numbers,
+    with_numbers_of,
+)
+from robustpolish.identification.observer.kalman import Level
+from robustpolish.models.mechanical.ports import port_row
+from tests.identification.discover.searches import prepared_of
+from tests.identification.oscillators import PLACE, oscillator, record
+
+
+@pytest.fixture(scope="module")
+def seen():
+    """A record of a cubic spring through the observer of the model without it."""
+    model, data = oscillator(), record(cubic=4e4, noise=0.01)
+    prepared = prepared_of(model, data)
+    motion = prepared.motion(model, prepared.record)
+    return model, FilteredRecord(model, prepared, prepared.record, Level(0.01), motion), motion
+
+
+def test_the_curve_is_in_the_innovations(seen):
+    model, f, motion = seen
+    row = port_row(model, PLACE)
+    made = block(model, PLACE, "stiffness", 11, motion)
+    found = fit_curves(f, row, [made])
+    (law,) = found.effects
+    q = np.quantile(row @ motion.q, [0.02, 0.1, 0.9, 0.98])
+    values, curve = law.values, curve_of(law, q)
+    wanted = 4e4 * q**3
+    assert np.max(np.abs(curve - wanted)) < 0.15 * np.max(np.abs(wanted))
+    assert values["roughness"] > 0
+    assert 2 < found.freedom <= 11
+    assert found.fall > 0.05
+    # over the velocity there is no such force
+    other = fit_curves(f, row, [block(model, PLACE, "damping", 11, motion)])
+    assert other.score > found.score
+    both = fit_curves(f, row, [made, block(model, PLACE, "damping", 11, motion)])
+    assert both.score > found.score
+    assert both.score - found.score < 100
+
+
+def test_dry_friction_may_stand_beside_and_may_not_push(seen):
+    model, f, motion = seen
+    row = port_row(model, PLACE)
+    dry = dry_block(model, PLACE, motion)
+    found = fit_curves(f, row, [block(model, PLACE, "stiffness", 11, motion), dry])
+    assert [e.kind for e in found.laws] == ["learned_stiffness_11"]
+    (friction,) = found.others
+    assert found.sensible == (friction.values["force"] > 0)
+    assert abs(friction.values["force"]) < 0.1
+
+
+def test_where_nothing_moves_there_is_no_curve(seen):
+    model, _, motion = seen
+    still = replace(motion, q=0 * motion.q, v=0 * motion.v)
+    assert block(model, PLACE, "stiffness", 11, still) is None
+    assert dry_block(model, PLACE, still) is None
+
+
+def test_what_a_fit_made_of_a_spring_moves_into_the_law():
+    reference = oscillator()
+    fitted = reference.with_parameters(
+        {"spring[0].stiffness": 500.0, "damper[0].damping": 3.0, "dof.x.mass": 1.1}
+    )
+    law = with_numbers(
+        Effect("learned_stiffness_7", PLACE, {"low": -0.1, "high": 0.1}), np.zeros(7)
+    )
+    model, (moved,) = with_numbers_of([law], fitted, reference)
+    assert model.parameters["spring[0].stiffness"] == 400.0
+    assert model.parameters["damper[0].damping"] == 3.0
+    line = curve_of(moved, np.array([-0.05, 0.0, 0.1]))
+    np.testing.assert_allclose(line, [-5.0, 0.0, 10.0], atol=1e-12)
+
+
+def curve_of(law, q):
+    """The curve of a law over the displacement."""
+    values = law.values
+    c = coefficients_of(values)
+    return c @ spline_basis(q, values["low"], values["high"], c.size)
+
+
+def test_a_surface_holds_spring_and_damper():
+    reference = oscillator()
+    fitted = reference.with_parameters({"spring[0].stiffness": 500.0, "damper[0].damping": 3.0})
+    knots = {"low": -0.1, "high": 0.1, "slow": -2.0, "fast": 2.0}
+    law = with_numbers(Effect("learned_force_6x6", PLACE, knots), np.zeros(36))
+    model, (moved,) = with_numbers_of([law], fitted, reference)
+    assert model == reference
+    c = coefficients_of(moved.values)
+    assert np.ptp(np.diff(c, 2, axis=0)) < 1e-9
+    assert c[-1, 0] - c[0, 0] == pytest.approx(100.0 * 0.2 * 5 / 3)
+    assert c[0, -1] - c[0, 0] == pytest.approx(2.0 * 4 * 5 / 3)
