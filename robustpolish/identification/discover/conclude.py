@@ -62,7 +62,8 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
     verdict = _verdict(search, calm, as_it_was, refitted, error, added, floor)
     above = np.any(error > search.policy.shape_above * verdict.floor)
     wrong_name = better_shape(final.model, prepared) if added and above else None
-    if above and (wrong_name or not added):
+    crowded = _crowded(final.model, len(reference.effects))
+    if crowded or (above and (wrong_name or not added)):
         learned = _unknown_law(search, floor)
         if learned is not None:
             final, error = learned.final, _whole_error(learned.model, search, calm)
@@ -80,6 +81,12 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
             errors = [base, error]
             verdict = Verdict("unexplained", reasons, np.minimum(floor, error))
     return _diagnosis(search, final, errors, verdict, calm)
+
+
+def _crowded(model: MechanicalModel, first: int) -> bool:
+    """Return whether three effects or more were added at one place: one curve may be all that."""
+    added = [frozenset(e.at) for e in model.effects[first:] if e.definition.domain == "pair"]
+    return any(added.count(at) > 2 for at in added)
 
 
 def _back_to_own_numbers(search: Search) -> None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robustpolish.arrays import Array
-from robustpolish.identification.fit.least_squares import Fit, Residuals, fit
+from robustpolish.identification.fit.least_squares import SETTLED, Fit, Residuals, fit
 from robustpolish.identification.fit.parameters import free_parameters, with_units_of_force
 from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
 from robustpolish.identification.observer.reproducibility import reproducibility
@@ -59,7 +59,9 @@ def homotopy(
         windows = windows_after(model, prepared, pieces, span, kept)
         runner = prepared.runner(model)
         sizes = prepared.sizes(model) if windows[0].start.vector.size else None
-        result = fit(Residuals(model, windows, runner, free, sizes), iterations, progress)
+        settled = SETTLED if span == spans[-1] else prepared.policy.settled
+        residuals = Residuals(model, windows, runner, free, sizes)
+        result = fit(residuals, iterations, progress, settled)
         if not np.isfinite(result.cost):
             continue
         stages.append(result)

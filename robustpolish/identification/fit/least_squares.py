@@ -20,7 +20,7 @@ from robustpolish.models.mechanical import MechanicalModel
 _STEP = 1e-5
 _START_STEP = 1e-4
 # Relative fall of the cost below which a fit stops.
-_SETTLED = 1e-3
+SETTLED = 1e-3
 # Enough to see the scatter, few enough to be long against the memory of residuals.
 _BLOCKS = 20
 
@@ -144,6 +144,7 @@ def fit(
     residuals: Residuals,
     iterations: int = 8,
     progress: Callable[[], None] | None = None,
+    settled: float = SETTLED,
 ) -> Fit:
     """Minimise the weighted prediction errors.
 
@@ -154,6 +155,8 @@ def fit(
         Most accepted or refused steps.
     progress : callable, optional
         Called after every step.
+    settled : float, optional
+        Relative fall of the cost below which it stops.
     """
     free = residuals.free
     x = residuals.within(np.array([f.start / f.scale for f in free], dtype=float))
@@ -164,7 +167,7 @@ def fit(
     damping = 1e-3
     normal: Normal | None = None
     # Where only priors speak, damped steps hardly move: a free run ends with a step undamped.
-    settles = bool(free) and residuals.runner.level.free
+    settles = bool(free) and residuals.runner.level.free and settled <= SETTLED
     settling = False
     for number in range(iterations + settles):
         if not np.isfinite(cost):
@@ -177,7 +180,7 @@ def fit(
         normal = _normal(residuals, x, starts, errors, sigma)
         better = None
         trial, new_starts, new_errors = x, starts, errors
-        for _ in range(5):
+        for _ in range(4):
             step, moves = _step(normal, x, residuals, damping)
             trial = residuals.within(x + step)
             new_starts = starts
@@ -196,7 +199,7 @@ def fit(
             fall = (cost - better) / cost
             x, starts, errors, cost = trial, new_starts, new_errors, better
             damping = damping / 10
-        if fall < _SETTLED:
+        if fall < settled:
             if settling or not settles:
                 break
             settling = True

@@ -80,7 +80,7 @@ class PreparedRecord:
         swing = 2 * np.pi / (self.scales.bandwidth * self.record.dt)
         span = max(self.policy.least_window, round(self.policy.swings * swing))
         found = []
-        while span < longest:
+        while 2 * span < longest:
             found.append(span)
             span *= growth
         return [*found, longest]

@@ -186,6 +186,8 @@ def rest(model: MechanicalData) -> Start:
 _ROUNDS = 8
 _STEP = 1e-4
 _SHORTEST = 50
+# Relative fall with which the start of a stretch is good enough for the next one.
+_ROUGHLY = 1e-2
 
 
 def fitted_start(run: RecordRun, record: Record, guesses: Sequence[Start], sizes: Array) -> Start:
@@ -239,7 +241,8 @@ def fitted_starts(
     weights = _weights(max((p.record for p in pieces), key=lambda record: record.samples))
     longest = max(piece.record.samples for piece in pieces)
     for samples in [longest] if run.linear else lengths(longest):
-        found = _closest(run, found, samples, sizes, weights)
+        settled = 1e-6 if samples == longest else _ROUGHLY
+        found = _closest(run, found, samples, sizes, weights, settled)
     return found
 
 
@@ -297,7 +300,12 @@ def _errors(run: RecordRun, pieces: Sequence[StartedPiece], weights: Array) -> A
 
 
 def _closest(
-    run: RecordRun, pieces: Sequence[StartedPiece], samples: int, sizes: Array, weights: Array
+    run: RecordRun,
+    pieces: Sequence[StartedPiece],
+    samples: int,
+    sizes: Array,
+    weights: Array,
+    settled: float = 1e-6,
 ) -> list[StartedPiece]:
     """Improve the starts of pieces over their first samples, by damped least squares.
 
@@ -331,7 +339,7 @@ def _closest(
             i: np.column_stack([(column[k] - now[i]) / step for column in columns])
             for k, i in enumerate(active)
         }
-        settled, waiting = [], active
+        done, waiting = [], active
         for attempt in range(5):
             tried = np.array(
                 [
@@ -345,14 +353,14 @@ def _closest(
                 if not after @ after < now[i] @ now[i]:
                     still.append(i)
                     continue
-                if after @ after > (1 - 1e-6) * (now[i] @ now[i]):
-                    settled.append(i)
+                if after @ after > (1 - settled) * (now[i] @ now[i]):
+                    done.append(i)
                 vectors[i], now[i] = row, after
                 damping[i] *= 10.0 ** (attempt - 1)
             waiting = still
             if not waiting:
                 break
-        active = [i for i in active if i not in settled and i not in waiting]
+        active = [i for i in active if i not in done and i not in waiting]
     return [
         StartedPiece(piece.record, piece.start.with_vector(row))
         for piece, row in zip(pieces, vectors, strict=True)
