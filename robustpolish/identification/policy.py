@@ -5,7 +5,7 @@ Cases in quotation marks are those of docs/hidden_effects.md: examples of what a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from robustpolish.identification.observer.kalman import FREE, Level
 
@@ -58,10 +58,16 @@ class Policy:
     near_best, near_score : float
         Share of the best odds below which a candidate is no rival, and below which it is none to
         one that explains everything: a refit costs seconds.
-    most_refits, most_large, most_further : int
-        Refits of the likeliest, of the largest, and of further ones where all of these fail.
+    most_likely, most_large, most_further : int
+        Refits of the likeliest, of the largest in free runs over windows of each length, and of
+        further ones where all of these fail.
     most_paired : int
         How many of the best are tried beside each other.
+    most_pairs : int
+        How many pairs are refitted that free runs ask for.
+    near_error : float
+        Times the error left by the largest that another may leave to be refitted as well: a look at
+        free runs without a fit is no sharper.
     far : float
         Times the noise beyond which an error is no noise: something else is missing too, and a
         kind with more parameters bends itself to that ("coulomb and constant force").
@@ -70,17 +76,7 @@ class Policy:
         between them 40 over the held-out samples ("coulomb, one mass" and Stribeck friction).
     lost : float
         Times by which an error jumps where a fit lost the data that the one before followed.
-    asked, helps : Level, float
-        Where the homotopy of a candidate is asked whether it goes on, and the share of the error
-        that has to be left at most: most candidates end there.
 
-    homotopy, extended, linear : tuple of Level
-        Falling guidance of a refit, of a candidate (finer steps near the free run: "backlash
-        between, in motion") and of a model's own numbers (a linear model gets lost less).
-    guided : Level
-        Where errors judge whose free runs are not reproducible ("stop, one mass").
-    final, final_chaotic : tuple of Level
-        Of the last fit, to the whole record.
     direct_steps, many_steps, few_steps : int
         Most steps of a direct fit, and of a stage for records up to and beyond `long_record`.
     better : float
@@ -132,6 +128,10 @@ class Policy:
     trial, screened, screened_imposed : int
         Samples of a trial piece, and of what is screened; where all motion is imposed, screening
         is quick and the amplitudes of the whole record are welcome (the friction damper).
+    swings, least_window, growth : float, int, int
+        Swings of the fastest motion, and samples, that the first windows of a fit have at least,
+        and by how much those of a candidate's fit grow: errors over a swing or two depend smoothly
+        on every number, and each stage costs as much as a fit.
     windows, shortest_window : int
         Number and least length of windows, for models whose long runs judge nothing ("backlash
         between, in motion").
@@ -163,7 +163,6 @@ class Policy:
     least_odds: float = 12.0
     near_best: float = 0.25
     near_score: float = 0.6
-    most_refits: int = 5
     most_large: int = 3
     most_further: int = 4
     most_paired: int = 3
@@ -173,15 +172,7 @@ class Policy:
     far: float = 3.0
     alike: tuple[float, float] = (0.003, 0.03)
     lost: float = 5.0
-    asked: Level = field(default=Level(0.01))
-    helps: float = 0.97
 
-    homotopy: tuple[Level, ...] = (*_levels(1.0, 0.1, 0.01), FREE)
-    extended: tuple[Level, ...] = (*_levels(0.1, 0.01, 0.001), FREE)
-    linear: tuple[Level, ...] = (*_levels(1.0, 0.1), FREE)
-    guided: Level = field(default=Level(0.03))
-    final: tuple[Level, ...] = (Level(0.01), FREE)
-    final_chaotic: tuple[Level, ...] = _levels(0.1, 0.01)
     direct_steps: int = 20
     many_steps: int = 15
     few_steps: int = 7

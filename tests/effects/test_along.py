@@ -15,7 +15,10 @@ from robustpolish.effects import (
 
 TIME = np.arange(3000) * 1e-3
 Q, V = 1e-3 * np.sin(40 * TIME), 0.04 * np.cos(40 * TIME)
-CONTEXT = {"spin_frequency": 0.0, "spring_stiffness": 0.0, "mobility": 0.0, "clearance": 0.0}
+CONTEXT = {
+    "spin_frequency": 0.0, "spring_stiffness": 0.0, "mobility": 0.0, "clearance": 0.0,
+    "step": 1e-3,
+}  # fmt: skip
 
 
 def along(kind, *values, context=()):
@@ -48,6 +51,40 @@ def test_values_that_no_step_can_follow_give_a_force_all_the_same():
     force = along("attached_resonator", 1e-12, 1e12, 0.0)
     assert force.shape == TIME.shape
     assert np.isfinite(force[0])
+
+
+FIRST = np.pi / 80 > TIME  # up to the first reversal
+
+
+def test_dahl_friction_builds_up_and_turns_exponentially_over_the_way():
+    """Dahl (1976): dz/dx = k (1 - z sign(v) / F), whatever the speed."""
+    sliding, stiffness = 2.0, 4000.0
+    way = sliding / stiffness
+    force = along("dahl_friction", sliding, stiffness)
+    rising = sliding * (1 - np.exp(-Q / way))
+    np.testing.assert_allclose(-force[FIRST], rising[FIRST], atol=2e-3 * sliding)
+    back = (np.pi / 80 < TIME) & (3 * np.pi / 80 > TIME)
+    top = sliding * (1 - np.exp(-1e-3 / way))
+    falling = -sliding + (top + sliding) * np.exp(-(1e-3 - Q) / way)
+    np.testing.assert_allclose(-force[back], falling[back], atol=2e-3 * sliding)
+    # over a way far below what a sample covers it is Coulomb friction, and no number overflows
+    sharp = along("dahl_friction", sliding, 1e12)
+    moving = (abs(V) > 0.02) & (TIME > 0.01)
+    np.testing.assert_allclose(sharp[moving], -sliding * np.sign(V[moving]), rtol=1e-2)
+
+
+def test_bouc_wen_loops_that_stiffen_follow_their_formula():
+    """With exponent 1 and s = -(beta + gamma) > 0, loading is dz/dx = k (1 + s z / F)."""
+    reference, stiffness, beta, gamma = 2.0, 4000.0, 0.2, -0.7
+    force = along("bouc_wen_hysteresis", reference, stiffness, 1.0, beta, gamma)
+    assert np.isfinite(force).all()
+    s = -(beta + gamma)
+    rising = reference / s * np.expm1(stiffness * s * Q / reference)
+    np.testing.assert_allclose(-force[FIRST], rising[FIRST], rtol=5e-3, atol=1e-3)
+    # the secant grows with amplitude: nothing yields
+    assert -force[FIRST][-1] > 1.2 * stiffness * Q[FIRST][-1]
+    later = TIME > 2.0
+    assert np.sum((force * V)[later]) < 0  # and yet it takes energy
 
 
 def test_two_places_have_two_forces():
@@ -115,10 +152,16 @@ def test_what_slips_grows_with_the_coefficient():
     _, found = shapes("bouc_wen_hysteresis")
     told = [shape.values(np.array([3.0])) for shape in found]
     slips = [3.0 / values["stiffness"] for values in told]
-    expected = np.repeat([0.05, 0.15, 0.4, 0.8], 2) * np.percentile(abs(Q), 95)
+    # 0.01 is less than half of what a sample travels
+    expected = np.repeat([0.05, 0.15, 0.4, 0.8], 4) * np.percentile(abs(Q), 95)
     np.testing.assert_allclose(slips, expected)
-    assert [values["exponent"] for values in told] == [1.0, 2.0] * 4
+    assert [values["exponent"] for values in told] == [1.0, 1.0, 2.0, 2.0] * 4
+    assert [values["gamma"] for values in told] == [0.5, -0.5] * 8
     assert all(values["force"] == 3.0 for values in told)
+    _, found = shapes("dahl_friction")
+    told = [shape.values(np.array([3.0])) for shape in found]
+    ways = np.array([0.03, 0.1, 0.3]) * np.percentile(abs(Q), 95)
+    np.testing.assert_allclose([3.0 / values["stiffness"] for values in told], ways)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ NAMED = [
     "coulomb_friction",
     "stribeck_friction",
     "elastic_coulomb_friction",
+    "dahl_friction",
     "lugre_friction",
     "quadratic_damping",
     "displacement_dependent_damping",
@@ -38,7 +39,10 @@ def motion(kind):
     time = np.arange(1500) * 1e-3
     q = np.vstack([np.sin(40 * time) * 1e-3, np.cos(31 * time) * 1e-3])[: kind.ports]
     v = np.gradient(q, 1e-3, axis=1)
-    context = {"spin_frequency": 100.0, "spring_stiffness": 1e4, "mobility": 0.0, "clearance": 0.0}
+    context = {
+        "spin_frequency": 100.0, "spring_stiffness": 1e4, "mobility": 0.0, "clearance": 0.0,
+        "step": 1e-3,
+    }  # fmt: skip
     return Motion(time, q, v, context, force=q)
 
 
@@ -75,12 +79,15 @@ def test_a_shape_is_the_law_with_its_values(name):
 
 
 def test_friction_takes_energy_out():
-    for name in ("coulomb_friction", "elastic_coulomb_friction", "bouc_wen_hysteresis"):
+    for name in (
+        "coulomb_friction", "elastic_coulomb_friction", "bouc_wen_hysteresis", "dahl_friction",
+        "lugre_friction",
+    ):  # fmt: skip
         kind = lookup(name)
         along = motion(kind)
-        shape = shapes_along(kind, along)[0]
-        power = np.sum(shape.columns[0] * along.v)
-        assert power < 0
+        for shape in shapes_along(kind, along):
+            power = np.sum(shape.columns[0] * along.v)
+            assert power < 0
 
 
 def test_every_kind_can_be_pickled():
@@ -116,8 +123,21 @@ def test_the_linear_part_of_a_signal_effect_is_its_answer_to_a_slow_signal(
 def test_friction_parameters_know_their_limits_in_a_fit():
     stribeck, stop = lookup("stribeck_friction"), lookup("contact_stop")
     values = {"force": 2.0, "static_force": 3.0, "velocity": 0.1, "width": 0.0}
-    assert stribeck.parameter("static_force").bounds_from(values) == (1.9, np.inf)
+    for name in ("stribeck_friction", "lugre_friction"):
+        static = lookup(name).parameter("static_force")
+        assert static.bounds_from(values) == (0.0, np.inf)
+        assert static.at_least == "force"  # which moves too: no number bounds it
+        assert lookup(name).implausible({**values, "static_force": 1.99}) is not None
+        assert lookup(name).implausible({**values, "static_force": 2.0}) is None
     assert stribeck.parameter("velocity").bounds_from(values) == (0.1 * 0.2, 0.1 * 6)
     assert stop.parameter("gap").bounds_from({"gap": 1e-3, "stiffness": 1.0}) == (0.0, np.inf)
     assert stop.parameter("gap").bounds_from({"gap": -1e-3, "stiffness": 1.0}) == (-np.inf, 0.0)
     assert lookup("harmonic_force").parameter("phase").scale_from(3.0) == 1.0
+
+
+def test_loops_that_feed_the_motion_are_no_hysteresis():
+    kind = lookup("bouc_wen_hysteresis")
+    values = {"force": 1.0, "stiffness": 5.0, "exponent": 1.0, "beta": 0.5, "gamma": -0.9}
+    assert kind.implausible(values) is None
+    assert "feed energy" in str(kind.implausible({**values, "beta": -0.1}))
+    assert [p.name for p in kind.parameters if not p.fitted] == ["force"]  # beta and gamma say it

@@ -62,15 +62,18 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
     verdict = _verdict(search, calm, as_it_was, refitted, error, added, floor)
     above = np.any(error > search.policy.shape_above * verdict.floor)
     wrong_name = better_shape(final.model, prepared) if added and above else None
+    if added and verdict.word == "partly_explained":
+        fall = float(np.max(1 - error / refitted))
+        if fall < search.policy.visible_fall:
+            # a fit to the whole record may leave nothing of what helped on some blocks
+            wrong_name = wrong_name or "No effect of the catalogue makes the error fall visibly."
     crowded = _crowded(final.model, len(reference.effects))
     if crowded or (above and (wrong_name or not added)):
         learned = _unknown_law(search, floor)
         if learned is not None:
             final, error = learned.final, _whole_error(learned.model, search, calm)
             errors = [base, refitted, error]
-            reasons = (
-                [learned.evidence()] if wrong_name is None else [wrong_name, learned.evidence()]
-            )
+            reasons = [*([wrong_name] if wrong_name else []), learned.evidence()]
             verdict = Verdict("unknown_law", reasons, np.minimum(floor, error))
         elif wrong_name:
             # what is wrong is reported as a candidate, not kept in the model

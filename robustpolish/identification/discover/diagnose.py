@@ -51,8 +51,9 @@ def diagnose(
     -----
     The model's own numbers are refitted first. Then every effect of the catalogue is
     screened at every place with an observer that has a leaking random-walk force as the
-    competing explanation, and coloured sensor noise and noise on the inputs as others. The
-    best few are refitted by homotopy and ranked on held-out blocks. An effect is added if
+    competing explanation, and coloured sensor noise and noise on the inputs as others, and free
+    runs are asked what each would take away, and two together. The best few are refitted over
+    windows that grow and ranked on held-out blocks. An effect is added if
     the held-out error falls visibly, its sign is physical and its parameters are
     determined; then the search starts again.
 

@@ -75,7 +75,7 @@ def evidence(
     runner = prepared.runner(model)
     sizes = prepared.sizes(model) if windows[0].start.vector.size else None
     settled = fit(Residuals(model, windows, runner, free, sizes), 3)
-    if not np.isfinite(settled.cost):
+    if not (entries and np.isfinite(settled.cost)):
         return [], []
     here = free_parameters(settled.model, prepared.scales.bandwidth, prepared.policy, model)
     residuals = Residuals(settled.model, settled.pieces, runner, here, sizes)

@@ -26,7 +26,7 @@ def search_of(model, data, policy=POLICY):
     return Search(prepared, model, str, linear=own, stage=own, guided=guided, steps=steps)
 
 
-def judged(model, free, guided=None, reproducible=True, share=0.01):
+def judged(model, free, short=None, reproducible=True, share=0.01):
     """A fit with given held-out errors, all of whose numbers have one relative standard error."""
     numbers = tuple(free_parameters(model, 10.0, POLICY))
     white = np.random.default_rng(0).standard_normal((20_000, len(model.outputs)))
@@ -34,8 +34,8 @@ def judged(model, free, guided=None, reproducible=True, share=0.01):
     information = np.diag(1 / (share * sizes) ** 2)
     made = Fit(model, (), 1.0, white, np.ones(white.shape[1]), information, numbers)
     errors = np.atleast_1d(np.array(free, dtype=float))
-    led = errors if guided is None else np.atleast_1d(np.array(guided, dtype=float))
-    return JudgedFit(made, errors, led, reproducible)
+    over = errors if short is None else np.atleast_1d(np.array(short, dtype=float))
+    return JudgedFit(made, errors, over, reproducible)
 
 
 def refitted(model, kind, at, values, free, score=100.0, **options):

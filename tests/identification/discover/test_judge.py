@@ -5,9 +5,16 @@ import pytest
 import xarray as xr
 
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.judge import chosen, judgement, objection
+from robustpolish.identification.discover.judge import (
+    chosen,
+    judgement,
+    line_of_motion,
+    objection,
+    together,
+)
 from robustpolish.identification.discover.screening import ScreenedEffect
 from robustpolish.identification.discover.search import RefittedEffect
+from robustpolish.identification.record import record_of
 from tests.identification.discover.searches import judged, refitted, search_of
 from tests.identification.oscillators import PLACE, RATE, of_rig, oscillator, rig
 
@@ -37,8 +44,8 @@ def drag(free, **options):
     return refitted(MODEL, "quadratic_damping", PLACE, {"coefficient": 3.0}, free, **options)
 
 
-def test_guided_errors_judge_unless_all_runs_can_be_repeated():
-    calm, wild = cubic(2.0, guided=3.0), drag(9.0, guided=0.5, reproducible=False)
+def test_short_windows_judge_unless_all_runs_can_be_repeated():
+    calm, wild = cubic(2.0, short=3.0), drag(9.0, short=0.5, reproducible=False)
     assert judgement(calm.fitted, [calm]) == pytest.approx(np.log(2.0))
     assert judgement(calm.fitted, [calm, wild]) == pytest.approx(np.log(3.0))
     assert judgement(wild.fitted, [calm, wild]) == pytest.approx(np.log(0.5))
@@ -68,11 +75,11 @@ def test_no_output_may_pay_for_another(search):
     )
 
 
-def test_guided_errors_count_where_a_run_cannot_be_repeated(search):
+def test_short_windows_count_where_a_run_cannot_be_repeated(search):
     before = judged(MODEL, 10.0)
-    wild = cubic(20.0, guided=5.0, reproducible=False)
+    wild = cubic(20.0, short=5.0, reproducible=False)
     assert objection(before, wild.fitted, search.prepared) is None
-    assert objection(before, cubic(20.0, guided=5.0).fitted, search.prepared)
+    assert objection(before, cubic(20.0, short=5.0).fitted, search.prepared)
 
 
 def test_numbers_have_to_be_determined_and_plausible(search):
@@ -95,11 +102,11 @@ def test_an_effect_in_the_middle_is_judged_by_its_own_numbers(search):
 
 def test_the_best_that_earns_its_place_is_chosen(search):
     best, second = cubic(2.0, share=0.9), drag(3.0)
-    assert chosen([best, second], search) is second
+    assert chosen([best, second], search) == [second]
     assert search.reasons == [
         "cubic_stiffness at x, ground was not added: its stiffness is not determined."
     ]
-    assert chosen([], search) is None
+    assert chosen([], search) == []
 
 
 def test_what_the_data_do_not_separate_is_noted_and_the_simpler_one_taken(search):
@@ -107,7 +114,7 @@ def test_what_the_data_do_not_separate_is_noted_and_the_simpler_one_taken(search
     friction = {"force": 3.0, "static_force": 4.0, "velocity": 0.5}
     stribeck = refitted(MODEL, "stribeck_friction", PLACE, friction, 2.0)
     near, far = cubic(2.05), drag(2.2)
-    assert chosen([stribeck, near, far], search) is near
+    assert chosen([stribeck, near, far], search) == [near]
     (pair,) = search.confusions
     assert (pair.first, pair.second) == (near.effect, stribeck.effect)
 
@@ -119,7 +126,7 @@ def test_far_above_the_noise_a_simpler_kind_of_the_family_comes_first(search):
             refitted(MODEL, "stribeck_friction", PLACE, friction, error),
             refitted(MODEL, "coulomb_friction", PLACE, {"force": 3.0}, 1.15 * error),
         ]
-        assert chosen(pair, search) is pair[taken]
+        assert chosen(pair, search) == [pair[taken]]
 
 
 def test_two_that_hide_each_other_earn_their_places_together():
@@ -137,10 +144,18 @@ def test_two_that_hide_each_other_earn_their_places_together():
         assert fall == pytest.approx(1 - np.sqrt(1.7225 / 2.445), abs=0.035)
         assert objection(search.stage, fitted, search.prepared)
         ranked.append(RefittedEffect(ScreenedEffect(effect, 100.0, fall), fitted))
-    assert chosen(ranked, search) is ranked[1]  # a constant is named last
-    assert "earns its place only beside" in search.reasons[-1]
+    assert chosen(ranked, search) == []
+    for pairs in ([], [(ranked[1].screened, ranked[0].screened)]):  # as refits show, and free runs
+        found = together(ranked, pairs, search)
+        assert {item.effect.kind for item in found} == {"sensor_offset", "cubic_stiffness"}
+        assert search.reasons[-1].count("earns its place only beside") == 1
+        both = found[-1].fitted.model.effects
+        assert [e.kind for e in both] == [item.effect.kind for item in found]
+        values = {name: value for e in both for name, value in e.values.items()}
+        assert values["offset"] == pytest.approx(0.85, abs=0.1)
+        assert values["stiffness"] == pytest.approx(size, rel=0.15)
     alone = search_of(MODEL, data.assign(f=data["f"] - 0.85))
-    assert chosen(ranked[1:], replace(alone, stage=ranked[1].fitted)) is None
+    assert together(ranked[1:], [], replace(alone, stage=ranked[1].fitted)) == []
 
 
 def test_a_line_of_inputs_that_repeat_is_no_force_from_outside():
@@ -167,7 +182,26 @@ def test_a_line_of_inputs_that_repeat_is_no_force_from_outside():
     assert "repeat every 1 s" in said
     drag = refitted(oscillator(), "quadratic_damping", PLACE, {"coefficient": 3.0}, 2.1, score=-1.0)
     likely = replace(drag, screened=replace(drag.screened, score=50.0))
-    assert chosen([drag], search) is drag
-    assert chosen([humming(7.0, 2.0), likely], search) is likely
-    assert chosen([humming(7.0, 2.0), drag], search) is None
+    assert chosen([drag], search) == [drag]
+    assert chosen([humming(7.0, 2.0), likely], search) == [likely]
+    assert chosen([humming(7.0, 2.0), drag], search) == []
     assert any("merely repeats with the inputs" in reason for reason in search.reasons)
+
+
+def test_two_of_one_family_are_no_pair(search):
+    names = ("coulomb_friction", "stribeck_friction")
+    pair = tuple(ScreenedEffect(Effect(name, PLACE), 100.0, 0.5) for name in names)
+    assert together([], [pair], search) == []
+
+
+def test_a_decay_has_its_own_line():
+    """A decay at 3.18 Hz, which a frequency that shifts with the amplitude blurs by a tenth."""
+    model = oscillator(inputs=[])
+    time = np.arange(2000) / RATE
+    x = 1e-3 * np.exp(-0.5 * time) * np.cos(20 * time)
+    record = record_of(model, xr.Dataset({"x": ("time", x)}, {"time": time}))
+    own = 20 / (2 * np.pi)
+    for ratio, said in ((1.0, True), (1.05, True), (0.95, True), (1.3, False), (3.0, False)):
+        hum = Effect("harmonic_force", "x", {"amplitude": 1.0, "frequency": ratio * own})
+        assert bool(line_of_motion(hum, model, record)) == said
+    assert line_of_motion(Effect("cubic_stiffness", PLACE), model, record) is None

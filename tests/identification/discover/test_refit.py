@@ -8,6 +8,7 @@ from robustpolish.errors import InvalidInputError
 from robustpolish.identification import refit
 from robustpolish.identification.discover.refit import lmfit_name
 from robustpolish.models import Damper, Dof, Output, Spring
+from robustpolish.simulation import simulate_model
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.oscillators import PLACE, of_rig, oscillator, record, rig
 
@@ -75,3 +76,24 @@ def test_names_suit_lmfit(key, name):
 def test_a_record_that_is_too_short_is_refused():
     with pytest.raises(InvalidInputError, match="at least 60"):
         refit(oscillator(), record().isel(time=slice(0, 59)))
+
+
+def test_loops_that_stiffen_are_recovered():
+    """Bouc-Wen with beta + gamma < 0: nothing yields, and the simulation stays finite."""
+    true = {"force": 1.0, "stiffness": 150.0, "exponent": 1.0, "beta": 0.3, "gamma": -0.9}
+    model = oscillator().with_effect("bouc_wen_hysteresis", PLACE, true)
+    data = record(3000)
+    outputs = simulate_model(model, data).outputs[:, 0]
+    assert np.isfinite(outputs).all()
+    noise = 1e-3 * np.std(outputs) * np.random.default_rng(0).standard_normal(3000)
+    data = data.assign(x=("time", outputs + noise))
+    first = {**true, "stiffness": 130.0, "beta": 0.4, "gamma": -0.8}
+    fitted = refit(oscillator().with_effect("bouc_wen_hysteresis", PLACE, first), data)
+    found = fitted.model.effects[0].values
+    assert fitted.nrmse["x"] == pytest.approx(1e-3, rel=0.1)
+    assert found["force"] == 1.0
+    assert found["beta"] + found["gamma"] < 0
+    for name in ("stiffness", "beta", "gamma"):
+        error = fitted.stderr[f"effect[0].{name}"]
+        assert abs(found[name] - true[name]) < 4 * error + 0.02 * abs(true[name])
+        assert error < 0.3 * abs(true[name])

@@ -1,15 +1,8 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.screening import (
-    ScreenedEffect,
-    Screening,
-    hopeful,
-    screen,
-)
+from robustpolish.identification.discover.screening import screen
 from robustpolish.identification.observer.kalman import FREE
 from robustpolish.identification.policy import POLICY, Policy
 from tests.hidden_effects.cases import Case, model_of, one, records
@@ -69,34 +62,11 @@ def test_scaling_the_data_down_is_paid_for():
     assert not any(c.score > 0 for c in found)
 
 
-def candidate(kind, score, fall=0.5, remark=""):
-    at = "x" if kind == "constant_force" else PLACE
-    return ScreenedEffect(Effect(kind, at), score, fall, remark)
-
-
-def test_the_likeliest_and_the_largest_deserve_a_refit():
-    likely = [
-        candidate("cubic_stiffness", 100.0),
-        candidate("quadratic_damping", 30.0),
-        candidate("backlash", 20.0),  # below a quarter of the best
-        candidate("quadratic_stiffness", 11.0),  # below any interest
-        candidate("coulomb_friction", 200.0, remark="its force has the wrong sign"),
-    ]
-    large = (candidate("contact_stop", 5.0), candidate("lugre_friction", 5.0, fall=0.1), likely[0])
-    chosen, further = hopeful(Screening(tuple(likely), large, FREE), POLICY)
-    assert [c.effect.kind for c in chosen] == [
-        "cubic_stiffness", "quadratic_damping", "contact_stop",
-    ]  # fmt: skip
-    assert [c.effect.kind for c in further] == ["backlash"]
-
-
-def test_what_takes_away_most_ends_the_search_for_the_largest_but_for_a_constant():
-    likely = (candidate("constant_force", 100.0), candidate("cubic_stiffness", 90.0))
-    stop = candidate("contact_stop", 5.0)
-    for first, expected in ((likely[0], True), (likely[1], False)):
-        chosen, _ = hopeful(Screening(likely, (first, stop), FREE), POLICY)
-        assert (stop in chosen) == expected
-    few = hopeful(Screening(likely, (), FREE), replace(POLICY, most_refits=1))
-    assert [[c.effect.kind for c in part] for part in few] == [
-        ["constant_force"], ["cubic_stiffness"],
-    ]  # fmt: skip
+def test_finalists_are_the_shapes_of_what_has_odds():
+    """Free runs look at every place of the list; what was no finalist has no odds."""
+    found = screened(40 * X**3, *(Effect(kind, PLACE) for kind in ("cubic_stiffness", "backlash")))
+    there = {(entry.kind.kind, entry.at) for entry in found.finalists}
+    assert there == {candidate.place for candidate in found.candidates}
+    best = found.candidates[0]
+    assert found.score(best.effect) == best.score > 100
+    assert found.score(Effect("quadratic_damping", PLACE)) == 0.0

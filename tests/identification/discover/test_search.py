@@ -5,6 +5,7 @@ import pytest
 
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.screening import ScreenedEffect
+from robustpolish.identification.fit.least_squares import standard_errors
 from robustpolish.identification.policy import Policy
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import judged, refitted, search_of
@@ -25,14 +26,18 @@ def test_the_floor_is_where_the_noise_alone_is_no_visible_fall(search):
 
 
 @pytest.mark.parametrize("missing", [True, False])
-def test_an_effect_is_fitted_from_far_away_if_it_helps_at_all(missing):
+def test_an_effect_is_fitted_from_far_away_and_one_that_is_not_there_to_nothing(missing):
     hidden = [("cubic_stiffness", PLACE, [4e6])] if missing else []
     case = Case("cubic", one(), hidden, drive=8.0, samples=1500)
     search = search_of(model_of(case), records(case)[0][0])
     cubic = Effect("cubic_stiffness", PLACE, {"stiffness": 1e6})
     found = search.fitted_with(search.stage.model, cubic)
-    assert (found is not None) == missing
-    if found is not None:
+    assert found is not None
+    if not missing:
+        error = found.model.parameters["effect[0].stiffness"]
+        assert abs(error) < 4 * standard_errors(found.fit)["effect[0].stiffness"]
+        assert found.error == pytest.approx(search.stage.error, rel=0.02)
+    else:
         mass = found.model.parameters["dof.x.mass"]
         assert found.model.parameters["effect[0].stiffness"] / mass == pytest.approx(4e6, rel=0.05)
         assert found.error < 0.5 * search.stage.error
@@ -42,11 +47,24 @@ def test_what_earned_its_place_is_the_next_stage(search):
     cubic = refitted(rig(), "cubic_stiffness", PLACE, {"stiffness": 3.0}, 2.0)
     drag = refitted(rig(), "quadratic_damping", PLACE, {"coefficient": 3.0}, 2.0)
     search.reasons += [f"{item.effect} was not added: why." for item in (cubic, drag)]
-    search.accept(cubic)
+    search.accept([cubic])
     assert search.added == 1
     assert search.stage is cubic.fitted
     assert search.steps[-1] == ("cubic_stiffness", cubic.fitted.model)
     assert search.reasons == ["quadratic_damping at x, ground was not added: why."]
+
+
+def test_two_that_earned_their_places_together_are_two_steps(search):
+    cubic = refitted(rig(), "cubic_stiffness", PLACE, {"stiffness": 3.0}, 9.0)
+    drag = refitted(cubic.fitted.model, "quadratic_damping", PLACE, {"coefficient": 3.0}, 2.0)
+    search.reasons += [f"{item.effect} was not added: why." for item in (cubic, drag)]
+    search.accept([cubic, drag])
+    assert search.added == 2
+    assert search.stage is drag.fitted
+    assert search.steps[-2:] == [
+        ("cubic_stiffness", cubic.fitted.model), ("quadratic_damping", drag.fitted.model),
+    ]  # fmt: skip
+    assert search.reasons == []
 
 
 def test_what_was_tried_is_remembered_the_best_first(search):

@@ -17,6 +17,8 @@ def test_the_effects_are_the_headline():
     both = replace(found, effects=(*found.effects, gain))
     assert headline(both).startswith("The model lacked: Coulomb friction at x, ground and ")
     assert headline(both).endswith(f"{lookup('input_gain').title} at F.")
+    part = replace(found, verdict="partly_explained")
+    assert headline(part) == f"{headline(found)} And something else is missing."
 
 
 @pytest.mark.parametrize(
@@ -26,6 +28,7 @@ def test_the_effects_are_the_headline():
         ("parameters", "numbers were wrong"),
         ("unexplained", "no effect of the catalogue"),
         ("missing_effect", "lacks a physical effect"),
+        ("partly_explained", "a part of the error is left"),
     ],
 )
 def test_every_verdict_is_a_sentence(verdict, said):

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -5,17 +7,16 @@ from robustpolish.identification import compare
 from robustpolish.identification.fit.homotopy import (
     best_stage,
     free_rms,
-    guided_rms,
     homotopy,
     judged,
+    short_rms,
+    windows_after,
 )
+from robustpolish.identification.fit.least_squares import fit
 from robustpolish.identification.fit.prepared import prepare
-from robustpolish.identification.observer.kalman import FREE, Level
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
 from tests.identification.oscillators import double_well, oscillator, record
-
-LEVELS = (Level(1.0), Level(0.1), FREE)
 
 
 def prepared_of(model, data):
@@ -24,13 +25,17 @@ def prepared_of(model, data):
 
 def fitted(model, **options):
     prepared = prepared_of(model, record(2000, noise=0.01))
-    return prepared, homotopy(model, prepared, prepared.trial, model, LEVELS, **options)
+    spans = prepared.spans(prepared.trial)
+    return prepared, homotopy(model, prepared, prepared.trial, model, spans, **options)
 
 
-def test_a_distant_model_is_led_to_the_data_and_then_let_go():
+def test_a_distant_model_is_fitted_over_windows_that_grow():
     """At 150 instead of 400 N/m a free run is out of phase after a second."""
     prepared, stages = fitted(oscillator(stiffness=150.0))
-    assert len(stages) == 3
+    spans = prepared.spans(prepared.trial)
+    assert len(stages) == len(spans) > 3
+    for span, stage in zip(spans, stages, strict=True):
+        assert max(piece.record.samples for piece in stage.pieces) <= 1.5 * span
     found = best_stage(stages, prepared)
     numbers = found.model.parameters
     assert numbers["spring[0].stiffness"] / numbers["dof.x.mass"] == pytest.approx(400, rel=0.01)
@@ -38,26 +43,88 @@ def test_a_distant_model_is_led_to_the_data_and_then_let_go():
     noise = 0.01 * np.std(record(2000)["x"].values)
     np.testing.assert_allclose(found.error, noise, rtol=0.1)
     np.testing.assert_array_equal(found.error, found.free)
+    whole = homotopy(oscillator(stiffness=150.0), prepared, prepared.trial,
+                     oscillator(stiffness=150.0), spans[-1:])  # fmt: skip
+    assert whole[-1].rmse > 10 * stages[-1].rmse  # at once it ends in a wrong minimum
 
 
-def test_what_is_not_worth_while_is_given_up():
-    asked = []
+def test_a_stage_begins_where_the_one_before_ended():
+    prepared, stages = fitted(oscillator(stiffness=300.0))
+    last, model = stages[-2], stages[-2].model
+    span = prepared.spans(prepared.trial)[-1]
+    windows = windows_after(model, prepared, prepared.trial, span, last)
+    assert [w.record.samples for w in windows] == [p.record.samples for p in prepared.trial]
+    starts = {piece.record.first: piece.start.state for piece in last.pieces}
+    for window in windows:
+        np.testing.assert_array_equal(window.start.state, starts[window.record.first])
+    # within a window of the stage before, a start is where its run passes
+    run = prepared.runner(model).run(model)
+    halves = windows_after(model, prepared, prepared.trial, 100, last)
+    assert len(halves) > len(last.pieces)
+    whole = last.pieces[0]
+    seen = run.over(whole, keep=True).states
+    for window in halves:
+        row = window.record.first - whole.record.first
+        if row < whole.record.samples:
+            np.testing.assert_array_equal(window.start.state, seen[row])
 
-    def enough(level, fit):
-        asked.append(level)
-        return level != LEVELS[1]
 
-    assert fitted(oscillator(), enough=enough)[1] == []
-    assert asked == list(LEVELS[:2])
+def test_without_a_stage_before_windows_begin_at_the_smoothed_motion():
+    prepared = prepared_of(oscillator(), record(2000, noise=0.001))
+    clean = record(2000)["x"].values
+    windows = windows_after(oscillator(), prepared, prepared.trial, 150, None)
+    assert sum(w.record.samples for w in windows) == sum(p.record.samples for p in prepared.trial)
+    for window in windows:
+        assert window.start.state[0] == pytest.approx(clean[window.record.first], abs=1e-4)
 
 
-def test_a_wrong_model_is_led_closer_than_it_runs():
+def test_a_stage_that_loses_the_data_is_no_start_for_the_next(monkeypatch):
+    """The second stage's errors are made a hundredfold: the third begins at the first's numbers."""
+    path = "robustpolish.identification.fit.homotopy.fit"
+    began = []
+
+    def spoilt(residuals, *rest):
+        began.append(residuals.model)
+        found = fit(residuals, *rest)
+        return replace(found, errors=100 * found.errors) if len(began) == 2 else found
+
+    monkeypatch.setattr(path, spoilt)
+    _, stages = fitted(oscillator(stiffness=300.0))
+    assert began[2].parameters == pytest.approx(stages[0].model.parameters)
+    assert began[1].parameters == pytest.approx(stages[0].model.parameters)
+    assert began[3].parameters != pytest.approx(stages[0].model.parameters)
+
+
+def test_the_last_stage_that_followed_the_data_is_among_the_last_two(monkeypatch):
+    path = "robustpolish.identification.fit.homotopy.fit"
+    found = []
+
+    def spoilt(residuals, *rest):
+        found.append(fit(residuals, *rest))
+        return found[0] if len(found) == 1 else replace(found[-1], errors=1e3 * found[0].errors)
+
+    monkeypatch.setattr(path, spoilt)
+    _, stages = fitted(oscillator(stiffness=300.0))
+    assert stages[-2] is stages[0] is found[0]
+
+
+def test_a_wrong_model_is_closer_over_short_windows_than_over_long_ones():
     prepared, stages = fitted(oscillator())
     right, wrong = judged(stages[-1], prepared), oscillator(stiffness=150.0)
     free, calm = free_rms(wrong, prepared, prepared.held_out)
-    led = guided_rms(wrong, prepared, prepared.held_out, Level(1.0))
+    short = short_rms(wrong, prepared, prepared.held_out)
     assert calm
-    assert right.error < led < 0.1 * free
+    assert right.error < short < 0.5 * free
+    # over windows of 80 samples a start for each takes two errors out of 80 away
+    assert right.short == pytest.approx(right.free, rel=0.1)
+
+
+def test_what_runs_once_only_is_judged_over_short_windows():
+    prepared, stages = fitted(oscillator())
+    found = judged(stages[-1], prepared)
+    np.testing.assert_array_equal(found.error, found.free)
+    wild = replace(found, reproducible=False)
+    np.testing.assert_array_equal(wild.error, found.short)
 
 
 @pytest.mark.parametrize("length", [50, 66, 74, 100])

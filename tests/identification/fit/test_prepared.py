@@ -93,3 +93,53 @@ def test_a_record_in_the_wrong_unit_is_refused():
     data = record(noise=0.01)
     with pytest.raises(InvalidInputError, match="units"):
         prepared_of(oscillator(), data.assign(x=1e-15 * data["x"]))
+
+
+def test_windows_grow_from_a_few_swings_to_whole_pieces():
+    prepared = prepared_of(oscillator(), record(noise=0.01))
+    longest = max(piece.record.samples for piece in prepared.estimation)
+    for growth in (2, 4):
+        spans = prepared.spans(prepared.estimation, growth)
+        assert spans[-1] == longest
+        assert all(b == growth * a for a, b in pairwise(spans[:-1]))
+        assert spans[-2] < longest <= growth * spans[-2]
+    swing = 2 * np.pi / prepared.scales.bandwidth * RATE
+    assert spans[0] == pytest.approx(1.5 * swing, abs=1)  # above the least of 50
+    few = prepared.windows_of(oscillator(), prepared.everything, 40)[:1]
+    assert prepared.spans(few) == [40]
+
+
+def test_pieces_are_cut_into_windows_with_starts_of_their_own():
+    model = oscillator().with_effect("lugre_friction", PLACE)
+    prepared = prepared_of(oscillator(), record(noise=0.001))
+    windows = prepared.windows_of(model, prepared.held_out, 150)
+    assert ranges(windows) == [
+        (1600, 1750), (1750, 1900), (1900, 2050), (2050, 2200),
+        (3400, 3550), (3550, 3700), (3700, 3850), (3850, 4000),
+    ]  # fmt: skip
+    clean = record()["x"].values
+    for window in windows:
+        assert window.start.state[0] == pytest.approx(clean[window.record.first], abs=1e-4)
+        np.testing.assert_array_equal(window.start.internal, [0.0])
+    whole = prepared.windows_of(model, prepared.held_out, 600)
+    assert ranges(whole) == ranges(prepared.held_out)
+
+
+def test_an_effect_remembers_what_happened_in_the_window_before():
+    """The force of bristles at the end of a window is where that of the next begins."""
+    values = {"force": 0.5, "static_force": 0.6, "velocity": 0.1, "stiffness": 3e3}
+    model = oscillator().with_effect("lugre_friction", PLACE, values)
+    prepared = prepared_of(oscillator(), record(noise=0.001))
+    cut = prepared.windows_of(oscillator(), prepared.held_out, 300)
+    assert [p.start.internal.size for p in cut] == [0] * 4
+    pieces = prepared.with_memory(model, cut)
+    run = free_run(model, prepared.record)
+    still = with_rest(model, cut)
+    for i in (1, 3):
+        end = run.over(still[i - 1], keep=True).internal[-1]
+        np.testing.assert_array_equal(pieces[i].start.internal, end)
+        assert abs(end[0]) > 0.05
+    for i in (0, 2):  # nothing is known of what happened before
+        np.testing.assert_array_equal(pieces[i].start.internal, [0.0])
+    none = prepared.with_memory(oscillator(), cut)
+    assert ranges(none) == ranges(cut)

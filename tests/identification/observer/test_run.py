@@ -2,13 +2,17 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from robustpolish.identification.fit.prepared import prepare
+from robustpolish.identification.observer.kalman import Level
 from robustpolish.identification.observer.run import (
     StartedPiece,
     fitted_start,
+    fitted_starts,
     free_run,
     lengths,
     rest,
 )
+from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
 from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
 from robustpolish.simulation.run import simulate
@@ -88,3 +92,55 @@ def test_the_best_guess_is_where_the_search_begins():
 def test_stretches_grow_twofold_up_to_the_whole():
     assert lengths(30) == [30]
     assert lengths(8000) == [62, 125, 250, 500, 1000, 2000, 4000, 8000]
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [None, ("cubic_stiffness", PLACE, {"stiffness": 1e7}), ("dahl_friction", PLACE,
+     {"force": 0.2, "stiffness": 4e3}), ("input_delay", ("F",), {"delay": 0.013})],
+)  # fmt: skip
+@pytest.mark.parametrize("keep", [True, False])
+def test_windows_run_together_are_those_run_one_by_one(effect, keep):
+    """Bit for bit, of any lengths, each from its own start."""
+    model, record = case(effect)
+    run, random = free_run(model, record), np.random.default_rng(2)
+    pieces = []
+    for begin, end in ((0, 7), (7, 300), (300, 301), (250, 1200)):
+        start = rest(model)
+        vector = start.vector + random.standard_normal(start.vector.size) * 1e-3
+        pieces.append(StartedPiece(record.part(begin, end), start.with_vector(vector)))
+    together = run.over_all(pieces, keep)
+    alone = [run.over(piece, keep) for piece in pieces]
+    for name in ("outputs", "states", "internal"):
+        expected = np.concatenate([getattr(one, name) for one in alone])
+        np.testing.assert_array_equal(getattr(together, name), expected)
+    errors = np.concatenate([run.errors(piece) for piece in pieces])
+    np.testing.assert_array_equal(run.all_errors(pieces), errors)
+
+
+def test_a_led_run_over_windows_is_led_in_each():
+    model, record = case(("cubic_stiffness", PLACE, {"stiffness": 1e7}))
+    prepared = prepare(model, record, POLICY)
+    run = prepared.runner(model, Level(1.0)).run(model)
+    pieces = [StartedPiece(record.part(*part), rest(model)) for part in ((0, 500), (500, 1200))]
+    expected = np.concatenate([run.errors(piece) for piece in pieces])
+    np.testing.assert_array_equal(run.all_errors(pieces), expected)
+    free = free_run(model, record).all_errors(pieces)
+    assert np.std(expected) < 0.5 * np.std(free)  # the wrong starts are mended
+
+
+@pytest.mark.parametrize("effect", [None, ("coulomb_friction", PLACE, {"force": 0.2})])
+def test_starts_of_windows_are_those_of_each_alone(effect):
+    model, record = case(effect)
+    run, sizes = free_run(model, record), np.array([1e-3, 0.02])
+    parts = [record.part(*part) for part in ((0, 400), (400, 800), (800, 1200))]
+    pieces = [StartedPiece(part, rest(model)) for part in parts]
+    together = fitted_starts(run, pieces, sizes)
+    for part, found in zip(parts, together, strict=True):
+        (alone,) = fitted_starts(run, [StartedPiece(part, rest(model))], sizes)
+        # the weights of the outputs differ, and one output has but one
+        np.testing.assert_allclose(found.start.state, alone.start.state, rtol=1e-4, atol=1e-8)
+        assert found.record is part
+    assert np.max(np.abs(run.errors(together[0]))) < 2e-5
+    assert fitted_starts(run, [], sizes) == []
+    assert fitted_starts(run, pieces, np.zeros(0)) == pieces

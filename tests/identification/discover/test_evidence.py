@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.integrate import solve_ivp
+
+from robustpolish.effects import lookup
+from robustpolish.identification.discover.candidates import columns_at
+from robustpolish.identification.discover.evidence import evidence
+from robustpolish.identification.discover.own_numbers import refit_own
+from tests.identification.discover.searches import prepared_of
+from tests.identification.oscillators import PLACE, RATE, oscillator, record
+
+KINDS = (
+    "cubic_stiffness", "quadratic_stiffness", "quadratic_damping", "coulomb_friction",
+    "pendulum_gravity", "displacement_dependent_damping",
+)  # fmt: skip
+
+
+def decay(force, samples=2000, noise=0.0, start=0.1):
+    """The oscillator of 400 N/m, let go, with one more force."""
+    time = np.arange(samples) / RATE
+
+    def rhs(t, s):
+        return [s[1], -400 * s[0] - 1.0 * s[1] + force(*s)]
+
+    x = solve_ivp(rhs, (0, time[-1]), [start, 0], t_eval=time, rtol=1e-9, atol=1e-12).y[0]
+    x = x + noise * np.std(x) * np.random.default_rng(0).standard_normal(samples)
+    return xr.Dataset({"x": ("time", x)}, {"time": time})
+
+
+def looked_at(model, data, kinds=KINDS, span=None):
+    """Singles and pairs by what runs over windows of a refitted model say."""
+    prepared = prepared_of(model, data)
+    stage = refit_own(model, prepared).stage
+    motion = prepared.motion(stage.model, prepared.screened)
+    entries = [
+        entry
+        for name in kinds
+        for entry in columns_at(stage.model, lookup(name), PLACE, motion, prepared.screened)
+    ]
+    span = span or prepared.spans(prepared.trial, prepared.policy.growth)[1]
+    return evidence(stage.fit, prepared, entries, span)
+
+
+def test_a_free_decay_names_its_cubic_spring():
+    """20 % of the force at the beginning."""
+    model = oscillator(inputs=[])
+    singles, _ = looked_at(model, decay(lambda q, v: -8e3 * q**3, noise=1e-3))
+    best, second = singles[:2]
+    assert best.places == (("cubic_stiffness", PLACE),)
+    assert best.odds > second.odds + 10
+    assert best.fall > 0.5
+    (effect,) = best.effects
+    assert effect.values["stiffness"] == pytest.approx(8e3, rel=0.2)
+
+
+def test_a_forced_machine_names_its_cubic_spring():
+    data = record(3000, cubic=4e5, noise=3e-3)
+    singles, _ = looked_at(oscillator(), data)
+    best, second = singles[:2]
+    assert best.places == (("cubic_stiffness", PLACE),)
+    assert best.odds > second.odds + 10
+    assert best.effects[0].values["stiffness"] == pytest.approx(4e5, rel=0.2)
+    assert [e.odds for e in singles] == sorted((e.odds for e in singles), reverse=True)
+
+
+def test_friction_and_drag_that_hide_each_other_are_a_pair():
+    """Damped by Coulomb friction and by drag: the decay is nearly exponential, as by a damper."""
+    model = oscillator(inputs=[])
+    data = decay(lambda q, v: -0.2 * np.tanh(v / 2e-3) - 0.26 * v * abs(v), 1000, 1e-3)
+    singles, pairs = looked_at(model, data)
+    alone = {e.effects[0].kind: e.fall for e in singles}
+    best = pairs[0]
+    assert {effect.kind for effect in best.effects} == {"coulomb_friction", "quadratic_damping"}
+    most = max(alone.get(effect.kind, 0.0) for effect in best.effects)
+    assert most < 0.3
+    assert 1 - best.fall < 0.6 * (1 - most)
+    assert best.odds > 2 * pairs[1].odds > 0
+    values = {name: value for effect in best.effects for name, value in effect.values.items()}
+    assert values["force"] == pytest.approx(0.2, rel=0.2)
+    assert values["coefficient"] == pytest.approx(0.26, rel=0.2)
+
+
+def test_what_a_model_has_already_does_not_count():
+    """Nothing but noise is left: no effect has odds, and the damper's own force is none."""
+    singles, pairs = looked_at(oscillator(), record(3000, noise=0.01))
+    assert all(e.odds < 10 and e.fall < 0.01 for e in singles)
+    assert all(e.odds < 15 and e.fall < 0.02 for e in pairs)
+
+
+def test_a_force_that_pushes_is_no_friction():
+    model = oscillator(inputs=[], damping=2.0)
+    singles, _ = looked_at(model, decay(lambda q, v: 0.05 * np.tanh(v / 2e-3)), span=400)
+    assert all(e.effects[0].kind != "coulomb_friction" for e in singles)
+
+
+def test_no_entries_no_evidence():
+    assert looked_at(oscillator(), record(2000, noise=0.01), kinds=()) == ([], [])
