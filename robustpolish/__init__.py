@@ -43,18 +43,27 @@ from robustpolish.errors import (
     SolverError,
 )
 from robustpolish.identification import (
+    AmplitudeDependence,
     Comparison,
     Diagnosis,
+    FrequencyComparison,
     Ledger,
     Refit,
     ResidualAnalysis,
+    amplitude_dependence,
     compare,
     diagnose,
     refit,
     residual_analysis,
 )
 from robustpolish.loading import load
-from robustpolish.measurements import decimate, read_measurement, split_blocks
+from robustpolish.measurements import (
+    decimate,
+    estimate_frequency_response,
+    read_frequency_response,
+    read_measurement,
+    split_blocks,
+)
 from robustpolish.models import (
     AirBearingParameters,
     Damper,
@@ -95,6 +104,7 @@ from robustpolish.versions import show_versions
 
 __all__ = [
     "AirBearingParameters",
+    "AmplitudeDependence",
     "BrushDesign",
     "BrushParameters",
     "Certificate",
@@ -106,6 +116,7 @@ __all__ = [
     "Disk",
     "Dof",
     "Feasibility",
+    "FrequencyComparison",
     "GeneralizedPlant",
     "H2Norm",
     "HalfPlane",
@@ -137,6 +148,7 @@ __all__ = [
     "Stability",
     "Surface",
     "air_bearing",
+    "amplitude_dependence",
     "certify",
     "channel",
     "check_robustness",
@@ -149,6 +161,7 @@ __all__ = [
     "design_against_brush",
     "diagnose",
     "effect",
+    "estimate_frequency_response",
     "given_controller",
     "h2_norm",
     "hinf_norm",
@@ -165,6 +178,7 @@ __all__ = [
     "output_feedback",
     "passive_feedback",
     "prescale",
+    "read_frequency_response",
     "read_measurement",
     "refit",
     "residual_analysis",

@@ -6,10 +6,17 @@ from pathlib import Path
 
 import click
 
-from robustpolish.cli.measurement import Reading, load_data, measurement_options, replaceable
+from robustpolish.cli.measurement import (
+    Reading,
+    load_data,
+    load_response,
+    measurement_options,
+    replaceable,
+)
 from robustpolish.cli.options import result_options, show, to_json
 from robustpolish.identification import compare as compare_model
 from robustpolish.identification import residual_analysis
+from robustpolish.measurements import holds_frequency_response
 from robustpolish.models import MechanicalModel
 from robustpolish.saving import new_file
 
@@ -37,18 +44,24 @@ def compare(
     """Simulate a model on measured inputs and compare it with the measured outputs.
 
     DATA is a measurement (CSV, MAT, HDF5, NPZ, WAV; TDMS and UFF with the extra [io]) with the
-    model's inputs and outputs as columns. The exit code is 0 however well the model fits, and 2
-    for bad input.
+    model's inputs and outputs as columns. Or it holds frequency responses (CSV with a column
+    "frequency [Hz]", UFF 58), which are compared with those of the model. The exit code is 0
+    however well the model fits, and 2 for bad input.
     """
     loaded = MechanicalModel.from_toml(Path(model))
-    record = load_data(data, loaded, reading)
-    result = compare_model(loaded, record, window=window, horizon=horizon)
-    content = result.to_dict()
-    lines = [repr(result), *(f"  {note}" for note in record.attrs["notes"])]
-    if residuals:
-        analysis = residual_analysis(result)
-        content["residuals"] = analysis.to_dict()
-        lines.append(analysis.explain())
+    if holds_frequency_response(data):
+        given = {"--window": window, "--horizon": horizon, "--residuals": residuals or None}
+        result = compare_model(loaded, load_response(data, reading, given))
+        content, lines = result.to_dict(), [repr(result)]
+    else:
+        record = load_data(data, loaded, reading)
+        result = compare_model(loaded, record, window=window, horizon=horizon)
+        content = result.to_dict()
+        lines = [repr(result), *(f"  {note}" for note in record.attrs["notes"])]
+        if residuals:
+            analysis = residual_analysis(result)
+            content["residuals"] = analysis.to_dict()
+            lines.append(analysis.explain())
     to_json(content)  # nothing is written if anything fails
     if plot is not None:
         with new_file(plot, force, (".png", ".svg", ".pdf")) as draft:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,9 +12,9 @@ import click
 import xarray as xr
 
 from robustpolish.cli.options import options
-from robustpolish.measurements import read_measurement
+from robustpolish.measurements import read_frequency_response, read_measurement
 from robustpolish.models import MechanicalModel
-from robustpolish.validation import invalid
+from robustpolish.validation import described, invalid
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -80,11 +80,52 @@ def load_data(path: str, model: MechanicalModel, reading: Reading) -> xr.Dataset
         columns=[*model.input_names, *model.output_names],
         units=_pairs("--unit", reading.units, "COLUMN=UNIT", "--unit x=mm"),
         time=reading.time,
-        rename=_pairs("--rename", reading.renames, "OLD=NEW", "--rename force=F"),
+        rename=_renames(reading),
         between=reading.between,
         sampling_rate=reading.sampling_rate,
         table=reading.table,
     )
+
+
+def load_response(path: str, reading: Reading, given: Mapping[str, Any]) -> xr.DataArray:
+    """Read frequency responses; options that mean nothing for them are refused.
+
+    Units are those of pairs, as in ``x/F=um/N``, by the new names as for records. `given` holds
+    further options of the command that need a record; None where nothing was said.
+    """
+    over_time = {
+        "--table": reading.table,
+        "--time": reading.time,
+        "--sampling-rate": reading.sampling_rate,
+        "--between": reading.between,
+    }
+    for option, value in {**given, **over_time}.items():
+        if value is not None:
+            shown = described(f"{value} for frequency responses")
+            raise invalid(option, shown, "a record over time", "Leave it out.")
+    units = _pairs("--unit", reading.units, "OUTPUT/INPUT=UNIT", "--unit x/F=um/N")
+    renames = _renames(reading)
+    before = {new: old for old, new in renames.items()}
+    in_file = {
+        "/".join(before.get(end, end) for end in pair.split("/", 1)): unit
+        for pair, unit in units.items()
+    }
+    response = read_frequency_response(path, units=in_file)
+    outputs, inputs = ([str(name) for name in response[end].values] for end in ("output", "input"))
+    for old in renames:
+        if (old in outputs) == (old in inputs):
+            listed = f"an output ({', '.join(outputs)}) or an input ({', '.join(inputs)}), not both"
+            remedy = "Check the file, or read it in Python with outputs= and inputs=."
+            raise invalid("--rename", old, listed, remedy)
+    return read_frequency_response(
+        response,
+        outputs={old: new for old, new in renames.items() if old in outputs},
+        inputs={old: new for old, new in renames.items() if old in inputs},
+    )
+
+
+def _renames(reading: Reading) -> dict[str, str]:
+    return _pairs("--rename", reading.renames, "OLD=NEW", "--rename force=F")
 
 
 def _pairs(option: str, items: tuple[str, ...], form: str, example: str) -> dict[str, str]:

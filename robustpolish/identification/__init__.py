@@ -8,6 +8,18 @@ from robustpolish.identification.discover.refit import refit as refit
 from robustpolish.identification.findings.diagnosis import Diagnosis as Diagnosis
 from robustpolish.identification.findings.ledger import Ledger as Ledger
 from robustpolish.identification.findings.refitted import Refit as Refit
+from robustpolish.identification.frequency.amplitudes import (
+    AmplitudeDependence as AmplitudeDependence,
+)
+from robustpolish.identification.frequency.amplitudes import AmplitudeMode as AmplitudeMode
+from robustpolish.identification.frequency.amplitudes import (
+    amplitude_dependence as amplitude_dependence,
+)
+from robustpolish.identification.frequency.comparison import (
+    FrequencyComparison as FrequencyComparison,
+)
+from robustpolish.identification.frequency.comparison import ModeComparison as ModeComparison
+from robustpolish.identification.frequency.comparison import PairError as PairError
 from robustpolish.identification.residuals.analysis import ResidualAnalysis as ResidualAnalysis
 from robustpolish.identification.residuals.analysis import residual_analysis as residual_analysis
 from robustpolish.identification.residuals.correlation import autocorrelation as autocorrelation

@@ -10,16 +10,14 @@ from robustpolish.measurements import readers
 from robustpolish.measurements.raw import RawTable
 from robustpolish.validation import described, instance_of, invalid
 
+# These two kinds of files may hold frequency responses too.
+TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm")
+UNIVERSAL = (".uff", ".unv", ".uf", ".58")
+
 _WITHOUT_TABLES: dict[str, Callable[[Path], RawTable]] = {
-    ".csv": readers.read_csv,
-    ".txt": readers.read_csv,
-    ".tsv": readers.read_csv,
-    ".dat": readers.read_csv,
-    ".asc": readers.read_csv,
-    ".lvm": readers.read_csv,
+    **dict.fromkeys(TEXT, readers.read_csv),
     ".wav": readers.read_wav,
-    ".uff": readers.read_uff,
-    ".unv": readers.read_uff,
+    **dict.fromkeys(UNIVERSAL, readers.read_uff),
 }
 _WITH_TABLES: dict[str, Callable[[Path, str | None], RawTable]] = {
     ".mat": readers.read_mat,

@@ -14,7 +14,8 @@ from robustpolish.validation import invalid
 # The SI units that signals are kept in. Anything else keeps its base units.
 _PREFERRED = (
     "m", "m/s", "m/s^2", "m/s^3", "rad", "rad/s", "rad/s^2", "s", "Hz", "N", "N m", "kg", "kg m^2",
-    "N/m", "N s/m", "Pa", "V", "A", "W", "K", "N/V", "m/V",
+    "N/m", "N s/m", "Pa", "V", "A", "W", "K", "N/V", "m/V", "m/N", "m/s/N", "m/s^2/N",
+    "rad/(N m)", "rad/s/(N m)", "rad/s^2/(N m)",
 )  # fmt: skip
 
 # What engineers write and pint reads otherwise: Nm as nanometre's cousin, g as a gram.

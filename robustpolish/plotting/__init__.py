@@ -2,7 +2,10 @@
 
 from robustpolish.plotting.bars import plot_bars as plot_bars
 from robustpolish.plotting.before_after import plot_panels as plot_panels
+from robustpolish.plotting.bode import plot_bode as plot_bode
+from robustpolish.plotting.bode import plot_nyquist as plot_nyquist
 from robustpolish.plotting.distribution import plot_distribution as plot_distribution
+from robustpolish.plotting.error_bars import plot_error_bars as plot_error_bars
 from robustpolish.plotting.force_curve import plot_force_curve as plot_force_curve
 from robustpolish.plotting.frequency_response import plot_gains as plot_gains
 from robustpolish.plotting.frequency_response import plot_over_frequency as plot_over_frequency

@@ -102,6 +102,58 @@ def test_units_and_rates_can_be_given(folder):
     assert "fit 98.98 %" in result.output
 
 
+def test_frequency_responses_are_recognised(folder):
+    lines = np.arange(5.0, 60.0, 0.5)
+    curve = MechanicalModel.from_toml(MODEL).frequency_response(lines).values[:, 0, 0] * 1e6
+    rows = [f"{f},{h.real},{h.imag}" for f, h in zip(lines, curve, strict=True)]
+    head = "frequency [Hz],x/F real [um/N],x/F imag [um/N]"
+    (folder / "frf.csv").write_text("\n".join([head, *rows]) + "\n")
+    out, picture = folder / "out.json", folder / "out.png"
+    result = run(folder, "--json", out, "--plot", picture, data="frf.csv")
+    assert result.exit_code == 0
+    assert "Comparison (frequency responses), error 0.00 %" in result.output
+    found = json.loads(out.read_text())
+    assert found["pairs"]["x/F"]["relative"] < 1e-6
+    assert found["modes"][0]["frequency"] == pytest.approx(np.sqrt(4e4) / 2 / np.pi, rel=1e-4)
+    assert picture.stat().st_size > 10_000
+    head = "frequency [Hz],tip/hammer real,tip/hammer imag"
+    (folder / "frf.csv").write_text("\n".join([head, *rows]) + "\n")
+    names = ("--rename", "tip=x", "--rename", "hammer=F", "--unit", "x/F=um/N")
+    result = run(folder, *names, data="frf.csv")
+    assert result.exit_code == 0, result.output
+    assert "error 0.00 %" in result.output
+
+
+NOT_FOR_RESPONSES = [
+    ("--window", 1.0),
+    ("--horizon", 0.0),
+    ("--residuals",),
+    ("--table", "rig"),
+    ("--time", "t"),
+    ("--sampling-rate", 1000),
+    ("--between", 0.0, 1.0),
+]
+
+
+@pytest.mark.parametrize("option", NOT_FOR_RESPONSES)
+def test_options_of_records_are_refused_for_frequency_responses(option, folder):
+    (folder / "frf.csv").write_text("f,x/F real,x/F imag\n1,2,3\n2,3,4\n3,4,5\n")
+    refused = run(folder, *option, data="frf.csv")
+    assert refused.exit_code == 2
+    assert f"{option[0]}: got" in refused.output
+    assert "a record over time" in refused.output
+
+
+def test_what_frequency_responses_do_not_have_cannot_be_renamed(folder):
+    (folder / "frf.csv").write_text("f,x/x real,x/x imag\n1,2,3\n2,3,4\n3,4,5\n")
+    for names in (("--rename", "q=x"), ("--rename", "x=F")):  # there is none, or there are two
+        refused = run(folder, *names, data="frf.csv")
+        assert refused.exit_code == 2
+        assert "--rename: got" in refused.output
+    refused = run(folder, "--unit", "m", data="frf.csv")
+    assert "OUTPUT/INPUT=UNIT" in refused.output
+
+
 def test_columns_can_be_renamed_and_parts_read(folder):
     text = CSV.replace("time [ms],F [kN],x [um]", "clock [ms],force/kN,disp (um)")
     (folder / "data.csv").write_text(text)

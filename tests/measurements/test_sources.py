@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements.sources import raw_table
+from robustpolish.measurements.sources import UNIVERSAL, raw_table
 from tests.measurements.records import csv
 
 
@@ -17,6 +17,15 @@ def test_text_tables_go_by_many_suffixes(suffix, tmp_path):
     assert (list(raw.columns), raw.units["x"]) == (["time", "F", "x"], "um")
     with pytest.raises(InvalidInputError, match="the file has but one"):
         raw_table(path, "rig")
+
+
+def test_universal_files_go_by_several_suffixes(tmp_path):
+    pytest.importorskip("pyuff")
+    for suffix in UNIVERSAL:
+        path = tmp_path / f"a{suffix}"
+        path.write_text("nothing of the kind\n")
+        with pytest.raises(InvalidInputError, match="measurement"):
+            raw_table(path)
 
 
 def test_objects_need_no_file():

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import Any
+from pathlib import Path
+from typing import Any, overload
 
+import control
 import numpy as np
+import pandas as pd
 import xarray as xr
 from scipy.stats import t as student
 
@@ -14,6 +17,10 @@ from robustpolish.arrays import Array
 from robustpolish.identification.compare.comparison import Comparison, OutputError
 from robustpolish.identification.compare.horizon import predict
 from robustpolish.identification.compare.parameter_band import parameter_band
+from robustpolish.identification.frequency.comparison import (
+    FrequencyComparison,
+    compare_frequency_response,
+)
 from robustpolish.identification.observer.missing_force import observed_motion
 from robustpolish.identification.observer.reproducibility import reproducibility
 from robustpolish.identification.observer.run import (
@@ -29,8 +36,37 @@ from robustpolish.identification.observer.run import (
 )
 from robustpolish.identification.record import Record, long_enough, record_of
 from robustpolish.identification.sanity.warnings import sanity_warnings
+from robustpolish.measurements import holds_frequency_response
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid, positive
+
+
+@overload
+def compare(
+    model: MechanicalModel, data: xr.DataArray | control.FrequencyResponseData
+) -> FrequencyComparison: ...
+
+
+@overload
+def compare(
+    model: MechanicalModel,
+    data: str | Path,
+    *,
+    window: float | None = ...,
+    horizon: float | None = ...,
+    standard_errors: Mapping[str, float] | None = ...,
+) -> Comparison | FrequencyComparison: ...
+
+
+@overload
+def compare(
+    model: MechanicalModel,
+    data: xr.Dataset | pd.DataFrame,
+    *,
+    window: float | None = ...,
+    horizon: float | None = ...,
+    standard_errors: Mapping[str, float] | None = ...,
+) -> Comparison: ...
 
 
 def compare(
@@ -40,17 +76,19 @@ def compare(
     window: float | None = None,
     horizon: float | None = None,
     standard_errors: Mapping[str, float] | None = None,
-) -> Comparison:
+) -> Comparison | FrequencyComparison:
     """Simulate a model on measured inputs and compare its outputs with the measured ones.
 
     By default in one free run from an estimated start: the model sees the inputs, never the
-    outputs (but for the few numbers of the start).
+    outputs (but for the few numbers of the start). Measured frequency responses are compared
+    with those of the model, effects linearised.
 
     Parameters
     ----------
     model : MechanicalModel
     data : xarray.Dataset, path or pandas.DataFrame
-        Inputs and outputs by the names in the model, in SI units.
+        Inputs and outputs by the names in the model, in SI units. Or frequency responses, as
+        :func:`robustpolish.read_frequency_response` reads and returns them.
     window : float, optional
         Length in s of free runs that start anew, for plants that drift or are chaotic.
     horizon : float, optional
@@ -63,6 +101,7 @@ def compare(
     Returns
     -------
     Comparison
+        A FrequencyComparison for frequency responses.
 
     Raises
     ------
@@ -92,6 +131,9 @@ def compare(
     >>> print(f"{rp.compare(model, data).fit_percent:.3f} %")
     100.000 %
     """
+    if holds_frequency_response(data):
+        _over_time_only(window=window, horizon=horizon, standard_errors=standard_errors)
+        return compare_frequency_response(model, data)
     if window is not None and horizon is not None:
         raise invalid("horizon", horizon, "either a window or a horizon", "Leave one of them out.")
     record = record_of(model, data)
@@ -138,6 +180,14 @@ def compare(
         band=band,
         notes=tuple(notes),
     )
+
+
+def _over_time_only(**given: Any) -> None:
+    """Refuse what means nothing for frequency responses."""
+    for name, value in given.items():
+        if value is not None:
+            shown = described(f"{value} for frequency responses")
+            raise invalid(name, shown, "a record over time", "Leave it out.")
 
 
 def _started(

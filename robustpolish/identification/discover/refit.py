@@ -4,26 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import lmfit
 import numpy as np
-import xarray as xr
 
 from robustpolish.identification.discover.screening import screen
 from robustpolish.identification.findings.refitted import Refit
 from robustpolish.identification.fit.homotopy import homotopy
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.prepared import PreparedRecord, prepare
+from robustpolish.identification.frequency.fit import refit_frequency_response
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, record_of
 from robustpolish.long_calls import working
+from robustpolish.measurements import holds_frequency_response
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import unit_of
 
 
 def refit(
     model: MechanicalModel,
-    data: xr.Dataset,
+    data: Any,
     progress: Callable[[], None] | None = None,
     *,
     _policy: Policy = POLICY,
@@ -37,7 +39,9 @@ def refit(
     model : MechanicalModel
         Start values; effects that were added without parameters get theirs from screening.
     data : xarray.Dataset
-        Inputs and outputs by name over ``time``, SI units.
+        Inputs and outputs by name over ``time``, SI units. Or frequency responses, as
+        :func:`robustpolish.read_frequency_response` reads and returns them: the linear part is
+        fitted to them, effects linearised.
     progress : callable, optional
         Called after every step.
 
@@ -71,6 +75,9 @@ def refit(
     >>> bool(abs(k / m - 25) < 0.1)
     True
     """
+    if holds_frequency_response(data):
+        with working("Refitting"):
+            return refit_frequency_response(model, data, progress)
     prepared = prepare(model, long_enough(model, record_of(model, data)), _policy)
     started = _with_start_values(model, prepared)
     spans = prepared.spans(prepared.everything)

@@ -27,7 +27,8 @@ class Refit(Displayed):
     units : dict
         Unit of each parameter.
     nrmse : dict
-        Error of a free run over each output's standard deviation.
+        Error of a free run over each output's standard deviation; of a fit to frequency
+        responses the relative error of each pair.
     undetermined : tuple of str
         Keys that the data leaves undetermined (a standard error above a third of the value).
     stderr : mapping of str to float

@@ -21,6 +21,9 @@ from robustpolish.measurements.readers.text_layout import (
 from robustpolish.measurements.stamps import is_clock_text
 from robustpolish.validation import described, invalid
 
+# Bytes that the head of a table is looked for in; data loggers write some thousand above it.
+_BEGIN = 1 << 16
+
 
 def read_csv(path: Path) -> RawTable:
     """Read a text table.
@@ -47,6 +50,15 @@ def read_csv(path: Path) -> RawTable:
             shown = described(f"column {i + 1} of {path} without one")
             raise invalid("name", shown, "a name for each column", "Complete the header.")
     return table
+
+
+def csv_headers(path: Path) -> tuple[str, ...]:
+    """Return the heads of the columns as they are written, from the beginning of a text table."""
+    with path.open("rb") as file:
+        begin = file.read(_BEGIN)
+    if len(begin) == _BEGIN:  # the last line is not whole
+        begin = begin[: max(begin.rfind(b"\n"), begin.rfind(b"\r")) + 1]
+    return find_layout(path, _lines(begin)).headers
 
 
 def _lines(content: bytes) -> list[Line]:

@@ -1,13 +1,15 @@
-"""Tables that are in memory already: pandas and xarray."""
+"""What is in memory already: tables of pandas and xarray, frequency responses of control."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import control
 import numpy as np
 import xarray as xr
 
 from robustpolish.measurements.raw import RawTable
+from robustpolish.measurements.raw_response import RawResponse
 from robustpolish.validation import described, invalid
 
 
@@ -25,6 +27,19 @@ def read_object(source: Any) -> RawTable | None:
     if isinstance(source, pd.DataFrame):
         return _frame(source)
     return None
+
+
+def read_frd(source: Any) -> list[RawResponse] | None:
+    """Take a frequency response of python-control apart; None for anything else."""
+    if not isinstance(source, control.FrequencyResponseData):
+        return None
+    omega = np.asarray(source.omega, dtype=float)
+    values = np.asarray(source.frdata)
+    return [
+        RawResponse(str(output), str(entry), omega, values[k, j], frequency_unit="rad/s")
+        for k, output in enumerate(source.output_labels)
+        for j, entry in enumerate(source.input_labels)
+    ]
 
 
 def _dataset(source: xr.Dataset) -> RawTable:

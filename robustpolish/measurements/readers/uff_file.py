@@ -10,40 +10,27 @@ import numpy as np
 
 from robustpolish.errors import MissingDependencyError
 from robustpolish.measurements.raw import RawTable, unreadable
+from robustpolish.measurements.raw_response import RawResponse
 from robustpolish.validation import described, invalid
 
-_TIME_RESPONSE = 1
+_TIME_RESPONSE, _FREQUENCY_RESPONSE, _COHERENCE = 1, 4, 6
+_DIRECTIONS = {1: "x", 2: "y", 3: "z", -1: "-x", -2: "-y", -3: "-z"}
 
 
 def read_uff(path: Path) -> RawTable:
     """Read the time responses of a universal file; spectra in it are left out with a note."""
-    try:
-        import pyuff
-    except ImportError:
-        raise MissingDependencyError(
-            "Universal files need pyuff: pip install 'robustpolish[io]'."
-        ) from None
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # pyuff warns of every field that is blank
-            file = pyuff.UFF(str(path))
-            kinds = np.atleast_1d(file.get_set_types())
-            sets: list[Any] = [file.read_sets(int(i)) for i in np.flatnonzero(kinds == 58)]
-    except Exception as error:  # pyuff raises bare Exception
-        raise unreadable(path, "universal (UFF)", error) from None
+    sets, count = _sets(path)
     responses = [item for item in sets if item.get("func_type") == _TIME_RESPONSE]
     if not responses:
         raise invalid(
             "measurement",
             described(f"{path} without time responses"),
             "data sets 58 with function type 1",
-            "Export time records, not spectra.",
+            "Export time records, or read it with read_frequency_response.",
         )
     table = RawTable()
-    if len(responses) < len(kinds):
-        table.notes.append(
-            f"left out: {len(kinds) - len(responses)} data sets without time records"
-        )
+    if len(responses) < count:
+        table.notes.append(f"left out: {count - len(responses)} data sets without time records")
     for item in responses:
         table.add(_name(item, table), np.real(item["data"]), _unit(item))
     first = np.asarray(responses[0]["x"], dtype=float)
@@ -59,12 +46,76 @@ def read_uff(path: Path) -> RawTable:
     return table
 
 
+def read_uff_responses(path: Path) -> list[RawResponse]:
+    """Read the frequency responses of a universal file, and their coherences."""
+    sets, _ = _sets(path)
+    found = []
+    for item in sets:
+        kind = item.get("func_type")
+        if kind not in (_FREQUENCY_RESPONSE, _COHERENCE):
+            continue
+        values = np.asarray(item["data"])
+        found.append(
+            RawResponse(
+                _end(item, "rsp"),
+                _end(item, "ref"),
+                np.asarray(item["x"], dtype=float),
+                values if kind == _FREQUENCY_RESPONSE else np.real(values),
+                _ratio(item) if kind == _FREQUENCY_RESPONSE else "",
+                "response" if kind == _FREQUENCY_RESPONSE else "coherence",
+            )
+        )
+    return found
+
+
+def uff_holds_responses_only(path: Path) -> bool:
+    """Return whether a universal file has frequency responses and no time records."""
+    kinds = {item.get("func_type") for item in _sets(path)[0]}
+    return _FREQUENCY_RESPONSE in kinds and _TIME_RESPONSE not in kinds
+
+
+def _sets(path: Path) -> tuple[list[Any], int]:
+    """Return the data sets 58 of a file, and how many data sets it has in all."""
+    try:
+        import pyuff
+    except ImportError:
+        raise MissingDependencyError(
+            "Universal files need pyuff: pip install 'robustpolish[io]'."
+        ) from None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # pyuff warns of every field that is blank
+            file = pyuff.UFF(str(path))
+            kinds = np.atleast_1d(file.get_set_types())
+            sets: list[Any] = [file.read_sets(int(i)) for i in np.flatnonzero(kinds == 58)]
+    except Exception as error:  # pyuff raises bare Exception
+        raise unreadable(path, "universal (UFF)", error) from None
+    return sets, len(kinds)
+
+
+def _end(item: dict[str, Any], which: str) -> str:
+    """Return the name of the response or the reference of a data set."""
+    label = str(item.get(f"{which}_ent_name") or "").strip()
+    return _node(item, which) if not label or label.upper() == "NONE" else label
+
+
+def _node(item: dict[str, Any], which: str) -> str:
+    direction = _DIRECTIONS.get(int(item.get(f"{which}_dir") or 0), "")
+    return f"node_{int(item.get(f'{which}_node') or 0)}{'_' + direction if direction else ''}"
+
+
+def _ratio(item: dict[str, Any]) -> str:
+    """Return the unit of a frequency response; empty if one of its ends has none."""
+    above, below = _unit(item) or "", _unit(item, "orddenom") or ""
+    if above and not below and "/" in above and any(c in above for c in "NF"):
+        return above  # the whole ratio stands above, as some instruments write it
+    return f"({above})/({below})" if above and below else ""
+
+
 def _name(item: dict[str, Any], table: RawTable) -> str:
     label = str(item.get("id1") or "").strip()
     if not label or label.upper() == "NONE" or label in table.columns:
-        directions = {1: "x", 2: "y", 3: "z", -1: "-x", -2: "-y", -3: "-z"}
-        direction = directions.get(int(item.get("rsp_dir") or 0), "")
-        label = f"node_{int(item.get('rsp_node') or 0)}{'_' + direction if direction else ''}"
+        label = _node(item, "rsp")
     base, count = label, 1
     while label in table.columns:
         count += 1
@@ -72,6 +123,6 @@ def _name(item: dict[str, Any], table: RawTable) -> str:
     return label
 
 
-def _unit(item: dict[str, Any]) -> str | None:
-    unit = str(item.get("ordinate_axis_units_lab") or "").strip()
+def _unit(item: dict[str, Any], axis: str = "ordinate") -> str | None:
+    unit = str(item.get(f"{axis}_axis_units_lab") or "").strip()
     return None if not unit or unit.upper() in ("NONE", "UNKNOWN") else unit

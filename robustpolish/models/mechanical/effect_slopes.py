@@ -160,6 +160,23 @@ def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = Tru
     return [part[:, c] for part in (table[: kind.ports], table[kind.ports :]) for c in columns]
 
 
+def with_effects(model: MechanicalData, e: LinearEffects) -> tuple[Array, Array, Array, Array]:
+    """Close the loops from the motion at the ports over the effects' slopes to their forces.
+
+    Returns A, B, C, D from the signals to the outputs; the effects' states follow the model's.
+    """
+    A, B, C, D = model.matrices.first_order()
+    Qs, Qw, Vs, Vw = e.motion
+    by_s, by_w = e.Fq @ Qs + e.Fv @ Vs, e.Fq @ Qw + e.Fv @ Vw
+    inner_s, inner_w = e.Dq @ Qs + e.Dv @ Vs, e.Dq @ Qw + e.Dv @ Vw
+    return (
+        np.block([[A + e.G @ by_s, e.G @ e.Fz], [inner_s, e.Dz]]),
+        np.vstack([B + e.G @ by_w, inner_w]),
+        np.hstack([C + e.H @ by_s, e.H @ e.Fz]),
+        D + e.H @ by_w,
+    )
+
+
 def signal_gains(model: MechanicalData) -> Array:
     """Return the factor that effects put on each signal."""
     sources = np.array(model.matrices.sources)
@@ -167,6 +184,15 @@ def signal_gains(model: MechanicalData) -> Array:
     for effect, gain, _ in _slopes_of_signals(model, "input"):
         gains[sources == effect.at[0]] *= gain
     return gains
+
+
+def signal_delays(model: MechanicalData) -> Array:
+    """Return the delay in s that effects put on each signal."""
+    sources = np.array(model.matrices.sources)
+    delays = np.zeros(len(sources))
+    for effect, _, delay in _slopes_of_signals(model, "input"):
+        delays[sources == effect.at[0]] += delay
+    return delays
 
 
 def sensor_gains(model: MechanicalData) -> Array:

@@ -15,6 +15,7 @@ from robustpolish.models.mechanical.effect_slopes import (
     linear_effects,
     sensor_gains,
     signal_gains,
+    with_effects,
 )
 from robustpolish.models.mechanical.parts import UNITS
 from robustpolish.models.plant.plant import GeneralizedPlant
@@ -37,7 +38,7 @@ def linearize(
     m = model.matrices
     names, nf = model.free, len(model.free)
     effects = linear_effects(model, operating_point)
-    A, B, C, D = _with_effects(model, effects)
+    A, B, C, D = with_effects(model, effects)
     disturbances = list(m.signals)
     pushes, chosen, B2, D22 = _controls(model, controls, actuation, A.shape[0], effects)
     B *= signal_gains(model)
@@ -83,20 +84,6 @@ def linearize(
         performance=list(names),
         measurements=labels,
         units=units,
-    )
-
-
-def _with_effects(model: MechanicalData, e: LinearEffects) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """Close the loops from the motion at the ports over the effects' slopes to their forces."""
-    A, B, C, D = model.matrices.first_order()
-    Qs, Qw, Vs, Vw = e.motion
-    by_s, by_w = e.Fq @ Qs + e.Fv @ Vs, e.Fq @ Qw + e.Fv @ Vw
-    inner_s, inner_w = e.Dq @ Qs + e.Dv @ Vs, e.Dq @ Qw + e.Dv @ Vw
-    return (
-        np.block([[A + e.G @ by_s, e.G @ e.Fz], [inner_s, e.Dz]]),
-        np.vstack([B + e.G @ by_w, inner_w]),
-        np.hstack([C + e.H @ by_s, e.H @ e.Fz]),
-        D + e.H @ by_w,
     )
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Literal
 
 import control
+import xarray as xr
+from numpy.typing import ArrayLike
 
 from robustpolish.display import Card, Displayed
 from robustpolish.effects import GROUND, Effect, EffectKind
@@ -15,6 +17,7 @@ from robustpolish.models.machines.air_bearing_parameters import AirBearingParame
 from robustpolish.models.mechanical.air_bearing import air_bearing_data
 from robustpolish.models.mechanical.card import mechanical_card
 from robustpolish.models.mechanical.data import MechanicalData, replaced, values
+from robustpolish.models.mechanical.frequency_response import frequency_response
 from robustpolish.models.mechanical.linear import linearize
 from robustpolish.models.mechanical.parts import DISPLACEMENT, Dof, Input
 from robustpolish.models.mechanical.toml import read_model, write_model
@@ -145,6 +148,51 @@ class MechanicalModel(MechanicalData, Displayed):
                [-5.5,  0. ]])
         """
         return linearize(self, controls, actuation, measured, operating_point)
+
+    def frequency_response(
+        self,
+        frequency: ArrayLike,
+        *,
+        operating_point: Mapping[str, float] | None = None,
+        sampling_time: float | None = None,
+    ) -> xr.DataArray:
+        """Return the response over frequency, effects linearised about a state of rest.
+
+        Delays of inputs are exact, not rational approximations.
+
+        Parameters
+        ----------
+        frequency : array_like, shape (lines,)
+            In Hz.
+        operating_point : mapping of str to float, optional
+            As in :meth:`linearize`.
+        sampling_time : float, optional
+            In s, of inputs that are held between samples (the effect ``input_hold``).
+
+        Returns
+        -------
+        xarray.DataArray
+            Complex, over ``frequency``, ``output`` and ``input``, with ``units``; NaN where it is
+            infinite. ``attrs["notes"]`` tells which effects have no linear part.
+
+        Raises
+        ------
+        InvalidInputError
+            If the model has no input or no output, or a name is unknown.
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> model = rp.MechanicalModel(
+        ...     [rp.Dof("x", 1.0)], [rp.Spring(("x", "ground"), 4.0)],
+        ...     inputs=[rp.Input("F", ("x", "ground"))],
+        ...     outputs=[rp.Output("x", ("x", "ground"))],
+        ... )
+        >>> static = model.frequency_response([0.0]).sel(output="x", input="F")
+        >>> static.item(), static["units"].item()
+        ((0.25+0j), 'm/N')
+        """
+        return frequency_response(self, frequency, operating_point, sampling_time)
 
     # Changes -------------------------------------------------------------------------
 

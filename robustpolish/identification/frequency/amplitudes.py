@@ -1,0 +1,426 @@
+"""Frequency responses at several amplitudes: what is not linear, how, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from robustpolish.arrays import Array
+from robustpolish.display import Card, Displayed, Table
+from robustpolish.identification.frequency.measured import (
+    FREQUENCY_POLICY,
+    FrequencyPolicy,
+    MeasuredResponse,
+    measured_response,
+)
+from robustpolish.identification.frequency.resonances import (
+    Resonance,
+    matched,
+    measured_resonances,
+    model_resonances,
+)
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.frequency_response import linear_system
+from robustpolish.models.mechanical.ports import port_row
+from robustpolish.plotting import plot_error_bars
+from robustpolish.validation import described, invalid, one_of, positive
+
+Trend = Literal["rises", "falls", "stays"]
+# What a mode does as the amplitude grows (frequency, damping), and what would do that.
+_CAUSES: dict[tuple[str, str], tuple[str, tuple[str, ...]]] = {
+    ("stays", "stays"): ("linear within the scatter", ()),
+    ("rises", "stays"): (
+        "hardens", ("cubic_stiffness", "contact_stop", "backlash"),
+    ),
+    ("rises", "rises"): (
+        "hardens and loses more", ("contact_stop", "cubic_stiffness", "quadratic_damping"),
+    ),
+    ("rises", "falls"): (
+        "hardens and loses less", ("backlash", "cubic_stiffness", "coulomb_friction"),
+    ),
+    ("falls", "stays"): (
+        "softens", ("cubic_stiffness", "quadratic_stiffness", "pendulum_gravity"),
+    ),
+    ("falls", "rises"): (
+        "softens and loses more, as joints in micro-slip do",
+        ("elastic_coulomb_friction", "bouc_wen_hysteresis", "lugre_friction"),
+    ),
+    ("falls", "falls"): (
+        "softens and loses less, as dry friction does that sticks at first",
+        ("coulomb_friction", "elastic_coulomb_friction", "stribeck_friction"),
+    ),
+    ("stays", "falls"): (
+        "loses less, as with dry friction", ("coulomb_friction", "stribeck_friction"),
+    ),
+    ("stays", "rises"): (
+        "loses more, as with drag", ("quadratic_damping", "displacement_dependent_damping"),
+    ),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class AmplitudeMode:
+    """One mode at several amplitudes.
+
+    Attributes
+    ----------
+    amplitudes : ndarray, shape (levels,)
+        Those at which it was found, rising.
+    frequency, frequency_error, damping, damping_error : ndarray, shape (levels,)
+        In Hz and as a ratio, with standard errors.
+    frequency_trend, damping_trend : {"rises", "falls", "stays"}
+        With the amplitude, beyond the scatter.
+    character : str
+        What that is called.
+    effects : tuple of str
+        Kinds of the catalogue that would do it.
+    places : tuple of ((str, str), float)
+        Pairs of coordinates by their relative motion in the model's mode, the largest as 1;
+        empty without a model.
+    """
+
+    amplitudes: Array
+    frequency: Array
+    frequency_error: Array
+    damping: Array
+    damping_error: Array
+    frequency_trend: Trend
+    damping_trend: Trend
+    character: str
+    effects: tuple[str, ...]
+    places: tuple[tuple[tuple[str, str], float], ...]
+
+    @property
+    def linear(self) -> bool:
+        """Whether neither frequency nor damping depends on the amplitude."""
+        return self.frequency_trend == self.damping_trend == "stays"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AmplitudeDependence(Displayed):
+    """Resonances over the amplitude of excitation.
+
+    Attributes
+    ----------
+    modes : tuple of AmplitudeMode
+        From low to high frequency.
+    places : tuple of ((str, str), float)
+        Pairs that move in the modes which change and rest in those which do not, best first,
+        with the difference of their relative motions; empty without a model or a change.
+    notes : tuple of str
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import robustpolish as rp
+    >>> def machine(stiffness):
+    ...     place = ("x", "ground")
+    ...     return rp.MechanicalModel(
+    ...         [rp.Dof("x", 1.0)], [rp.Spring(place, stiffness)], [rp.Damper(place, 2.0)],
+    ...         [rp.Input("F", place)], [rp.Output("x", place)])
+    >>> lines = np.linspace(10, 25, 300)
+    >>> found = rp.amplitude_dependence({
+    ...     0.1: machine(1e4).frequency_response(lines),
+    ...     1.0: machine(1.1e4).frequency_response(lines)}, machine(1e4))
+    >>> found.linear, found.modes[0].character, found.places[0][0]
+    (False, 'hardens', ('x', 'ground'))
+    >>> found.plot().get_ylabel()
+    'change of frequency [%]'
+    >>> sorted(found.to_dict())
+    ['linear', 'modes', 'notes', 'places']
+    >>> print(found.explain().splitlines()[0])
+    The machine is not linear: 1 of 1 modes depends on the amplitude.
+    """
+
+    modes: tuple[AmplitudeMode, ...]
+    places: tuple[tuple[tuple[str, str], float], ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def linear(self) -> bool:
+        """Whether no mode depends on the amplitude beyond the data's scatter."""
+        return all(mode.linear for mode in self.modes)
+
+    def explain(self) -> str:
+        """Say in words what depends on the amplitude, what would do that, and where to look.
+
+        Returns
+        -------
+        str
+        """
+        count = sum(not mode.linear for mode in self.modes)
+        if self.linear:
+            lines = [
+                f"Linear within the scatter of the data: none of {len(self.modes)} modes depends "
+                "on the amplitude."
+            ]
+        else:
+            verb = "depends" if count == 1 else "depend"
+            lines = [
+                f"The machine is not linear: {count} of {len(self.modes)} modes {verb} on the "
+                "amplitude."
+            ]
+        lines += [_told(mode) for mode in self.modes if not mode.linear]
+        if self.places:
+            best = ", ".join(" - ".join(pair) for pair, _ in self.places[:3])
+            lines.append(f"Where to look first, by the modes that change and do not: {best}.")
+        return "\n".join([*lines, *self.notes])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures for JSON.
+
+        Returns
+        -------
+        dict
+        """
+        return {
+            "linear": self.linear,
+            "modes": [
+                {
+                    key: value.tolist() if isinstance(value, np.ndarray) else value
+                    for key, value in vars(mode).items()
+                }
+                for mode in self.modes
+            ],
+            "places": [{"at": list(pair), "score": score} for pair, score in self.places],
+            "notes": list(self.notes),
+        }
+
+    def plot(
+        self, ax: Axes | None = None, *, of: Literal["frequency", "damping"] = "frequency"
+    ) -> Axes:
+        """Draw frequency or damping of every mode over the amplitude, with 95 % bars.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        of : {"frequency", "damping"}, optional
+            The change of frequency against the smallest amplitude, or the damping ratio.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        one_of("of", of, ("frequency", "damping"))
+        curves = {}
+        for mode in self.modes:
+            first = mode.frequency[0]
+            by_frequency = of == "frequency"
+            values = 100 * (mode.frequency / first - 1 if by_frequency else mode.damping)
+            error = mode.frequency_error / first if by_frequency else mode.damping_error
+            curves[f"{first:.4g} Hz"] = xr.DataArray(
+                values,
+                {"amplitude": mode.amplitudes, "bar": ("amplitude", 196 * error)},
+                "amplitude",
+            )
+        name = "change of frequency" if of == "frequency" else "damping ratio"
+        return plot_error_bars(curves, name, "%", ax, over="amplitude")
+
+    def _card(self) -> Card:
+        rows = tuple(
+            (
+                f"{mode.frequency[0]:.5g} -> {mode.frequency[-1]:.5g}",
+                mode.frequency_trend,
+                f"{100 * mode.damping[0]:.3g} -> {100 * mode.damping[-1]:.3g}",
+                mode.damping_trend,
+                mode.character,
+            )
+            for mode in self.modes
+        )
+        columns = ("frequency [Hz]", "trend", "damping [%]", "trend", "the mode")
+        verdict = "linear within the scatter" if self.linear else "not linear"
+        title = f"Amplitude dependence: {verdict}"
+        return Card(title, (Table("", columns, rows),), tuple(self.explain().splitlines()[1:]))
+
+
+def amplitude_dependence(
+    responses: Mapping[float, Any],
+    model: MechanicalModel | None = None,
+    *,
+    _policy: FrequencyPolicy = FREQUENCY_POLICY,
+) -> AmplitudeDependence:
+    """Find out from responses at several amplitudes what of a machine is not linear.
+
+    The response of a linear machine does not depend on the level of excitation. Of each
+    resonance frequency and damping are fitted at every level, with their uncertainty; how they
+    move says what kind of effect there is, and the modes that move say where.
+
+    Parameters
+    ----------
+    responses : mapping of float to frequency response
+        By the amplitude of excitation, in any unit; each as for
+        :func:`robustpolish.read_frequency_response`. Stepped sines with the amplitude of force
+        held show the most; random excitation averages over amplitudes.
+    model : MechanicalModel, optional
+        Names the places by its modes' shapes.
+
+    Returns
+    -------
+    AmplitudeDependence
+
+    Raises
+    ------
+    InvalidInputError
+        If there are fewer than two amplitudes, pairs differ, or no resonance stands out.
+
+    References
+    ----------
+    K. Worden, G. R. Tomlinson, Nonlinearity in Structural Dynamics (2001), sections 2.2 and 3.2.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import robustpolish as rp
+    >>> def machine(damping):
+    ...     place = ("x", "ground")
+    ...     return rp.MechanicalModel(
+    ...         [rp.Dof("x", 1.0)], [rp.Spring(place, 1e4)], [rp.Damper(place, damping)],
+    ...         [rp.Input("F", place)], [rp.Output("x", place)])
+    >>> lines = np.linspace(10, 25, 300)
+    >>> levels = {1.0: 4.0, 10.0: 2.0}  # damping falls with the amplitude
+    >>> found = rp.amplitude_dependence(
+    ...     {level: machine(c).frequency_response(lines) for level, c in levels.items()})
+    >>> found.modes[0].effects
+    ('coulomb_friction', 'stribeck_friction')
+    """
+    if len(responses) < 2:
+        shown = described(f"{len(responses)} response")
+        raise invalid("responses", shown, "two or more amplitudes", "Measure at another level.")
+    levels = sorted(responses, key=lambda each: positive("amplitude", each))
+    measured = [measured_response(model, responses[level], _policy) for level in levels]
+    if any(each.names != measured[0].names for each in measured):
+        listed = "; ".join(", ".join(each.names) for each in measured)
+        raise invalid("responses", described(listed), "the same pairs", "Select those.")
+    found = [measured_resonances(each, _policy) for each in measured]
+    if not any(found):
+        raise invalid(
+            "responses",
+            described("no resonance above the noise"),
+            "a resonance",
+            "Measure finer about the resonances.",
+        )
+    tracks = _tracked(found, _policy)
+    shapes = _model_motion(model, measured[0]) if model is not None else None
+    modes = [_mode(levels, track, shapes, _policy) for track in tracks]
+    modes.sort(key=lambda mode: mode.frequency[0])
+    notes = []
+    lone = [track for track in tracks if len(track) < 2]
+    if lone:
+        seen = ", ".join(f"{next(iter(t.values())).frequency:.4g} Hz" for t in lone)
+        notes.append(f"seen at one amplitude only, and not judged: {seen}")
+    judged = tuple(mode for mode in modes if mode.amplitudes.size > 1)
+    return AmplitudeDependence(judged, _places(judged), tuple(notes))
+
+
+def _tracked(
+    found: list[tuple[Resonance, ...]], policy: FrequencyPolicy
+) -> list[dict[int, Resonance]]:
+    """Follow each resonance from level to level."""
+    tracks: list[dict[int, Resonance]] = []
+    for level, modes in enumerate(found):
+        last = tuple(track[max(track)] for track in tracks)
+        partners = {j: i for i, j in matched(last, modes, policy)}
+        for j, mode in enumerate(modes):
+            if j in partners:
+                tracks[partners[j]][level] = mode
+            else:
+                tracks.append({level: mode})
+    return tracks
+
+
+def _mode(
+    levels: list[float],
+    track: dict[int, Resonance],
+    shapes: list[tuple[Resonance, dict[tuple[str, str], float]]] | None,
+    policy: FrequencyPolicy,
+) -> AmplitudeMode:
+    amplitudes = np.array([levels[k] for k in track])
+    columns = ("frequency", "frequency_error", "damping", "damping_error")
+    values = {name: np.array([getattr(m, name) for m in track.values()]) for name in columns}
+    frequency, frequency_error, damping, damping_error = values.values()
+    by_frequency = _trend(amplitudes, frequency, frequency_error, policy.same_frequency, policy)
+    by_damping = _trend(amplitudes, damping, damping_error, policy.same_damping, policy)
+    character, effects = _CAUSES[by_frequency, by_damping]
+    places: tuple[tuple[tuple[str, str], float], ...] = ()
+    if shapes:
+        first = (track[min(track)],)
+        pairs = matched(tuple(mode for mode, _ in shapes), first, policy)
+        if pairs:
+            motion = shapes[pairs[0][0]][1]
+            places = tuple(sorted(motion.items(), key=lambda item: -item[1]))
+    return AmplitudeMode(
+        amplitudes, **values, frequency_trend=by_frequency, damping_trend=by_damping,
+        character=character, effects=effects, places=places,
+    )  # fmt: skip
+
+
+def _trend(
+    amplitudes: Array, values: Array, errors: Array, same: float, policy: FrequencyPolicy
+) -> Trend:
+    """Return whether values rise with the logarithm of the amplitude, beyond their errors."""
+    if values.size < 2:
+        return "stays"
+    spread = np.hypot(errors, same * values)
+    weights = spread**-2
+    x = np.log(amplitudes)
+    x = x - (weights @ x) / np.sum(weights)
+    slope = weights @ (x * values) / (weights @ x**2)
+    sigmas = slope * np.sqrt(weights @ x**2)
+    if abs(sigmas) < policy.changed:
+        return "stays"
+    return "rises" if sigmas > 0 else "falls"
+
+
+def _model_motion(
+    model: MechanicalModel, measured: MeasuredResponse
+) -> list[tuple[Resonance, dict[tuple[str, str], float]]]:
+    """Return the model's modes, each with the relative motion of every pair in it."""
+    (A, _, _, _), _ = linear_system(model)
+    poles, vectors = np.linalg.eig(A)
+    pairs = [*(s.between for s in model.springs), *(d.between for d in model.dampers)]
+    pairs += [(name, "ground") for name in model.free]
+    unique = {frozenset(pair): pair for pair in reversed(pairs)}
+    places = list(reversed(unique.values()))
+    rows = np.array([port_row(model, pair) for pair in places])[:, model.matrices.free]
+    result = []
+    for mode in model_resonances(model, measured):
+        nearest = int(np.argmin(np.abs(np.abs(poles) / (2 * np.pi) - mode.frequency)))
+        motion = np.abs(rows @ vectors[: len(model.free), nearest])
+        motion = motion / max(float(np.max(motion, initial=0.0)), 1e-300)
+        result.append((mode, dict(zip(places, motion.tolist(), strict=True))))
+    return result
+
+
+def _places(modes: tuple[AmplitudeMode, ...]) -> tuple[tuple[tuple[str, str], float], ...]:
+    """Rank pairs: they move in the modes that change, and rest in those that do not."""
+    changing = [dict(mode.places) for mode in modes if not mode.linear and mode.places]
+    staying = [dict(mode.places) for mode in modes if mode.linear and mode.places]
+    if not changing:
+        return ()
+    scores = {
+        pair: float(
+            np.mean([motion[pair] for motion in changing])
+            - (np.mean([motion[pair] for motion in staying]) if staying else 0.0)
+        )
+        for pair in changing[0]
+    }
+    return tuple(sorted(scores.items(), key=lambda item: -item[1]))
+
+
+def _told(mode: AmplitudeMode) -> str:
+    low, high = mode.frequency[0], mode.frequency[-1]
+    text = (
+        f"The mode at {low:.4g} Hz {mode.character}: {low:.5g} to {high:.5g} Hz, damping ratio "
+        f"{100 * mode.damping[0]:.3g} to {100 * mode.damping[-1]:.3g} %. "
+        f"That would do: {', '.join(mode.effects)}."
+    )
+    if mode.places:
+        largest = ", ".join(" - ".join(pair) for pair, share in mode.places[:3] if share > 0.3)
+        text += f" Largest relative motion: {largest}."
+    return text

@@ -1,0 +1,1 @@
+"""Frequency responses in: from files, from objects, and estimated from time records."""
