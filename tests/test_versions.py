@@ -36,7 +36,7 @@ def test_the_module_runs_as_a_command():
 
 
 def test_the_shell_completes_commands_and_options():
-    complete = BashComplete(main, {}, "robustpolish", "_ROBUSTPOLISH_COMPLETE")
+    complete = BashComplete(main, {}, "robustpolish", "_robustpolish_COMPLETE")
     assert {"design", "diagnose"} == {c.value for c in complete.get_completions([], "d")}
     assert "--report" in {c.value for c in complete.get_completions(["design"], "--r")}
     found = complete.get_completions(["design", "--norm"], "")

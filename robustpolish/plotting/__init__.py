@@ -2,18 +2,13 @@
 
 from robustpolish.plotting.bars import plot_bars as plot_bars
 from robustpolish.plotting.before_after import plot_panels as plot_panels
-from robustpolish.plotting.bode import plot_bode as plot_bode
-from robustpolish.plotting.bode import plot_nyquist as plot_nyquist
 from robustpolish.plotting.distribution import plot_distribution as plot_distribution
 from robustpolish.plotting.error_bars import plot_error_bars as plot_error_bars
 from robustpolish.plotting.force_curve import plot_force_curve as plot_force_curve
-from robustpolish.plotting.frequency_response import plot_gains as plot_gains
-from robustpolish.plotting.frequency_response import plot_over_frequency as plot_over_frequency
 from robustpolish.plotting.gain_against_norm import plot_gain_against_norm as plot_gain_against_norm
 from robustpolish.plotting.overlay import plot_overlay as plot_overlay
 from robustpolish.plotting.overlay import plot_response as plot_response
 from robustpolish.plotting.overlay import plot_spectra as plot_spectra
-from robustpolish.plotting.poles import plot_poles as plot_poles
 from robustpolish.plotting.residual_map import plot_residual_map as plot_residual_map
 from robustpolish.plotting.residuals import plot_band_shares as plot_band_shares
 from robustpolish.plotting.residuals import plot_coherence as plot_coherence
@@ -23,5 +18,12 @@ from robustpolish.plotting.residuals import plot_surface as plot_surface
 from robustpolish.plotting.residuals import plot_window_shares as plot_window_shares
 from robustpolish.plotting.style import new_axes as new_axes
 from robustpolish.plotting.style import si_axis as si_axis
+from robustpolish.plotting.systems.bode import plot_bode as plot_bode
+from robustpolish.plotting.systems.bode import plot_nyquist as plot_nyquist
+from robustpolish.plotting.systems.frequency_response import plot_gains as plot_gains
+from robustpolish.plotting.systems.frequency_response import (
+    plot_over_frequency as plot_over_frequency,
+)
+from robustpolish.plotting.systems.poles import plot_poles as plot_poles
 from robustpolish.plotting.time_series import plot_time_series as plot_time_series
 from robustpolish.plotting.waterfall import plot_waterfall as plot_waterfall

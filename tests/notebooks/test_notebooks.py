@@ -13,7 +13,7 @@ NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.md"))
 def executed(request, tmp_path_factory):
     """Run a notebook in an empty folder: it must bring its data with it."""
     patch = pytest.MonkeyPatch()
-    patch.setenv("ROBUSTPOLISH_SMALL", "1")
+    patch.setenv("robustpolish_SMALL", "1")
     patch.setenv("TQDM_DISABLE", "1")  # what is left on standard error is a complaint
     notebook = jupytext.read(request.param)
     folder = tmp_path_factory.mktemp(request.param.stem)

@@ -11,8 +11,6 @@ import numpy as np
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.confusion import confused
-from robustpolish.identification.discover.free_shape import better_shape
-from robustpolish.identification.discover.learn import Learned, learn
 from robustpolish.identification.discover.noise_floor import noise_floor
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.diagnosis import Diagnosis
@@ -22,6 +20,8 @@ from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, free
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import chain_keys, connected, driving
 from robustpolish.identification.fit.prepared import with_rest
+from robustpolish.identification.laws.free_shape import better_shape
+from robustpolish.identification.laws.learn import Learned, learn
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import effect_unit, unit_of

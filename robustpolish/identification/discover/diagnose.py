@@ -7,16 +7,16 @@ from collections.abc import Callable, Sequence
 import xarray as xr
 
 from robustpolish.identification.discover.conclude import add_wrong_gains, conclude
-from robustpolish.identification.discover.filtered import null_score
 from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of
 from robustpolish.identification.discover.judge import chosen, judgement, objection, together
 from robustpolish.identification.discover.own_numbers import refit_own, with_holds
-from robustpolish.identification.discover.screening import screen
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.fit.prepared import prepare
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, record_of
+from robustpolish.identification.screening.filtered import null_score
+from robustpolish.identification.screening.screen import screen
 from robustpolish.long_calls import working
 from robustpolish.models.mechanical import MechanicalModel
 

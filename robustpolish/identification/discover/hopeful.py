@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from robustpolish.effects import Effect, kinds
-from robustpolish.identification.discover.candidates import columns_at, rivals
-from robustpolish.identification.discover.evidence import Evidence, evidence
 from robustpolish.identification.discover.judge import line_of_motion
-from robustpolish.identification.discover.screening import ScreenedEffect, Screening
 from robustpolish.identification.fit.least_squares import Fit
 from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.screening.candidates import columns_at, rivals
+from robustpolish.identification.screening.evidence import Evidence, evidence
+from robustpolish.identification.screening.screen import ScreenedEffect, Screening
 
 
 class Hopeful(NamedTuple):

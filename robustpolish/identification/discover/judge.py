@@ -8,15 +8,15 @@ from itertools import combinations
 import numpy as np
 
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.candidates import rivals
 from robustpolish.identification.discover.confusion import confused
-from robustpolish.identification.discover.screening import ScreenedEffect
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.fit.homotopy import JudgedFit
 from robustpolish.identification.fit.least_squares import covariance_of, errors_from
 from robustpolish.identification.fit.parameters import connected
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.record import Record, repetition
+from robustpolish.identification.screening.candidates import rivals
+from robustpolish.identification.screening.screen import ScreenedEffect
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.simulation.signals import signals
 

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustpolish.identification.discover.filtered import null_score
 from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy, judged
 from robustpolish.identification.fit.parameters import chain_keys, connected, driving
 from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.screening.filtered import null_score
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import FORCE
 

@@ -9,7 +9,6 @@ from typing import Any
 import lmfit
 import numpy as np
 
-from robustpolish.identification.discover.screening import screen
 from robustpolish.identification.findings.refitted import Refit
 from robustpolish.identification.fit.homotopy import homotopy
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
@@ -17,6 +16,7 @@ from robustpolish.identification.fit.prepared import PreparedRecord, prepare
 from robustpolish.identification.frequency.fit import refit_frequency_response
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, record_of
+from robustpolish.identification.screening.screen import screen
 from robustpolish.long_calls import working
 from robustpolish.measurements import holds_frequency_response
 from robustpolish.models.mechanical import MechanicalModel

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.screening import ScreenedEffect, Screening
 from robustpolish.identification.findings.findings import Confusion, RankedCandidate
 from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.policy import Policy
+from robustpolish.identification.screening.screen import ScreenedEffect, Screening
 from robustpolish.models.mechanical import MechanicalModel
 
 

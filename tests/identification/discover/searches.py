@@ -4,7 +4,6 @@ import numpy as np
 
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.own_numbers import refit_own
-from robustpolish.identification.discover.screening import ScreenedEffect
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.fit.homotopy import JudgedFit
 from robustpolish.identification.fit.least_squares import Fit
@@ -12,6 +11,7 @@ from robustpolish.identification.fit.parameters import free_parameters
 from robustpolish.identification.fit.prepared import prepare
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
+from robustpolish.identification.screening.screen import ScreenedEffect
 
 
 def prepared_of(model, data, policy=POLICY):

@@ -6,9 +6,9 @@ import pytest
 
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.conclude import add_wrong_gains, conclude
-from robustpolish.identification.discover.screening import ScreenedEffect, Screening
 from robustpolish.identification.discover.search import RefittedEffect
 from robustpolish.identification.observer.kalman import FREE, Level
+from robustpolish.identification.screening.screen import ScreenedEffect, Screening
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import search_of
 from tests.identification.oscillators import PLACE, of_rig, rig

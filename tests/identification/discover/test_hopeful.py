@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.evidence import Evidence
 from robustpolish.identification.discover.hopeful import hopeful, rivals_of
 from robustpolish.identification.discover.own_numbers import refit_own
-from robustpolish.identification.discover.screening import ScreenedEffect, Screening, screen
 from robustpolish.identification.observer.kalman import FREE
+from robustpolish.identification.screening.evidence import Evidence
+from robustpolish.identification.screening.screen import ScreenedEffect, Screening, screen
 from tests.identification.discover.searches import prepared_of
 from tests.identification.oscillators import PLACE, oscillator, record
 

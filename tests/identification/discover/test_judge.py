@@ -12,9 +12,9 @@ from robustpolish.identification.discover.judge import (
     objection,
     together,
 )
-from robustpolish.identification.discover.screening import ScreenedEffect
 from robustpolish.identification.discover.search import RefittedEffect
 from robustpolish.identification.record import record_of
+from robustpolish.identification.screening.screen import ScreenedEffect
 from tests.identification.discover.searches import judged, refitted, search_of
 from tests.identification.oscillators import PLACE, RATE, of_rig, oscillator, rig
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.screening import ScreenedEffect
 from robustpolish.identification.fit.least_squares import standard_errors
 from robustpolish.identification.policy import Policy
+from robustpolish.identification.screening.screen import ScreenedEffect
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig

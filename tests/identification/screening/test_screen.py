@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.screening import screen
 from robustpolish.identification.observer.kalman import FREE
 from robustpolish.identification.policy import POLICY, Policy
+from robustpolish.identification.screening.screen import screen
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import prepared_of
 from tests.identification.oscillators import PLACE, of_rig, rig

@@ -18,11 +18,11 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.candidates import Columns
 from robustpolish.identification.fit.homotopy import windows_after
 from robustpolish.identification.fit.least_squares import Fit, Residuals, fit, normal_of
 from robustpolish.identification.fit.parameters import free_parameters
 from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.screening.candidates import Columns
 
 _TINY = 1e-4
 """Size of a candidate on trial, as a share of the forces."""

@@ -11,9 +11,9 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.candidates import places
-from robustpolish.identification.discover.filtered import FilteredRecord
 from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.screening.candidates import places
+from robustpolish.identification.screening.filtered import FilteredRecord
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_row
 

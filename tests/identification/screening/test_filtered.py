@@ -3,17 +3,17 @@ import pytest
 from scipy.signal import lfilter
 
 from robustpolish.effects import lookup
-from robustpolish.identification.discover.candidates import columns_at
-from robustpolish.identification.discover.filtered import (
+from robustpolish.identification.observer.kalman import FREE, Level
+from robustpolish.identification.observer.linear_observer import LinearObserver
+from robustpolish.identification.policy import POLICY
+from robustpolish.identification.screening.candidates import columns_at
+from robustpolish.identification.screening.filtered import (
     FilteredRecord,
     autoregression,
     null_score,
     own_errors,
     resonates,
 )
-from robustpolish.identification.observer.kalman import FREE, Level
-from robustpolish.identification.observer.linear_observer import LinearObserver
-from robustpolish.identification.policy import POLICY
 from tests.identification.discover.searches import prepared_of
 from tests.identification.oscillators import PLACE, of_rig, oscillator, record, rig
 

@@ -5,8 +5,7 @@ import pytest
 
 from robustpolish.effects import Effect
 from robustpolish.effects.learned import coefficients_of, spline_basis
-from robustpolish.identification.discover.filtered import FilteredRecord
-from robustpolish.identification.discover.penalised import (
+from robustpolish.identification.laws.penalised import (
     block,
     dry_block,
     fit_curves,
@@ -14,6 +13,7 @@ from robustpolish.identification.discover.penalised import (
     with_numbers_of,
 )
 from robustpolish.identification.observer.kalman import Level
+from robustpolish.identification.screening.filtered import FilteredRecord
 from robustpolish.models.mechanical.ports import port_row
 from tests.identification.discover.searches import prepared_of
 from tests.identification.oscillators import PLACE, oscillator, record

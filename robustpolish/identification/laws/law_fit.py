@@ -9,11 +9,6 @@ import numpy as np
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.effects.learned import coefficients_of, learned_name, spline_basis
-from robustpolish.identification.discover.penalised import (
-    CurveFit,
-    with_numbers,
-    with_numbers_of,
-)
 from robustpolish.identification.fit.homotopy import (
     JudgedFit,
     best_stage,
@@ -23,6 +18,11 @@ from robustpolish.identification.fit.homotopy import (
 )
 from robustpolish.identification.fit.least_squares import Fit
 from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.laws.penalised import (
+    CurveFit,
+    with_numbers,
+    with_numbers_of,
+)
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_row
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.identification.discover.learn import learn
+from robustpolish.identification.laws.learn import learn
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.hidden_effects.catalogue import all_cases
 from tests.identification.discover.searches import search_of

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from robustpolish.effects.learned import coefficients_of, spline_basis
-from robustpolish.identification.discover.law_fit import LEARNING, closer, log_size
 from robustpolish.identification.fit.parameters import free_parameters, joint_priors, within_laws
+from robustpolish.identification.laws.law_fit import LEARNING, closer, log_size
 from robustpolish.identification.policy import POLICY
 from tests.effects.learned_curves import law_of
 from tests.identification.oscillators import PLACE, oscillator

@@ -2,9 +2,9 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.effects import lookup, own_kind
-from robustpolish.identification.discover.candidates import columns_at, places, rivals
 from robustpolish.identification.observer.missing_force import Smoothed
 from robustpolish.identification.record import record_of
+from robustpolish.identification.screening.candidates import columns_at, places, rivals
 from robustpolish.models import Dof, Input, MechanicalModel, Output, Spring
 from tests.identification.oscillators import PLACE, oscillator, rig
 

@@ -4,9 +4,9 @@ import xarray as xr
 from scipy.integrate import solve_ivp
 
 from robustpolish.effects import lookup
-from robustpolish.identification.discover.candidates import columns_at
-from robustpolish.identification.discover.evidence import evidence
 from robustpolish.identification.discover.own_numbers import refit_own
+from robustpolish.identification.screening.candidates import columns_at
+from robustpolish.identification.screening.evidence import evidence
 from tests.identification.discover.searches import prepared_of
 from tests.identification.oscillators import PLACE, RATE, oscillator, record
 

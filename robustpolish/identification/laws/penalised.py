@@ -23,8 +23,8 @@ from robustpolish.effects.learned import (
     spline_basis,
     spline_centres,
 )
-from robustpolish.identification.discover.filtered import FilteredRecord
 from robustpolish.identification.observer.missing_force import Smoothed
+from robustpolish.identification.screening.filtered import FilteredRecord
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_row
 

@@ -8,7 +8,6 @@ import numpy as np
 from scipy.signal import lfilter
 
 from robustpolish.arrays import Array
-from robustpolish.identification.discover.candidates import Columns
 from robustpolish.identification.fit.parameters import free_parameters
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.kalman import Level
@@ -16,6 +15,7 @@ from robustpolish.identification.observer.linear_observer import LinearObserver
 from robustpolish.identification.observer.missing_force import Smoothed, known_forces
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record
+from robustpolish.identification.screening.candidates import Columns
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_row
 from robustpolish.simulation.signals import raw_outputs

@@ -9,10 +9,10 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import CONSTANT, Effect, kinds
-from robustpolish.identification.discover.candidates import Columns, columns_at, places
-from robustpolish.identification.discover.filtered import FilteredRecord
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.kalman import Level
+from robustpolish.identification.screening.candidates import Columns, columns_at, places
+from robustpolish.identification.screening.filtered import FilteredRecord
 from robustpolish.models.mechanical import MechanicalModel
 
 

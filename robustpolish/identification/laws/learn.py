@@ -18,9 +18,11 @@ import xarray as xr
 from robustpolish.arrays import Array
 from robustpolish.effects import LearnedLaw, lookup
 from robustpolish.effects.learned import Over
-from robustpolish.identification.discover.candidates import places
-from robustpolish.identification.discover.filtered import FilteredRecord
-from robustpolish.identification.discover.law_fit import (
+from robustpolish.identification.findings.laws import laws_of
+from robustpolish.identification.fit.homotopy import JudgedFit
+from robustpolish.identification.fit.least_squares import Fit, covariance_of
+from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.laws.law_fit import (
     LEARNING,
     fitted_to_all,
     held_out,
@@ -28,7 +30,7 @@ from robustpolish.identification.discover.law_fit import (
     with_closer_knots,
     with_laws,
 )
-from robustpolish.identification.discover.penalised import (
+from robustpolish.identification.laws.penalised import (
     DRY,
     Block,
     CurveFit,
@@ -36,11 +38,9 @@ from robustpolish.identification.discover.penalised import (
     dry_block,
     fit_curves,
 )
-from robustpolish.identification.findings.laws import laws_of
-from robustpolish.identification.fit.homotopy import JudgedFit
-from robustpolish.identification.fit.least_squares import Fit, covariance_of
-from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.missing_force import Smoothed
+from robustpolish.identification.screening.candidates import places
+from robustpolish.identification.screening.filtered import FilteredRecord
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_row
 

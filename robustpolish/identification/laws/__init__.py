@@ -1,0 +1,1 @@
+"""Laws that no catalogue holds, learned as curves."""
