@@ -220,7 +220,8 @@ class Effect:
         >>> Effect.of(kinds()["cubic_stiffness"], ("x", "ground"), {"stiffness": 2.0}).kind
         'cubic_stiffness'
         """
-        own = None if _catalogue().get(kind.kind) == kind else kind
+        known = _catalogue().get(kind.kind) or learned_kind(kind.kind)
+        own = None if known == kind else kind
         return cls(kind.kind, at, parameters or {}, own)  # type: ignore[arg-type]
 
     @property

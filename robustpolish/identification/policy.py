@@ -132,6 +132,9 @@ class Policy:
         Swings of the fastest motion, and samples, that the first windows of a fit have at least,
         and by how much those of a candidate's fit grow: errors over a swing or two depend smoothly
         on every number, and each stage costs as much as a fit.
+    settled : float
+        Relative fall of the cost below which the fit of a stage stops that only the next one begins
+        with.
     windows, shortest_window : int
         Number and least length of windows, for models whose long runs judge nothing ("backlash
         between, in motion").

@@ -7,9 +7,17 @@ import nbclient
 import pytest
 
 NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.md"))
+LONG = "06_measured_data"  # more than a minute; the documentation executes it as well
 
 
-@pytest.fixture(scope="module", params=NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(path, marks=pytest.mark.slow) if path.stem == LONG else path
+        for path in NOTEBOOKS
+    ],
+    ids=lambda path: path.stem,
+)
 def executed(request, tmp_path_factory):
     """Run a notebook in an empty folder: it must bring its data with it."""
     patch = pytest.MonkeyPatch()

@@ -45,7 +45,7 @@ def _floor(error: Array, motion: Array, least: float) -> float:
     if np.count_nonzero(seen) < _FEWEST:
         return least
     density, turn = noise[seen] / 2, np.cos(2 * np.pi * frequency[seen])
-    best, chosen = np.inf, least
+    best, chosen, steepest = np.inf, least, False
     for pole in _POLES:
         whitened = density * (1 + pole**2 - 2 * pole * turn)
         power = float(np.mean(whitened))
@@ -54,4 +54,6 @@ def _floor(error: Array, motion: Array, least: float) -> float:
         misfit = np.log(power) - np.mean(np.log(1 + pole**2 - 2 * pole * turn))
         if misfit < best:
             best, chosen = misfit, float(np.sqrt(power / (1 - pole**2)))
-    return max(chosen, least)
+            steepest = pole == _POLES[-1]
+    # a spectrum as steep as that is no sensor's: harmonics of what the model lacks
+    return least if steepest else max(chosen, least)

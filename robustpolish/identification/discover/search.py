@@ -92,7 +92,8 @@ class Search:
         pieces = prepared.trial
         steps = prepared.steps if model.free else 2 * prepared.steps
         spans = prepared.spans(pieces, self.policy.growth)
-        stages = homotopy(extended, prepared, pieces, self.reference, spans, steps)
+        settled = self.policy.settled
+        stages = homotopy(extended, prepared, pieces, self.reference, spans, steps, settled=settled)
         return best_stage(stages, prepared) if stages else None
 
     def accept(self, earned: Sequence[RefittedEffect]) -> None:

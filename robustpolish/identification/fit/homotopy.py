@@ -30,6 +30,7 @@ def homotopy(
     spans: Sequence[int],
     iterations: int = 8,
     progress: Callable[[], None] | None = None,
+    settled: float = SETTLED,
 ) -> list[Fit]:
     """Fit over windows that grow; return the fit of every stage.
 
@@ -50,6 +51,8 @@ def homotopy(
         Most steps per stage.
     progress : callable, optional
         Called after every step.
+    settled : float, optional
+        Relative fall of the cost below which a stage stops that only the next one begins with.
     """
     stages: list[Fit] = []
     kept: Fit | None = None
@@ -59,9 +62,9 @@ def homotopy(
         windows = windows_after(model, prepared, pieces, span, kept)
         runner = prepared.runner(model)
         sizes = prepared.sizes(model) if windows[0].start.vector.size else None
-        settled = SETTLED if span == spans[-1] else prepared.policy.settled
+        enough = SETTLED if span == spans[-1] else settled
         residuals = Residuals(model, windows, runner, free, sizes)
-        result = fit(residuals, iterations, progress, settled)
+        result = fit(residuals, iterations, progress, enough)
         if not np.isfinite(result.cost):
             continue
         stages.append(result)

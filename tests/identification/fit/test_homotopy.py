@@ -24,7 +24,7 @@ def prepared_of(model, data):
 
 
 def fitted(model, **options):
-    prepared = prepared_of(model, record(2000, noise=0.01))
+    prepared = prepared_of(model, record(4000, noise=0.01))
     spans = prepared.spans(prepared.trial)
     return prepared, homotopy(model, prepared, prepared.trial, model, spans, **options)
 
@@ -40,7 +40,7 @@ def test_a_distant_model_is_fitted_over_windows_that_grow():
     numbers = found.model.parameters
     assert numbers["spring[0].stiffness"] / numbers["dof.x.mass"] == pytest.approx(400, rel=0.01)
     assert found.reproducible
-    noise = 0.01 * np.std(record(2000)["x"].values)
+    noise = 0.01 * np.std(record(4000)["x"].values)
     np.testing.assert_allclose(found.error, noise, rtol=0.1)
     np.testing.assert_array_equal(found.error, found.free)
     whole = homotopy(oscillator(stiffness=150.0), prepared, prepared.trial,

@@ -102,7 +102,7 @@ def test_windows_grow_from_a_few_swings_to_whole_pieces():
         spans = prepared.spans(prepared.estimation, growth)
         assert spans[-1] == longest
         assert all(b == growth * a for a, b in pairwise(spans[:-1]))
-        assert spans[-2] < longest <= growth * spans[-2]
+        assert 2 * spans[-2] < longest <= 2 * growth * spans[-2]
     swing = 2 * np.pi / prepared.scales.bandwidth * RATE
     assert spans[0] == pytest.approx(1.5 * swing, abs=1)  # above the least of 50
     few = prepared.windows_of(oscillator(), prepared.everything, 40)[:1]

@@ -38,6 +38,7 @@ def test_intervals_cover_the_truth():
     assert 0.85 <= np.mean(inside) <= 1.0
 
 
+@pytest.mark.slow
 def test_a_fit_never_ends_above_its_start():
     lacking = two_masses().with_effect(
         "attached_resonator", "b", {"mass": 0.2, "stiffness": 3e4, "damping": 1.0}
