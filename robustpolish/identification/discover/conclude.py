@@ -11,6 +11,7 @@ import numpy as np
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.confusion import confused
+from robustpolish.identification.discover.judge import undetermined
 from robustpolish.identification.discover.noise_floor import noise_floor
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.diagnosis import Diagnosis
@@ -52,6 +53,7 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
     best = search.stage
     calm = best.reproducible and free_rms(best.model, prepared, prepared.everything)[1]
     final, error = _final_fit(search, best, calm)
+    final, error = _without_idle(search, final, error, calm)
     added = len(final.model.effects) > len(reference.effects)
     search.say("errors of every step")
     errors = [_whole_error(m, search, calm) for _, m in search.steps[:-1]] + [error]
@@ -84,6 +86,29 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
             errors = [base, error]
             verdict = Verdict("unexplained", reasons, np.minimum(floor, error))
     return _diagnosis(search, final, errors, verdict, calm)
+
+
+def _without_idle(search: Search, final: Fit, error: Array, calm: bool) -> tuple[Fit, Array]:
+    """Return the final fit without effects whose size the whole record leaves open.
+
+    An effect that was added early may have nothing left to do beside those that came after it.
+    """
+    first, at = len(search.reference.effects), len(final.model.effects) - 1
+    while at >= first and len(final.model.effects) > first + 1:
+        effects = final.model.effects
+        if undetermined(final, at, search.policy):
+            without = replace(final.model, effects=(*effects[:at], *effects[at + 1 :]))
+            before = search.stage
+            search.stage = replace(before, fit=replace(final, model=without))
+            shorter, left = _final_fit(search, search.stage, calm)
+            if np.mean(np.log(left / error)) < np.log(1 + search.policy.together):
+                final, error = shorter, left
+                del search.steps[2 + at - first]
+                search.reasons.append(f"{effects[at]} was not kept: the others explain as much.")
+            else:
+                search.stage = before
+        at -= 1
+    return final, error
 
 
 def _crowded(model: MechanicalModel, first: int) -> bool:

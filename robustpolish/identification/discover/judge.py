@@ -11,9 +11,10 @@ from robustpolish.effects import Effect
 from robustpolish.identification.discover.confusion import confused
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.fit.homotopy import JudgedFit
-from robustpolish.identification.fit.least_squares import covariance_of, errors_from
+from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import connected
 from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record, repetition
 from robustpolish.identification.screening.candidates import rivals
 from robustpolish.identification.screening.screen import ScreenedEffect
@@ -82,12 +83,19 @@ def objection(
     )
     if refused:
         return refused
-    errors = errors_from(covariance_of(after.fit))
+    lead = undetermined(after.fit, index, policy)
+    return f"its {lead} is not determined" if lead else None
+
+
+def undetermined(fitted: Fit, index: int, policy: Policy) -> str | None:
+    """Return the first number of an effect of a fitted model, if the data leave it open."""
+    effect = fitted.model.effects[index]
+    if effect.definition.domain == "input":
+        return None
+    errors = errors_from(covariance_of(fitted))
     lead = next(p.name for p in effect.definition.parameters if p.fitted)
-    error, largest = errors.get(f"effect[{index}].{lead}", 0.0), abs(effect.values[lead])
-    if not error < policy.determined * largest and effect.definition.domain != "input":
-        return f"its {lead} is not determined"
-    return None
+    error = errors.get(f"effect[{index}].{lead}", 0.0)
+    return None if error < policy.determined * abs(effect.values[lead]) else lead
 
 
 def line_of_motion(effect: Effect, model: MechanicalModel, record: Record) -> str | None:

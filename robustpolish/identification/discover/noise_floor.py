@@ -55,5 +55,6 @@ def _floor(error: Array, motion: Array, least: float) -> float:
         if misfit < best:
             best, chosen = misfit, float(np.sqrt(power / (1 - pole**2)))
             steepest = pole == _POLES[-1]
-    # a spectrum as steep as that is no sensor's: harmonics of what the model lacks
-    return least if steepest else max(chosen, least)
+    if steepest:  # no sensor is that: harmonics of what the model lacks
+        chosen = float(np.sqrt(np.percentile(density, 25)))
+    return max(chosen, least)

@@ -19,6 +19,8 @@ from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import FORCE
 
 _LINEAR = 1.0
+# Samples of a window that still tells a curvature from a slope.
+_SHORTEST = 8
 
 
 def with_holds(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:
@@ -75,7 +77,10 @@ def refit_own(model: MechanicalModel, prepared: PreparedRecord) -> OwnNumbers:
     prepared : PreparedRecord
     """
     pieces = prepared.trial if model.free else prepared.estimation  # quick where nothing swings
-    stages = homotopy(model, prepared, pieces, model, prepared.spans(pieces))
+    spans = prepared.spans(pieces)
+    shortest = [span for span in (spans[0] // 4, spans[0] // 2) if span >= _SHORTEST]
+    # springs that are far too stiff swing several times where the machine swings once
+    stages = homotopy(model, prepared, pieces, model, [*shortest, *spans])
     stage = best_stage(stages, prepared)
     guided = stages[min(1, len(stages) - 1)].model
     if np.any(stage.error * prepared.policy.better > prepared.scales.noise):

@@ -23,15 +23,15 @@ def prepared_of(model, data):
     return prepare(model, record_of(model, data), POLICY)
 
 
-def fitted(model, **options):
-    prepared = prepared_of(model, record(4000, noise=0.01))
+def fitted(model, samples=2000, **options):
+    prepared = prepared_of(model, record(samples, noise=0.01))
     spans = prepared.spans(prepared.trial)
     return prepared, homotopy(model, prepared, prepared.trial, model, spans, **options)
 
 
 def test_a_distant_model_is_fitted_over_windows_that_grow():
     """At 150 instead of 400 N/m a free run is out of phase after a second."""
-    prepared, stages = fitted(oscillator(stiffness=150.0))
+    prepared, stages = fitted(oscillator(stiffness=150.0), 4000)
     spans = prepared.spans(prepared.trial)
     assert len(stages) == len(spans) > 3
     for span, stage in zip(spans, stages, strict=True):
@@ -89,7 +89,7 @@ def test_a_stage_that_loses_the_data_is_no_start_for_the_next(monkeypatch):
         return replace(found, errors=100 * found.errors) if len(began) == 2 else found
 
     monkeypatch.setattr(path, spoilt)
-    _, stages = fitted(oscillator(stiffness=300.0))
+    _, stages = fitted(oscillator(stiffness=300.0), 4000)
     assert began[2].parameters == pytest.approx(stages[0].model.parameters)
     assert began[1].parameters == pytest.approx(stages[0].model.parameters)
     assert began[3].parameters != pytest.approx(stages[0].model.parameters)

@@ -38,7 +38,7 @@ def looked_at(model, data, kinds=KINDS, span=None):
         for name in kinds
         for entry in columns_at(stage.model, lookup(name), PLACE, motion, prepared.screened)
     ]
-    span = span or prepared.spans(prepared.trial, 2)[1]
+    span = span or prepared.spans(prepared.trial, 2)[-1] // 2
     return evidence(stage.fit, prepared, entries, span)
 
 
