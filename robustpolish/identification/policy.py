@@ -212,7 +212,7 @@ class Policy:
     screened_imposed: int = 30000
     least_window: int = 50
     swings: float = 1.5
-    growth: int = 8
+    growth: int = 4
     settled: float = 0.03
     windows: int = 25
     shortest_window: int = 60

@@ -156,7 +156,8 @@ def free_parameters(
         if abs(centre) <= policy.nothing * natural:  # as good as none: it may well be missing
             return FreeParameter(key, value, natural, 0.0, np.inf)
         low, high = (0.0, np.inf) if centre > 0 else (-np.inf, 0.0)
-        scale, prior = abs(value) or natural, share * abs(centre)
+        # what the data moved far was not known that well
+        scale, prior = abs(value) or natural, max(share * abs(centre), abs(value - centre))
         return FreeParameter(key, value, scale, low, high, prior, centre)
 
     result = [
