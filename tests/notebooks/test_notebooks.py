@@ -7,13 +7,14 @@ import nbclient
 import pytest
 
 NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.md"))
-LONG = "06_measured_data"  # more than a minute; the documentation executes it as well
+LONG = ("05_find_the_hidden_effect", "06_measured_data", "07_the_bridge")
+"""Half a minute to a minute each; the documentation executes them as well."""
 
 
 @pytest.fixture(
     scope="module",
     params=[
-        pytest.param(path, marks=pytest.mark.slow) if path.stem == LONG else path
+        pytest.param(path, marks=pytest.mark.slow) if path.stem in LONG else path
         for path in NOTEBOOKS
     ],
     ids=lambda path: path.stem,

@@ -62,6 +62,7 @@ def check(name, over, largest=1.5):
     return found
 
 
+@pytest.mark.slow
 def test_a_fifth_power():
     found = check("fifth", "displacement")
     formula = found.laws[0].formula()
