@@ -2,6 +2,8 @@
 
 from robustpolish.effects.along import force_along as force_along
 from robustpolish.effects.along import shapes_along as shapes_along
+from robustpolish.effects.compiled import call_law as call_law
+from robustpolish.effects.compiled import compiled_law as compiled_law
 from robustpolish.effects.effect import Effect as Effect
 from robustpolish.effects.effect import kinds as kinds
 from robustpolish.effects.effect import lookup as lookup
@@ -12,7 +14,6 @@ from robustpolish.effects.kind import CONSTANT as CONSTANT
 from robustpolish.effects.kind import GROUND as GROUND
 from robustpolish.effects.kind import EffectKind as EffectKind
 from robustpolish.effects.kind import Parameter as Parameter
-from robustpolish.effects.kind import compiled_law as compiled_law
 from robustpolish.effects.learned_law import LearnedLaw as LearnedLaw
 from robustpolish.effects.own import OWN_KEYS as OWN_KEYS
 from robustpolish.effects.own import own_kind as own_kind

@@ -6,11 +6,10 @@ import itertools
 
 import numba
 import numpy as np
-from numba import types
-from numba.typed import List
 
 from robustpolish.arrays import Array
-from robustpolish.effects.kind import EffectKind, compiled_law, law_signature
+from robustpolish.effects.compiled import call_law, compiled_law
+from robustpolish.effects.kind import EffectKind
 from robustpolish.effects.shapes import Motion, Shape
 
 _LEAST_SUBSTEPS, _MOST_SUBSTEPS = 8, 64
@@ -26,7 +25,7 @@ def _between(q, v, n, x, qs, vs):  # type: ignore[no-untyped-def]  # compiled
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _run(laws, t, q, v, p, z, f, substeps):  # type: ignore[no-untyped-def]  # compiled
+def _run(law, t, q, v, p, z, f, substeps):  # type: ignore[no-untyped-def]  # compiled
     ports, samples = q.shape
     out = np.empty((ports, samples))
     k1 = np.zeros(z.size)
@@ -36,16 +35,16 @@ def _run(laws, t, q, v, p, z, f, substeps):  # type: ignore[no-untyped-def]  # c
     for n in range(samples):
         qs[:] = q[:, n]
         vs[:] = v[:, n]
-        laws[0](t[n], qs, vs, z, p, f, k1)
+        call_law(law, t[n], qs, 0, vs, 0, z, 0, p, 0, f, 0, k1, 0)
         out[:, n] = f
         if z.size and n + 1 < samples:
             dt = (t[n + 1] - t[n]) / substeps
             for j in range(substeps):
                 _between(q, v, n, j / substeps, qs, vs)
-                laws[0](t[n] + j * dt, qs, vs, z, p, f, k1)
+                call_law(law, t[n] + j * dt, qs, 0, vs, 0, z, 0, p, 0, f, 0, k1, 0)
                 predicted = z + dt * k1
                 _between(q, v, n, (j + 1) / substeps, qs, vs)
-                laws[0](t[n] + (j + 1) * dt, qs, vs, predicted, p, f, k2)
+                call_law(law, t[n] + (j + 1) * dt, qs, 0, vs, 0, predicted, 0, p, 0, f, 0, k2, 0)
                 z += 0.5 * dt * (k1 + k2)
             if not np.isfinite(z.sum()):
                 z[:] = 0.0  # values that no step can follow: start from rest again
@@ -70,12 +69,10 @@ def force_along(kind: EffectKind, motion: Motion, values: Array) -> Array:
     """
     q, v = np.ascontiguousarray(motion.q), np.ascontiguousarray(motion.v)
     values = np.ascontiguousarray(values, dtype=float)
-    # In a list all laws have one type: a kernel compiled for each of them anew would fill Numba's
-    # cache with an entry from every process, and take longer to load each time.
-    laws = List.empty_list(types.FunctionType(law_signature()))
-    laws.append(compiled_law(kind))
+    law = compiled_law(kind)
     substeps = _substeps(kind, motion, values)
-    return _run(laws, motion.time, q, v, values, np.zeros(kind.states), np.zeros(len(q)), substeps)
+    start, force = np.zeros(kind.states), np.zeros(len(q))
+    return _run(law.address, motion.time, q, v, values, start, force, substeps)
 
 
 def _substeps(kind: EffectKind, motion: Motion, values: Array) -> int:

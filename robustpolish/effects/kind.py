@@ -15,12 +15,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal
 
-import numba
 import numpy as np
-from numba import types
 
 from robustpolish.arrays import Array
 from robustpolish.effects.shapes import LINE, Motion, Scan, Shape
@@ -411,29 +408,3 @@ class EffectKind:
         raise invalid(
             (self.kind, "parameters"), name, f"one of {listed}", "Check the parameter's name."
         )
-
-
-@runtime_checkable
-class CompilesItself(Protocol):
-    """A law that no file holds as a function, and that therefore compiles itself."""
-
-    def compiled(self) -> Any:
-        """Return the law compiled to :func:`law_signature`."""
-        ...
-
-
-@lru_cache(maxsize=256)
-def compiled_law(kind: EffectKind) -> Any:
-    """Return the law compiled to one signature, so that kernels can call any of them."""
-    if kind.law is None:
-        raise invalid("kind", kind.kind, "an effect with a force law", "Choose another kind.")
-    if isinstance(kind.law, CompilesItself):
-        return kind.law.compiled()
-    return numba.njit(law_signature(), cache=True, error_model="numpy")(kind.law)
-
-
-@lru_cache(maxsize=1)
-def law_signature() -> Any:
-    """Return the Numba signature of a force law."""
-    array = types.float64[::1]
-    return types.void(types.float64, array, array, array, array, array, array)

@@ -19,14 +19,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import Any, Literal, cast
 
 import numba
 import numpy as np
 
 from robustpolish.arrays import Array
-from robustpolish.effects.kind import EffectKind, Parameter
+from robustpolish.effects.compiled import machine_code
+from robustpolish.effects.kind import EffectKind, Law, Parameter
 
 Over = Literal["stiffness", "damping", "force"]
 _NAME = re.compile(r"learned_(?:(stiffness|damping)_(\d{1,3})|(force)_(\d{1,2})x(\d{1,2}))")
@@ -61,26 +63,57 @@ def _weights(x, low, high, count, stays):  # type: ignore[no-untyped-def]  # com
     )
 
 
-def _stiffness(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-    i, a, b, c, d = _weights(q[0], p[0], p[1], p.size - 3, False)
-    f[0] = -(a * p[i + 3] + b * p[i + 4] + c * p[i + 5] + d * p[i + 6])
+def _stiffness(count: int) -> Law:
+    def law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
+        i, a, b, c, d = _weights(q[0], p[0], p[1], count, False)
+        f[0] = -(a * p[i + 3] + b * p[i + 4] + c * p[i + 5] + d * p[i + 6])
+
+    return law
 
 
-def _damping(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-    i, a, b, c, d = _weights(v[0], p[0], p[1], p.size - 3, True)
-    f[0] = -(a * p[i + 3] + b * p[i + 4] + c * p[i + 5] + d * p[i + 6])
+def _damping(count: int) -> Law:
+    def law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
+        i, a, b, c, d = _weights(v[0], p[0], p[1], count, True)
+        f[0] = -(a * p[i + 3] + b * p[i + 4] + c * p[i + 5] + d * p[i + 6])
+
+    return law
 
 
-def _force(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-    n = int(np.sqrt(p.size - 5) + 0.5)
-    i, a, b, c, d = _weights(q[0], p[0], p[1], n, False)
-    j, e, g, h, k = _weights(v[0], p[2], p[3], n, True)
-    total = 0.0
-    at = 5 + i * n + j
-    for weight in (a, b, c, d):
-        total += weight * (e * p[at] + g * p[at + 1] + h * p[at + 2] + k * p[at + 3])
-        at += n
-    f[0] = -total
+def _force(count: int) -> Law:
+    def law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
+        i, a, b, c, d = _weights(q[0], p[0], p[1], count, False)
+        j, e, g, h, k = _weights(v[0], p[2], p[3], count, True)
+        total = 0.0
+        at = 5 + i * count + j
+        for weight in (a, b, c, d):
+            total += weight * (e * p[at] + g * p[at + 1] + h * p[at + 2] + k * p[at + 3])
+            at += count
+        f[0] = -total
+
+    return law
+
+
+@dataclass(frozen=True)
+class SplineLaw:
+    """The law of a curve or surface, which is compiled for the number of its coefficients.
+
+    Parameters
+    ----------
+    over : {"stiffness", "damping", "force"}
+    count : int
+        Of coefficients, in each direction.
+    """
+
+    over: Over
+    count: int
+
+    def __call__(self, t: float, q: Any, v: Any, z: Any, p: Any, f: Any, dz: Any) -> None:
+        """Write the force, as every law does."""
+        _LAWS[self.over][0](self.count)(t, q, v, z, p, f, dz)
+
+    def compiled(self) -> Any:
+        """Return the law as machine code."""
+        return machine_code(_LAWS[self.over][0](self.count))
 
 
 @numba.njit(cache=True)
@@ -304,14 +337,14 @@ def learned_kind(name: str) -> EffectKind | None:
     most = _MOST_ACROSS if across else _MOST
     if not _FEWEST <= count <= most or across not in (0, count):
         return None
-    law, gains, variables = _LAWS[over]
+    _, gains, variables = _LAWS[over]
     variable = " and ".join(variables)
     return EffectKind(
         kind=name,
         title=f"Learned law over {variable}",
         domain="pair",
         parameters=(*_knots(over), *_coefficients(count, bool(across))),
-        law=law,
+        law=SplineLaw(cast(Over, over), count),
         gains=gains,
         prior=smoothness,
         over=variables,

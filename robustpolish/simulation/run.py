@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from robustpolish.arrays import Array
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import DISPLACEMENT
+from robustpolish.simulation.kernel import run_pieces, run_steps
 from robustpolish.simulation.signals import measured, raw_outputs, signals
-from robustpolish.simulation.step import StepMatrices, run_pieces, run_steps
+from robustpolish.simulation.step import Ahead
 from robustpolish.simulation.system import NonlinearSystem, build_system, needed_substeps
 from robustpolish.validation import matrix
 
@@ -49,8 +50,8 @@ class Stepper:
     substeps: int
 
     @cached_property
-    def matrices(self) -> StepMatrices:
-        """Transition matrices of a substep."""
+    def matrices(self) -> Ahead:
+        """Matrices of a substep."""
         return self.system.steps(self.step / self.substeps)
 
     def over(
@@ -88,7 +89,7 @@ class Stepper:
         Y = np.zeros((1, ny)) if led_by is None else raw_outputs(self.model, led_by, time)
         K = np.zeros((system.states, ny)) if gain is None else gain
         outputs, states, inner = run_steps(
-            self.matrices, system.motion, (system.C, system.D, system.H), system.laws,
+            self.matrices, (system.C, system.D, system.H), system.addresses,
             system.layout, system.values, np.ascontiguousarray(inputs), Y, K,
             np.ascontiguousarray(state), np.ascontiguousarray(internal), time[0], self.step,
             self.substeps, keep,
@@ -124,7 +125,7 @@ class Stepper:
         """
         system = self.system
         outputs, states, inner = run_pieces(
-            self.matrices, system.motion, (system.C, system.D, system.H), system.laws,
+            self.matrices, (system.C, system.D, system.H), system.addresses,
             system.layout, system.values, np.ascontiguousarray(inputs),
             np.ascontiguousarray(starts), np.ascontiguousarray(internal),
             np.ascontiguousarray(time[marks[:-1]]), marks, self.step, self.substeps, keep,

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numba
 import numpy as np
-from numba.typed import List as TypedList
 from numpy.typing import NDArray
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect, compiled_law
-from robustpolish.effects.kind import law_signature
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.ports import (
     context_values,
@@ -21,7 +18,7 @@ from robustpolish.models.mechanical.ports import (
     effect_ports,
     port_rows,
 )
-from robustpolish.simulation.step import StepMatrices, step_matrices
+from robustpolish.simulation.step import Ahead, ahead, step_matrices
 
 _MOST_SUBSTEPS = 32
 _FADING = 4.0
@@ -49,21 +46,23 @@ class NonlinearSystem:
     internal: int
 
     @cached_property
-    def laws(self) -> Any:
-        """The compiled laws, as a Numba list."""
-        laws = TypedList.empty_list(numba.types.FunctionType(law_signature()))
-        for effect in self.effects:
-            laws.append(compiled_law(effect.definition))
-        return laws
+    def laws(self) -> tuple[Any, ...]:
+        """The compiled laws; their addresses hold as long as they are kept here."""
+        return tuple(compiled_law(effect.definition) for effect in self.effects)
+
+    @cached_property
+    def addresses(self) -> NDArray[np.int64]:
+        """Where the compiled laws are in memory."""
+        return np.array([law.address for law in self.laws], dtype=np.int64)
 
     @property
     def states(self) -> int:
         """Number of states without the internal ones."""
         return self.A.shape[0]
 
-    def steps(self, step: float) -> StepMatrices:
-        """Return the transition matrices of a substep."""
-        return step_matrices(self.A, self.B, self.G, step)
+    def steps(self, step: float) -> Ahead:
+        """Return the matrices of a substep."""
+        return ahead(step_matrices(self.A, self.B, self.G, step), self.motion)
 
 
 def build_system(model: MechanicalData, step: float) -> NonlinearSystem:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect, EffectKind, Parameter, compiled_law, lookup, register
+from robustpolish.effects import Effect, EffectKind, Parameter, lookup, register
 from robustpolish.effects import effect as catalogue
 from robustpolish.errors import InvalidInputError
 
@@ -88,18 +88,6 @@ def test_powers_need_not_be_whole_and_other_units_stay():
     pressed = Parameter("gain", "F*T/L/MPa", "damping by pressure")
     assert pressed.unit() == "N s/m/MPa"
     assert pressed.powers == {"F": 1, "L": -1, "T": 1, "M": 0}
-
-
-def test_a_law_may_compile_itself():
-    class Pull:
-        def __call__(self, t, q, v, z, p, f, dz):
-            f[0] = -p[0]
-
-        def compiled(self):
-            return "compiled by itself"
-
-    kind = EffectKind("pull", "Pull", "pair", (Parameter("force", "F", "of it"),), Pull())
-    assert compiled_law(kind) == "compiled by itself"
 
 
 def test_a_kind_shows_itself_in_a_line():

@@ -7,24 +7,23 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numba
 import numpy as np
 from numba import types
 from numba.extending import intrinsic
 
-from robustpolish.effects.kind import Values, law_signature
+from robustpolish.effects.compiled import POINTER, machine_code
+from robustpolish.effects.kind import Values
 from robustpolish.effects.own.formula import FUNCTIONS, Formula
 from robustpolish.effects.own.written import Written
 
-_ARRAY = types.float64[::1]
 _CORNERS = frozenset({"abs", "sign", "min", "max"})
 _HIGHEST = 64  # whole powers up to this one are multiplied out, as Numba does
 _SIGNALS = (-10.0, -1.0, 0.0, 1.0, 10.0)  # of a channel, in its unit: signals end at 10 V
 _GRID = 33  # odd: with the middle, where friction is steepest
 
 
-def _entry(array, i):  # type: ignore[no-untyped-def]  # compiled by Numba
-    return array[i]
+def _entry(pointer, i):  # type: ignore[no-untyped-def]  # compiled by Numba
+    return pointer[i]
 
 
 def _power(x, y):  # type: ignore[no-untyped-def]  # compiled by Numba
@@ -88,7 +87,7 @@ class FormulaLaw:
         def law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
             f[0] = force(t, q, v, p)
 
-        return numba.njit(law_signature(), error_model="numpy")(law)
+        return machine_code(law, cache=False)
 
 
 def _assembled(law: FormulaLaw) -> Any:
@@ -100,7 +99,7 @@ def _assembled(law: FormulaLaw) -> Any:
 
     @intrinsic
     def force(typing_context, t, q, v, p):  # type: ignore[no-untyped-def]
-        signature = types.float64(types.float64, _ARRAY, _ARRAY, _ARRAY)
+        signature = types.float64(types.float64, POINTER, POINTER, POINTER)
 
         def generate(context, builder, _, given):  # type: ignore[no-untyped-def]
             def constant(number: float) -> Any:
@@ -116,7 +115,7 @@ def _assembled(law: FormulaLaw) -> Any:
                     return given[0], None
                 array, index = places[item]
                 where = context.get_constant(types.intp, index)
-                return call(_entry, (_ARRAY, types.intp), (given[array], where)), None
+                return call(_entry, (POINTER, types.intp), (given[array], where)), None
 
             def combine(operation: str, *operands: tuple[Any, float | None]) -> tuple[Any, None]:
                 values = tuple(value for value, _ in operands)

@@ -1,12 +1,14 @@
 """A formula makes the force that a law written by hand makes."""
 
+import ctypes
 import pickle
 
 import numpy as np
 import pytest
 
 from robustpolish.effects import Motion, force_along
-from robustpolish.effects.kind import EffectKind, Parameter, compiled_law
+from robustpolish.effects.compiled import compiled_law
+from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.effects.own import own_kind
 from robustpolish.effects.own.law import FormulaGains, FormulaLaw
 from robustpolish.effects.own.written import written_from
@@ -78,6 +80,11 @@ def law_of(formula, *names):
     return FormulaLaw(written_from({"formula": formula, "units": dict.fromkeys(names, "1")}))
 
 
+def call(compiled, t, *arrays):
+    """Call machine code with the addresses of arrays."""
+    compiled.ctypes(t, *(a.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for a in arrays))
+
+
 def test_every_operation_is_compiled_as_it_is_computed():
     law = law_of(MIXED, "a", "b")
     compiled, rng = law.compiled(), np.random.default_rng(5)
@@ -85,7 +92,7 @@ def test_every_operation_is_compiled_as_it_is_computed():
     for _ in range(50):
         t, (q, v), p = rng.uniform(), rng.normal(size=(2, 1)), rng.uniform(0.5, 2.0, 2)
         f, g, h = np.zeros(1), np.zeros(1), np.zeros(1)
-        compiled(t, q, v, z, p, f, dz)
+        call(compiled, t, q, v, z, p, f, dz)
         law(t, q, v, z, p, g, dz)
         mixed(t, q, v, z, p, h, dz)
         assert f[0] == pytest.approx(h[0], rel=1e-13)
@@ -100,7 +107,7 @@ def test_every_operation_is_compiled_as_it_is_computed():
 )  # fmt: skip
 def test_what_is_not_finite_stays_so(formula, q, wanted):
     f, empty = np.zeros(1), np.zeros(0)
-    law_of(formula).compiled()(0.0, np.array([q]), np.zeros(1), empty, empty, f, empty)
+    call(law_of(formula).compiled(), 0.0, np.array([q]), np.zeros(1), empty, empty, f, empty)
     np.testing.assert_equal(f[0], wanted)
 
 
@@ -117,7 +124,7 @@ def test_equal_laws_are_equal_and_travel():
 def test_it_costs_what_a_law_by_hand_costs():
     """The machine code is the arithmetic alone: as many products as were written, and no call."""
     law = law_of("f = -k*q**5 - c*v*abs(v)", "k", "c")
-    code = next(iter(law.compiled().inspect_llvm().values()))
+    code = law.compiled().inspect_llvm()
     body = code[code.index("define") :].split("\n}")[0]
     assert body.count("fmul") == 3 + 1 + 2  # the fifth power, its factor, the drag
     assert [line for line in body.splitlines() if "call" in line and "@llvm." not in line] == []
@@ -142,7 +149,7 @@ def test_signals_are_read_behind_the_motion_and_may_be_large():
     f, g, empty = np.zeros(2), np.zeros(2), np.zeros(0)
     given = (0.0, np.array([7.0, 2.0]), np.array([3.0, 0.0]), empty, np.array([1.0, 10.0]))
     law(*given, f, empty)
-    law.compiled()(*given, g, empty)
+    call(law.compiled(), *given, g, empty)
     assert f.tolist() == g.tolist() == [-63.0, 0.0]
     assert FormulaGains(law)({"a": 1.0, "c": 10.0}, 1.0, 1.0)[1] == pytest.approx(101.0, rel=1e-6)
     assert own_kind(table).ports == 2
