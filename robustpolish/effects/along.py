@@ -28,26 +28,28 @@ def _between(q, v, n, x, qs, vs):  # type: ignore[no-untyped-def]  # compiled
 def _run(law, t, q, v, p, z, f, substeps):  # type: ignore[no-untyped-def]  # compiled
     ports, samples = q.shape
     out = np.empty((ports, samples))
-    k1 = np.zeros(z.size)
-    k2 = np.zeros(z.size)
-    qs = np.empty(ports)
-    vs = np.empty(ports)
+    k1, k2, ahead = np.zeros(z.size), np.zeros(z.size), np.zeros(z.size)
+    qs, vs = np.empty(ports), np.empty(ports)
     for n in range(samples):
-        qs[:] = q[:, n]
-        vs[:] = v[:, n]
+        for i in range(ports):
+            qs[i], vs[i] = q[i, n], v[i, n]
         call_law(law, t[n], qs, 0, vs, 0, z, 0, p, 0, f, 0, k1, 0)
-        out[:, n] = f
-        if z.size and n + 1 < samples:
-            dt = (t[n + 1] - t[n]) / substeps
-            for j in range(substeps):
-                _between(q, v, n, j / substeps, qs, vs)
+        for i in range(ports):
+            out[i, n] = f[i]
+        if z.size == 0 or n + 1 == samples:
+            continue
+        dt = (t[n + 1] - t[n]) / substeps
+        for j in range(substeps):
+            if j > 0:
                 call_law(law, t[n] + j * dt, qs, 0, vs, 0, z, 0, p, 0, f, 0, k1, 0)
-                predicted = z + dt * k1
-                _between(q, v, n, (j + 1) / substeps, qs, vs)
-                call_law(law, t[n] + (j + 1) * dt, qs, 0, vs, 0, predicted, 0, p, 0, f, 0, k2, 0)
-                z += 0.5 * dt * (k1 + k2)
-            if not np.isfinite(z.sum()):
-                z[:] = 0.0  # values that no step can follow: start from rest again
+            for i in range(z.size):
+                ahead[i] = z[i] + dt * k1[i]
+            _between(q, v, n, (j + 1) / substeps, qs, vs)
+            call_law(law, t[n] + (j + 1) * dt, qs, 0, vs, 0, ahead, 0, p, 0, f, 0, k2, 0)
+            for i in range(z.size):
+                z[i] += 0.5 * dt * (k1[i] + k2[i])
+        if not np.isfinite(z.sum()):
+            z[:] = 0.0  # values that no step can follow: start from rest again
     return out
 
 

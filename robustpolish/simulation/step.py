@@ -8,6 +8,7 @@ therefore cost no small steps; only stiff or sharp effects do.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -60,13 +61,13 @@ class Ahead(NamedTuple):
     last: Array
 
 
-def ahead(m: StepMatrices, motion: tuple[Array, Array, Array, Array]) -> Ahead:
+def ahead(m: StepMatrices, motion: Sequence[Array]) -> Ahead:
     """Return the matrices of a substep as the kernel takes them.
 
     Parameters
     ----------
     m : StepMatrices
-    motion : tuple of ndarray
+    motion : sequence of ndarray
         (Qs, Qw, Vs, Vw): displacements ``Qs s + Qw w`` and velocities ``Vs s + Vw w`` at the ports.
     """
     of_state, of_signals = np.vstack(motion[::2]), np.vstack(motion[1::2])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -62,7 +62,16 @@ class NonlinearSystem:
 
     def steps(self, step: float) -> Ahead:
         """Return the matrices of a substep."""
-        return ahead(step_matrices(self.A, self.B, self.G, step), self.motion)
+        matrices = (self.A, self.B, self.G, *self.motion)
+        parts = tuple((part.shape, part.tobytes()) for part in matrices)
+        return _known_steps(parts, step)
+
+
+@lru_cache(maxsize=64)
+def _known_steps(parts: tuple[tuple[tuple[int, ...], bytes], ...], step: float) -> Ahead:
+    """Return the matrices of a substep; fits ask again and again, with other forces only."""
+    A, B, G, *motion = (np.frombuffer(data).reshape(shape) for shape, data in parts)
+    return ahead(step_matrices(A, B, G, step), motion)
 
 
 def build_system(model: MechanicalData, step: float) -> NonlinearSystem:

@@ -36,12 +36,14 @@ from robustpolish.identification.observer.run import (
 )
 from robustpolish.identification.record import Record, long_enough, record_of
 from robustpolish.identification.sanity.warnings import sanity_warnings
+from robustpolish.long_calls import same_bits
 from robustpolish.measurements import holds_frequency_response
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid, positive
 
 
 @overload
+@same_bits
 def compare(
     model: MechanicalModel, data: xr.DataArray | control.FrequencyResponseData
 ) -> FrequencyComparison: ...

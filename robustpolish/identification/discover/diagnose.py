@@ -17,10 +17,11 @@ from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, record_of
 from robustpolish.identification.screening.filtered import null_score
 from robustpolish.identification.screening.screen import screen
-from robustpolish.long_calls import working
+from robustpolish.long_calls import same_bits, working
 from robustpolish.models.mechanical import MechanicalModel
 
 
+@same_bits
 def diagnose(
     model: MechanicalModel,
     data: xr.Dataset,

@@ -17,12 +17,13 @@ from robustpolish.identification.frequency.fit import refit_frequency_response
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, record_of
 from robustpolish.identification.screening.screen import screen
-from robustpolish.long_calls import working
+from robustpolish.long_calls import same_bits, working
 from robustpolish.measurements import holds_frequency_response
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import unit_of
 
 
+@same_bits
 def refit(
     model: MechanicalModel,
     data: Any,
