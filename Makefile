@@ -65,8 +65,8 @@ browser: ## Install Chromium for the tests of reports, where that is possible
 bench: $(READY) ## Compare all synthesis methods on the benchmark plants
 	$(BIN)/python benchmarks/compleib_table.py
 
-hidden-effects: $(READY) ## Print the confusion table of the hidden-effect cases
-	$(BIN)/python -m tests.hidden_effects.run
+hidden-effects: $(READY) ## Examine the diagnosis on all hidden cases (hours); goes on where it stopped
+	$(BIN)/python -m tests.hidden_effects.run --keep .hidden_effects_rows.jsonl
 
 clean-cache: ## Forget compiled functions
 	find robustpolish tests -name '*.nb?' -delete

@@ -4,12 +4,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
-from scipy.signal import butter, lfilter, sosfilt
+from scipy.signal import lfilter
 
 import robustpolish.models.mechanical.parts as parts
 from robustpolish.models import MechanicalModel
 
-from .integrator import CODES, integrate
+from .motion import motion, output_name, shown
 
 
 @dataclass
@@ -146,24 +146,6 @@ def bearing(**kw):
     )
 
 
-def matrices(machine):
-    n = len(machine.names)
-    K, C = np.zeros((n, n)), np.zeros((n, n))
-    for target, items in ((K, machine.springs), (C, machine.dampers)):
-        for a, b, value in items:
-            i = machine.names.index(a)
-            target[i, i] += value
-            if b != "ground":
-                j = machine.names.index(b)
-                target[j, j] += value
-                target[i, j] -= value
-                target[j, i] -= value
-    B = np.zeros((n, len(machine.forced)))
-    for j, name in enumerate(machine.forced):
-        B[machine.names.index(name), j] = 1.0
-    return np.array(machine.mass), C, K, B
-
-
 def model_of(case):
     """The model as its owner has it: linear, with slightly wrong numbers if so asked."""
     m, wrong = case.machine, case.wrong
@@ -182,33 +164,9 @@ def model_of(case):
         else [
             parts.Input(f"F_{n}", (n, "ground"), gain=1 + wrong.get("gain", 0.0)) for n in m.forced
         ],
-        [parts.Output(_output_name(n, q), (n, "ground"), q) for n, q in m.measured],
+        [parts.Output(output_name(n, q), (n, "ground"), q) for n, q in m.measured],
         spin_frequency=m.spin,
     )
-
-
-def _output_name(name, quantity):
-    return name if quantity == "displacement" else f"{name}_{quantity[0]}"
-
-
-def excitation(case, rng, samples):
-    """A forcing whose band covers the modes: noise, multisine or sweep."""
-    m = case.machine
-    t = np.arange(samples) * m.dt
-    columns = []
-    for _ in m.forced:
-        if case.excitation == "multisine":
-            f = np.arange(1, int(m.f_max * 8)) / 8
-            u = sum(np.cos(2 * np.pi * g * t + rng.uniform(0, 6.28)) for g in f)
-        elif case.excitation == "sweep":
-            u = np.sin(2 * np.pi * (0.5 * t + 0.5 * (m.f_max - 0.5) / t[-1] * t**2))
-        else:
-            sos = butter(4, m.f_max * 2 * m.dt, output="sos")
-            u = sosfilt(sos, rng.standard_normal(samples))
-        columns.append(u / np.std(u))
-    if case.excitation == "none":
-        return np.zeros((samples, 0))
-    return case.drive * np.column_stack(columns)
 
 
 def records(case):
@@ -219,53 +177,18 @@ def records(case):
 def _record(case, which):
     m = case.machine
     rng = np.random.default_rng(1000 * case.seed + which)
-    M, C, K, B = matrices(m)
-    samples = case.samples + case.warm_up
-    U = excitation(case, rng, samples)
-    if U.shape[1] == 0:
-        B = np.zeros((len(M), 0))
-    effects = [e for e in case.effects if e[0] in CODES]
-    codes = np.array([CODES[e[0]] for e in effects], dtype=np.int64)
-    places = np.full((len(effects), 2), -1, dtype=np.int64)
-    params = np.zeros((len(effects), 6))
-    for i, (_, at, p) in enumerate(effects):
-        for j, name in enumerate(at):
-            places[i, j] = m.names.index(name) if name != "ground" else -1
-        params[i, : len(p)] = p
-    Ue = U.copy()
-    others = {e[0]: e for e in case.effects if e[0] not in CODES}
-    names = [f"F_{n}" for n in m.forced]
-    if "input_gain" in others:
-        _, at, p = others["input_gain"]
-        Ue[:, names.index(at[0])] *= p[0]
-    if "input_delay" in others:
-        _, at, p = others["input_delay"]
-        j = names.index(at[0])
-        t = np.arange(samples) * m.dt
-        Ue[:, j] = np.interp(t - p[0], t, Ue[:, j])
-    q0 = np.zeros(len(M))
-    q0[-1] = case.start * (1.0 if which == 0 else 0.8)
-    stiffest = np.sqrt(np.max(np.diag(K) / M))
-    over = max(12, int(np.ceil(m.dt * stiffest * 4)))
-    v0 = np.zeros(len(M))
-    Q, V, A = integrate(M, C, K, B, Ue, m.dt, over, codes, places, params, q0, v0, case.held)
+    moved = motion(case, which, rng)
     data, noise = {}, {}
-    keep = slice(case.warm_up, None)
-    for n, quantity in m.measured:
-        signal = {"displacement": Q, "velocity": V, "acceleration": A}[quantity]
-        y = signal[keep, m.names.index(n)].copy()
+    for name, y in shown(case, moved, bare=True).items():
         e = rng.standard_normal(len(y) + 500)
         e = lfilter([1.0], [1.0, -case.colour], e)[500:]
-        size = np.std(y) * 10 ** (-case.noise_db / 20)
-        name = _output_name(n, quantity)
-        if "sensor_gain" in others and others["sensor_gain"][1][0] == name:
-            y *= others["sensor_gain"][2][0]
-        if "sensor_offset" in others and others["sensor_offset"][1][0] == name:
-            y += others["sensor_offset"][2][0]
-        data[name] = ("time", y + size * e / np.std(e))
-        noise[name] = size
-    for j, name in enumerate(names if U.shape[1] else []):
-        u = U[keep, j]
-        data[name] = ("time", u + case.input_noise * np.std(u) * rng.standard_normal(len(u)))
+        noise[name] = size = np.std(y) * 10 ** (-case.noise_db / 20)
+        data[name] = ("time", size * e / np.std(e))
+    for name, y in shown(case, moved).items():
+        data[name] = ("time", y + data[name][1])
+    for j, name in enumerate(m.forced if moved.inputs.shape[1] else []):
+        u = moved.inputs[:, j]
+        u = u + case.input_noise * np.std(u) * rng.standard_normal(len(u))
+        data[f"F_{name}"] = ("time", u)
     time = np.arange(case.samples) * m.dt
     return xr.Dataset(data, coords={"time": ("time", time)}), noise

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from .cases import Case, Machine, excitation, matrices, records
+from .cases import Case, Machine, records
 from .integrator import integrate
+from .motion import excitation, matrices
 
 G = "ground"
 PAIR = (
@@ -23,7 +24,13 @@ DOF = ("constant_force", "harmonic_force", "attached_resonator")
 AXES = ("unbalance", "parametric_stiffness", "gyroscopic_coupling", "cross_stiffness")
 SIGNAL = ("input_delay", "input_gain", "sensor_offset", "sensor_gain")
 SEEN_AT_REST = ("constant_force", "two")
-OUTSIDE = ("drifting_stiffness", "fifth_power_stiffness", "random_walk_force", "fading_damping")
+LAWS = ("fifth_power_stiffness", "saturating_spring")
+"""Static forces that no catalogue holds, to be learned as curves: unexplained is no answer any
+more. The second came later and stands last, so that the others stay what they are."""
+OUTSIDE = (
+    "drifting_stiffness", "fifth_power_stiffness", "random_walk_force", "fading_damping",
+    "saturating_spring",
+)  # fmt: skip
 PLAN = (
     *PAIR, *DOF, *AXES, *SIGNAL, *PAIR, "two", "two", "two", "nothing", "nothing", "numbers",
     "numbers", *OUTSIDE,
@@ -56,7 +63,7 @@ def drawn_cases(seed, count=None):
 
 
 def _case(kind, rng, seed):
-    machine = _axes(rng) if kind in AXES else _chain(rng, kind in SEEN_AT_REST)
+    machine = two_axes(rng) if kind in AXES else _chain(rng, kind in SEEN_AT_REST)
     case = Case(f"{kind} {seed}", machine, seed=seed, drive=float(rng.uniform(5, 40)))
     case.noise_db = float(rng.uniform(20, 40))
     case.samples = int(rng.integers(5000, 12000))
@@ -72,7 +79,7 @@ def _case(kind, rng, seed):
             "stiffness": size * float(rng.uniform(-0.1, 0.1)),
             "damping": size * float(rng.uniform(-0.3, 0.3)),
         }
-    size = _sizes(case)
+    size = sizes(case)
     if kind == "nothing":
         case.verdict, case.wrong = "adequate", {}
     elif kind == "numbers":
@@ -81,10 +88,11 @@ def _case(kind, rng, seed):
         pair = [("cubic_stiffness", "coulomb_friction"), ("quadratic_damping", "cubic_stiffness"),
                 ("coulomb_friction", "constant_force")]  # fmt: skip
         for one in pair[rng.integers(len(pair))]:
-            case.effects.append(_effect(one, machine, rng, size))
+            case.effects.append(effect_of(one, machine, rng, size))
     else:
-        case.effects.append(_effect(kind, machine, rng, size))
+        case.effects.append(effect_of(kind, machine, rng, size))
         case.verdict = "unexplained" if kind in OUTSIDE else "missing_effect"
+        case.verdict = "unknown_law" if kind in LAWS else case.verdict
     if kind == "quadratic_stiffness":
         _keep_in_its_well(case)
     case.chaotic = kind in ("backlash", "contact_stop")
@@ -101,28 +109,33 @@ def _keep_in_its_well(case):
 
 def _chain(rng, at_rest=False):
     """A chain of one, two or four masses to ground, forced somewhere."""
-    n = int(rng.choice([1, 1, 2, 2, 2, 4]))
+    names, mass, springs, dampers = skeleton(rng, int(rng.choice([1, 1, 2, 2, 2, 4])))
+    quantity = str(rng.choice(["displacement"] * 4 + ["velocity", "acceleration"]))
+    if at_rest:  # a velocity shows no constant
+        quantity = "displacement"
+    measured = [(name, quantity) for name in names]
+    if len(names) > 1 and rng.random() < 0.3:
+        del measured[int(rng.integers(len(names) - 1))]
+    return Machine(
+        names, mass, springs, dampers, [names[int(rng.integers(len(names)))]], measured,
+        f_max=float(rng.uniform(22, 40)), dt=float(rng.choice([1e-3, 2e-3, 4e-3])),
+    )  # fmt: skip
+
+
+def skeleton(rng, n, damping=(0.004, 0.04)):
+    """Names, masses, springs and dampers of a chain of n masses to ground."""
     names = [f"m{i + 1}" for i in range(n)]
     mass = rng.uniform(0.4, 2.0, n)
     omega = 2 * np.pi * rng.uniform(7, 13)
     ends = [(names[i], names[i - 1] if i else G) for i in range(n)]
     stiffness = mass.mean() * omega**2 * rng.uniform(0.7, 1.6, n) * (1 if n == 1 else 1.8)
-    zeta = float(np.exp(rng.uniform(np.log(0.004), np.log(0.04))))
+    zeta = float(np.exp(rng.uniform(*np.log(damping))))
     springs = [(a, b, float(k)) for (a, b), k in zip(ends, stiffness, strict=True)]
     dampers = [(a, b, 2 * zeta * k / omega) for a, b, k in springs]
-    quantity = str(rng.choice(["displacement"] * 4 + ["velocity", "acceleration"]))
-    if at_rest:  # a velocity shows no constant
-        quantity = "displacement"
-    measured = [(name, quantity) for name in names]
-    if n > 1 and rng.random() < 0.3:
-        del measured[int(rng.integers(n - 1))]
-    return Machine(
-        names, mass.tolist(), springs, dampers, [names[int(rng.integers(n))]], measured,
-        f_max=float(rng.uniform(22, 40)), dt=float(rng.choice([1e-3, 2e-3, 4e-3])),
-    )  # fmt: skip
+    return names, mass.tolist(), springs, dampers
 
 
-def _axes(rng):
+def two_axes(rng):
     mass, k = rng.uniform(0.5, 2.0), (2 * np.pi * rng.uniform(7, 12)) ** 2
     names = ["x", "y"]
     springs = [(n, G, float(mass * k * rng.uniform(0.8, 1.4))) for n in names]
@@ -133,7 +146,7 @@ def _axes(rng):
     )  # fmt: skip
 
 
-def _sizes(case):
+def sizes(case):
     """Sizes of motions along a linear run: they tell which effects are visible."""
     m = case.machine
     M, C, K, B = matrices(m)
@@ -144,7 +157,7 @@ def _sizes(case):
     return Q, V, case.drive
 
 
-def _effect(kind, m, rng, size):
+def effect_of(kind, m, rng, size):
     """One effect at one place, whose force is a tenth to a third of the drive."""
     Q, V, drive = size
     share = float(rng.uniform(0.12, 0.35)) * drive
@@ -172,6 +185,7 @@ def _effect(kind, m, rng, size):
         "contact_stop": [float(rng.uniform(0.6, 1.1)) * q, 2 * k],
         "drifting_stiffness": [0.25 * k, 12.0],
         "fifth_power_stiffness": [share / (4 * q**5)],
+        "saturating_spring": [0.5 * k, 0.7 * q],
         "fading_damping": [1.5 * share / v, 1.3],
         "parametric_stiffness": [share / q, spin, 1.1],
     }

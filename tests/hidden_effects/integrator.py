@@ -43,7 +43,7 @@ CODES = {
 
 
 @numba.njit(cache=True)
-def _force(code, p, t, a, b, q, v, z, dz, f):
+def force_of(code, p, t, a, b, q, v, z, dz, f):
     """Add the force of one effect; a and b are coordinates, -1 is ground."""
     d, s = q[a], v[a]
     if b >= 0 and code not in (14, 16, 17):
@@ -131,7 +131,7 @@ def _rates(t, u, q, v, z, M, C, K, B, codes, places, params, acc, dz, f):
     f[:] = 0.0
     dz[:] = 0.0
     for i in range(codes.size):
-        _force(
+        force_of(
             codes[i],
             params[i],
             t,

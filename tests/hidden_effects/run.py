@@ -1,185 +1,57 @@
-"""Run the hidden cases and print the confusion table: ``python -m tests.hidden_effects.run``."""
+"""Run the hidden cases and write their page: ``python -m tests.hidden_effects.run``.
 
+Parts of names choose cases of the catalogue, with ``--drawn SEED`` those drawn at random from a
+seed, with ``--several`` the hundred with up to three effects. Without any of these all cases run,
+and the page of the documentation is written. ``--part 0/2`` takes every second case, of all or of
+those chosen, and writes no page. ``--keep FILE`` keeps a row for each case that is done, and takes
+those that it holds for granted: an interrupted run goes on, parts of two machines come together.
+"""
+
+import argparse
 import os
-import sys
-import time
-from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
-import numpy as np
-
-from robustpolish.identification import compare, diagnose
-
-from .cases import model_of, records
 from .catalogue import all_cases
-from .drawn import CLASSES, JUDGED_SEED, class_of, drawn_cases
+from .drawn import JUDGED_SEED, drawn_cases
+from .kept import keep, kept_rows, key_of
+from .page import cases_table, page
+from .rows import run_case
+from .several import PLAN, name_of, several_case
 
 PAGE = Path(__file__).parents[2] / "docs" / "hidden_effects.md"
 
 
-def normal(kind, at):
-    """A place without ground and order."""
-    return kind, frozenset(at) - {"ground"}
+def run_all(cases, file=None):
+    """Return rows and cases, computed on as many cores as this process may use.
 
-
-def judge(case, diagnosis):
-    """Whether verdict, kinds and places are right, pairs reported as alike counted as right."""
-    if diagnosis.verdict != case.verdict:
-        return False
-    if case.verdict != "missing_effect":
-        return not diagnosis.effects or case.verdict == "unexplained"
-    want = Counter(normal(kind, at) for kind, at, _ in case.effects)
-    got = Counter(normal(e.kind, e.at) for e in diagnosis.effects)
-    missing, extra = want - got, got - want
-    for pair in diagnosis.indistinguishable:
-        first, second = (
-            normal(pair.first.kind, pair.first.at),
-            normal(pair.second.kind, pair.second.at),
-        )
-        for a, b in ((first, second), (second, first)):
-            if missing[a] and extra[b]:
-                missing -= Counter([a])
-                extra -= Counter([b])
-    return not missing and not extra
-
-
-def run_case(case):
-    """Return one row: case, outcome, errors and processor time."""
-    (data, _), (unseen, noise) = records(case)
-    row = {
-        "case": case.name,
-        "truth": _named(case.effects) or "nothing",
-        "verdict": "error",
-        "found": "-",
-        "alike": "",
-        "right": False,
-        "ratio": float("nan"),
-    }
-    began = time.process_time()
-    try:
-        diagnosis = diagnose(model_of(case), data)
-        row["verdict"] = diagnosis.verdict
-        row["found"] = _named((e.kind, e.at, None) for e in diagnosis.effects) or "-"
-        row["alike"] = "; ".join(f"{p.first} / {p.second}" for p in diagnosis.indistinguishable)
-        row["right"] = judge(case, diagnosis)
-        errors = compare(diagnosis.model, unseen).outputs
-        row["ratio"] = float(np.max([errors[name].rmse / noise[name] for name in noise]))
-    except Exception as error:  # a failure is a result of the case
-        row["found"] = f"{type(error).__name__}: {error}"
-    row["seconds"] = time.process_time() - began
-    return row
-
-
-def _named(effects):
-    return " + ".join(f"{kind} at {', '.join(at)}" for kind, at, _ in effects)
-
-
-def page(rows, drawn):
-    """The page: the cases of the catalogue, then those drawn at random."""
-    return "\n".join([*_catalogue(rows), "", *_drawn(drawn)]) + "\n"
-
-
-def _catalogue(rows):
-    """Lines on the cases of the catalogue: a summary and two tables."""
-    effects = [r for r, c in rows if c.verdict == "missing_effect"]
-    calm = [r for r, c in rows if c.verdict == "missing_effect" and not c.chaotic]
-    low = [r for r in calm if r["ratio"] <= 1.3]
-    quiet = [r for r, c in rows if c.verdict in ("adequate", "parameters")]
-    outside = [r for r, c in rows if c.verdict == "unexplained"]
-    return [
-        "# Hidden effects",
-        "",
-        "Seeded cases from an integrator of their own (tests/hidden_effects). The model sees one "
-        "noisy record and is then compared with a second, unseen one. Made by "
-        "`make hidden-effects`.",
-        "",
-        f"- kind and place right: {sum(r['right'] for r in effects)} of {len(effects)} cases with "
-        "effects (pairs count if they are reported as alike)",
-        f"- error on the unseen record at most 1.3 times the noise: {len(low)} of {len(calm)} "
-        "that are not chaotic",
-        f"- nothing missing, nothing named: {sum(r['right'] for r in quiet)} of {len(quiet)}",
-        f"- outsiders left unexplained: {sum(r['right'] for r in outside)} of {len(outside)}",
-        "",
-        "These cases were chosen by hand, and the rules of the diagnosis were changed while "
-        "looking at them. Those [drawn at random](#cases-drawn-at-random) are the fairer ones.",
-        "",
-        "## Confusion table",
-        "",
-        "How many times each truth was diagnosed as what; the cases with two effects are in the "
-        "list below.",
-        "",
-        "| truth | diagnosed as | cases | counted right |",
-        "|---|---|---|---|",
-        *_confusion(rows),
-        "",
-        "## Cases",
-        "",
-        *_cases(rows),
-    ]
-
-
-def _drawn(rows):
-    """Lines on the cases drawn at random: their share right by class, and those that fail."""
-    right = [row["right"] for row, _ in rows]
-    wrong = [(row, case) for row, case in rows if not row["right"]]
-    lines = [
-        "## Cases drawn at random",
-        "",
-        f"{len(rows)} machines, effects and everyday data that nobody chose by hand: the whole "
-        f"plan of seed {JUDGED_SEED} (tests/hidden_effects/drawn.py). {sum(right)} of {len(rows)} "
-        f"are right, that is {100 * np.mean(right):.0f} %.",
-        "",
-        "| class | cases | right |",
-        "|---|---|---|",
-    ]
-    for name in CLASSES:
-        of_class = [row["right"] for row, case in rows if class_of(case) == name]
-        lines.append(f"| {name} | {len(of_class)} | {sum(of_class)} |")
-    return [*lines, "", "Those that fail:", "", *_cases(wrong)] if wrong else lines
-
-
-def _cases(rows):
-    """Lines of a table of cases."""
-    return [
-        "| case | truth | verdict | found | alike | right | error / noise | CPU s |",
-        "|---|---|---|---|---|---|---|---|",
-        *(
-            f"| {r['case']} | {r['truth']} | {r['verdict']} | {r['found']} | {r['alike']} | "
-            f"{'yes' if r['right'] else '**no**'} | {r['ratio']:.2f} | {r['seconds']:.0f} |"
-            for r, _ in rows
-        ),
-    ]
-
-
-def _confusion(rows):
-    """Lines of the confusion table, by kind."""
-    counts, right = Counter(), Counter()
-    for row, case in rows:
-        if len(case.effects) > 1:
-            continue
-        truth = case.effects[0][0] if case.effects else f"nothing ({case.verdict})"
-        named = row["found"] != "-" and row["verdict"] == "missing_effect"
-        found = row["found"].split(" at ")[0] if named else row["verdict"]
-        if named and " + " in row["found"]:
-            found = "several effects"
-        counts[truth, found] += 1
-        right[truth, found] += row["right"]
-    return [f"| {a} | {b} | {n} | {right[a, b]} |" for (a, b), n in counts.items()]
-
-
-def run_all(cases):
-    """Return rows and cases, computed on as many cores as this process may use."""
-    rows = []
+    Rows that stand in the file are taken from there, the others are added to it.
+    """
+    rows = kept_rows(file)
+    left = [case for case in cases if key_of(case) not in rows]
     with ProcessPoolExecutor(_cores()) as pool:
-        for row, case in zip(pool.map(run_case, cases), cases, strict=True):
-            rows.append((row, case))
+        running = {pool.submit(run_case, case): case for case in left}
+        for done in as_completed(running):
+            case, row = running[done], done.result()
+            rows[key_of(case)] = row
+            keep(file, case, row)
             print(
                 f"{'ok ' if row['right'] else 'BAD'} {row['case']:40s} {row['verdict']:14s} "
                 f"{row['found']:50s} {row['ratio']:6.2f} {row['seconds']:6.1f} s",
                 flush=True,
             )
-    return rows
+    return [(rows[key_of(case)], case) for case in cases]
+
+
+def drawn_several(names=(), part=(0, 1)):
+    """Return the hundred cases or some, on all cores: it takes minutes to see that effects show."""
+    numbers = [i for i in range(len(PLAN)) if _chosen(name_of(i), names)]
+    with ProcessPoolExecutor(_cores()) as pool:
+        return list(pool.map(several_case, numbers[part[0] :: part[1]]))
+
+
+def _chosen(name, names):
+    return not names or any(part in name for part in names)
 
 
 def _cores():
@@ -188,25 +60,49 @@ def _cores():
     return os.cpu_count() or 1
 
 
-def main(arguments):
-    """Run the cases and print what came out.
+def _part(text):
+    """Read which part of how many: 0/2 is the first of two."""
+    number, _, of = text.partition("/")
+    if not (number.isdigit() and of.isdigit() and int(number) < int(of)):
+        raise argparse.ArgumentTypeError(f"{text!r} is no part such as 0/2 or 1/2")
+    return int(number), int(of)
 
-    Arguments are parts of names of cases, or ``--drawn SEED`` and parts of names for cases drawn
-    at random. Without any, all cases of the catalogue and of the judged seed run, and the page of
-    the documentation is written.
-    """
-    if arguments:
-        drawn = arguments[0] == "--drawn"
-        cases = drawn_cases(int(arguments[1])) if drawn else all_cases()
-        names = arguments[2:] if drawn else arguments
-        chosen = [c for c in cases if not names or any(name in c.name for name in names)]
-        rows = run_all(chosen)
-        print("\n".join(_cases(rows)))
+
+def main(arguments=None):
+    """Run cases and print what came out."""
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.hidden_effects.run",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("names", nargs="*", help="parts of names of cases")
+    parser.add_argument("--drawn", type=int, metavar="SEED", help="those drawn from a seed")
+    parser.add_argument("--several", action="store_true", help="those with several effects")
+    parser.add_argument("--part", type=_part, metavar="I/N", help="every N-th case from I on")
+    parser.add_argument("--keep", type=Path, metavar="FILE", help="where rows are kept")
+    given = parser.parse_args(arguments)
+    first, step = given.part or (0, 1)
+
+    def some(cases):
+        return [case for case in cases if _chosen(case.name, given.names)][first::step]
+
+    if given.several:
+        chosen = [drawn_several(given.names, (first, step))]
+    elif given.drawn is not None:
+        chosen = [some(drawn_cases(given.drawn))]
+    elif given.names:
+        chosen = [some(all_cases())]
     else:
-        text = page(run_all(all_cases()), run_all(drawn_cases(JUDGED_SEED)))
+        several = drawn_several(part=(first, step))
+        chosen = [some(all_cases()), some(drawn_cases(JUDGED_SEED)), several]
+    rows = [run_all(cases, given.keep) for cases in chosen]
+    if len(rows) == 3 and given.part is None:
+        text = page(*rows)
         print(text)
         PAGE.write_text(text, encoding="utf-8")
+    else:
+        print("\n".join(cases_table([item for group in rows for item in group])))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

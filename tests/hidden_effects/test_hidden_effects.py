@@ -9,13 +9,17 @@ import pytest
 from tests.hidden_effects.cases import records
 from tests.hidden_effects.catalogue import all_cases
 from tests.hidden_effects.drawn import CLASSES, JUDGED_SEED, PLAN, class_of, drawn_cases
-from tests.hidden_effects.run import page, run_all, run_case
+from tests.hidden_effects.figures import figures, law_learned
+from tests.hidden_effects.kept import KEPT
+from tests.hidden_effects.rows import run_case
+from tests.hidden_effects.run import drawn_several, run_all
 
 CASES = {case.name: case for case in all_cases()}
 # At least this share of the drawn cases is right. Of the 44 of the judged seed 35 were when they
 # were first run as a whole: 80 %. The margin is two cases, because a decision that is nearly a draw
-# may fall the other way on another machine.
-DRAWN_FLOOR = 33 / 44
+# may fall the other way on another machine. A 45th case came when learned laws did; it adds nothing
+# to the floor.
+DRAWN_FLOOR = 33 / 45
 QUICK = ("quadratic damping", "input delay", "wrong numbers, two masses, in motion", "gyroscopic")
 
 
@@ -29,7 +33,7 @@ def test_quick_cases_are_named_right(name):
 @pytest.mark.slow
 @pytest.mark.timeout(7200)
 def test_nine_of_ten_are_named_right_and_extrapolate():
-    rows = run_all(list(CASES.values()))
+    rows = run_all(list(CASES.values()), KEPT)
     named = [row["right"] for row, case in rows if case.verdict == "missing_effect"]
     assert sum(named) >= 0.9 * len(named), wrong(rows)
     calm = [
@@ -39,13 +43,33 @@ def test_nine_of_ten_are_named_right_and_extrapolate():
     ]
     assert sum(calm) >= 0.9 * len(calm), [(row["case"], row["ratio"]) for row, _ in rows]
     assert all(row["right"] for row, case in rows if case.verdict != "missing_effect"), wrong(rows)
+    laws = [row for row, case in rows if case.verdict == "unknown_law"]
+    assert len(laws) == 3
+    assert all(map(law_learned, laws)), [(r["case"], r["ratio"], r["curves"]) for r in laws]
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(7200)
 def test_of_the_drawn_cases_as_many_are_right_as_ever():
-    rows = run_all(drawn_cases(JUDGED_SEED))
+    rows = run_all(drawn_cases(JUDGED_SEED), KEPT)
     assert sum(row["right"] for row, _ in rows) >= DRAWN_FLOOR * len(rows), wrong(rows)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(6 * 3600)
+def test_cases_with_several_effects_come_out_as_promised():
+    rows = run_all(drawn_several(), KEPT)
+    found = figures(rows)
+    assert found.right.value >= 0.95, wrong(rows)
+    assert found.confident.value <= 0.02, [row for row, _ in rows if row["wrong"]]
+    assert found.quiet.value >= 0.98, [row for row, case in rows if not case.effects]
+    assert 0.90 <= found.covered.value <= 0.99, found.covered
+    assert found.floors.value >= 0.95, [(row["case"], row["floors"]) for row, _ in rows]
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    return drawn_cases(JUDGED_SEED)
 
 
 def wrong(rows):
@@ -75,31 +99,18 @@ def test_drawn_cases_repeat():
     assert sum(counts.values()) == len(PLAN)
 
 
-def test_no_drawn_machine_breaks_loose():
-    drawn = [case for case in drawn_cases(JUDGED_SEED) if "quadratic_stiffness" in case.name]
-    assert drawn
-    for case in drawn:
+def test_what_is_outside_of_the_catalogue(drawn):
+    verdicts = {kind: case.verdict for case in CASES.values() for kind, _, _ in case.effects}
+    assert verdicts["fifth_power_stiffness"] == verdicts["saturating_spring"] == "unknown_law"
+    assert verdicts["dead_zone_spring"] == "unknown_law"
+    assert verdicts["drifting_stiffness"] == verdicts["fading_damping"] == "unexplained"
+    verdicts = {case.effects[0][0]: case.verdict for case in drawn if case.effects}
+    assert verdicts["saturating_spring"] == "unknown_law"
+    assert verdicts["random_walk_force"] == "unexplained"
+
+
+def test_no_drawn_machine_breaks_loose(drawn):
+    asymmetric = [case for case in drawn if "quadratic_stiffness" in case.name]
+    assert asymmetric
+    for case in asymmetric:
         assert all(np.isfinite(data.to_array()).all() for data, _ in records(case)), case.name
-
-
-def row_of(case, right):
-    return {
-        "case": case.name, "truth": "a truth", "verdict": case.verdict, "found": "-", "alike": "",
-        "right": right, "ratio": 1.0, "seconds": 2.0,
-    }  # fmt: skip
-
-
-def test_the_page_tells_the_drawn_cases_by_class_and_those_that_fail():
-    listed = [(row_of(case, True), case) for case in CASES.values()]
-    drawn = drawn_cases(JUDGED_SEED)
-    failing = next(case for case in drawn if class_of(case) == "two axes")
-    rows = [(row_of(case, case is not failing), case) for case in drawn]
-    lines = page(listed, rows).splitlines()
-    assert f"of seed {JUDGED_SEED}" in next(line for line in lines if "whole plan" in line)
-    assert any("43 of 44 are right, that is 98 %" in line for line in lines)
-    assert "| two axes | 4 | 3 |" in lines
-    assert "| signals | 4 | 4 |" in lines
-    fails = lines[lines.index("Those that fail:") :]
-    assert [line.split(" | ")[0] for line in fails if "**no**" in line] == [f"| {failing.name}"]
-    assert sum(line.startswith("| cubic, one mass |") for line in lines) == 1
-    assert "Those that fail:" not in page(listed, [(row_of(case, True), case) for case in drawn])

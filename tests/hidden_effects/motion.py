@@ -1,0 +1,128 @@
+"""How a case moves: its matrices, what drives it, and what its sensors show without noise."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import butter, sosfilt
+
+from .integrator import CODES, integrate
+
+
+class Moved(NamedTuple):
+    """Displacements, velocities and accelerations, and the recorded inputs, by sample."""
+
+    displacement: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    inputs: np.ndarray
+
+
+def matrices(machine):
+    n = len(machine.names)
+    K, C = np.zeros((n, n)), np.zeros((n, n))
+    for target, items in ((K, machine.springs), (C, machine.dampers)):
+        for a, b, value in items:
+            i = machine.names.index(a)
+            target[i, i] += value
+            if b != "ground":
+                j = machine.names.index(b)
+                target[j, j] += value
+                target[i, j] -= value
+                target[j, i] -= value
+    B = np.zeros((n, len(machine.forced)))
+    for j, name in enumerate(machine.forced):
+        B[machine.names.index(name), j] = 1.0
+    return np.array(machine.mass), C, K, B
+
+
+def excitation(case, rng, samples):
+    """A forcing whose band covers the modes: noise, multisine, sweep, or one blow."""
+    m = case.machine
+    t = np.arange(samples) * m.dt
+    columns = []
+    for _ in m.forced:
+        if case.excitation == "multisine":
+            f = np.arange(1, int(m.f_max * 8)) / 8
+            u = sum(np.cos(2 * np.pi * g * t + rng.uniform(0, 6.28)) for g in f)
+        elif case.excitation == "sweep":
+            u = np.sin(2 * np.pi * (0.5 * t + 0.5 * (m.f_max - 0.5) / t[-1] * t**2))
+        elif case.excitation == "blow":  # half a sine, whose spectrum reaches the modes
+            length = 0.75 / m.f_max
+            u = np.where((t > 0.02) & (t < 0.02 + length), np.sin(np.pi * (t - 0.02) / length), 0)
+            columns.append(rng.uniform(0.7, 1.3) * u)  # the drive is its peak
+            continue
+        else:
+            sos = butter(4, m.f_max * 2 * m.dt, output="sos")
+            u = sosfilt(sos, rng.standard_normal(samples))
+        columns.append(u / np.std(u))
+    if case.excitation == "none":
+        return np.zeros((samples, 0))
+    return case.drive * np.column_stack(columns)
+
+
+def motion(case, which=0, rng=None, inputs=None, steps=12):
+    """Return the motion of one of the two records of a case, the warm-up cut off.
+
+    A generator that is given goes on with the noise of the record. Inputs that are given stand in
+    place of the excitation, warm-up included. `steps` is the least number of steps between two
+    samples.
+    """
+    m = case.machine
+    M, C, K, B = matrices(m)
+    U = inputs
+    if U is None:
+        rng = rng or np.random.default_rng(1000 * case.seed + which)
+        U = excitation(case, rng, case.samples + case.warm_up)
+    if U.shape[1] == 0:
+        B = np.zeros((len(M), 0))
+    effects = [e for e in case.effects if e[0] in CODES]
+    codes = np.array([CODES[e[0]] for e in effects], dtype=np.int64)
+    places = np.full((len(effects), 2), -1, dtype=np.int64)
+    params = np.zeros((len(effects), 6))
+    for i, (_, at, p) in enumerate(effects):
+        for j, name in enumerate(at):
+            places[i, j] = m.names.index(name) if name != "ground" else -1
+        params[i, : len(p)] = p
+    q0, v0 = np.zeros(len(M)), np.zeros(len(M))
+    q0[-1] = case.start * (1.0 if which == 0 else 0.8)
+    stiffest = np.sqrt(np.max(np.diag(K) / M))
+    over = max(steps, int(np.ceil(m.dt * stiffest * steps / 3)))
+    pushing = _pushing(case, U)
+    moved = integrate(M, C, K, B, pushing, m.dt, over, codes, places, params, q0, v0, case.held)
+    return Moved(*(signal[case.warm_up :] for signal in (*moved, U)))
+
+
+def _pushing(case, U):
+    """Return the forces behind the recorded inputs: their gain and delay may be missing."""
+    m, U = case.machine, U.copy()
+    names = [f"F_{n}" for n in m.forced]
+    others = {e[0]: e for e in case.effects if e[0] not in CODES}
+    if "input_gain" in others:
+        _, at, p = others["input_gain"]
+        U[:, names.index(at[0])] *= p[0]
+    if "input_delay" in others:
+        _, at, p = others["input_delay"]
+        j = names.index(at[0])
+        t = np.arange(len(U)) * m.dt
+        U[:, j] = np.interp(t - p[0], t, U[:, j])
+    return U
+
+
+def shown(case, moved, bare=False):
+    """Return what the sensors show without noise by name; `bare` without gains and offsets too."""
+    found = {}
+    for name, quantity in case.machine.measured:
+        signal = getattr(moved, quantity)[:, case.machine.names.index(name)]
+        found[output_name(name, quantity)] = signal.copy()
+    for kind, at, p in [] if bare else case.effects:
+        if kind == "sensor_gain":
+            found[at[0]] *= p[0]
+    for kind, at, p in [] if bare else case.effects:
+        if kind == "sensor_offset":
+            found[at[0]] += p[0]
+    return found
+
+
+def output_name(name, quantity):
+    """Return what an output is called."""
+    return name if quantity == "displacement" else f"{name}_{quantity[0]}"

@@ -1,0 +1,67 @@
+"""The page tells what the rows say."""
+
+import pytest
+
+from tests.hidden_effects.catalogue import all_cases
+from tests.hidden_effects.drawn import JUDGED_SEED, class_of, drawn_cases
+from tests.hidden_effects.made_up import row_of
+from tests.hidden_effects.page import page
+from tests.hidden_effects.several import SEVERAL_SEED, several_case
+
+CASES = all_cases()
+SEVERAL = [several_case(i) for i in (19, 60, 80, 90)]
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    return drawn_cases(JUDGED_SEED)
+
+
+def rows_of(cases, failing=None):
+    return [(row_of(case, case is not failing), case) for case in cases]
+
+
+def test_the_drawn_cases_are_told_by_class_with_those_that_fail(drawn):
+    failing = next(case for case in drawn if class_of(case) == "two axes")
+    lines = page(rows_of(CASES), rows_of(drawn, failing), rows_of(SEVERAL)).splitlines()
+    assert f"of seed {JUDGED_SEED}" in next(line for line in lines if "whole plan" in line)
+    assert any("44 of 45 are right, that is 98 %" in line for line in lines)
+    assert "| two axes | 4 | 3 |" in lines
+    assert "| signals | 4 | 4 |" in lines
+    fails = lines[lines.index("Those that fail:") :]
+    assert [line.split(" | ")[0] for line in fails if "**no**" in line] == [f"| {failing.name}"]
+    assert sum(line.startswith("| cubic, one mass |") for line in lines) == 1
+    assert "Those that fail:" not in page(rows_of(CASES), rows_of(drawn), rows_of(SEVERAL))
+
+
+def test_the_laws_are_told_apart_from_what_has_none(drawn):
+    learned = {
+        case.name: row_of(case, True, curves=[0.95 if case.name != "fifth power" else 0.5])
+        for case in CASES
+    }
+    text = page([(learned[c.name], c) for c in CASES], rows_of(drawn), rows_of(SEVERAL))
+    law = next(line for line in text.splitlines() if "laws that no catalogue holds" in line)
+    assert "at their place: 3 of 3 (100.0 %)" in law
+    assert law.endswith("2 of 3 (66.7 %)")
+    assert "and no name given: 3 of 3 (100.0 %)" in text
+
+
+def test_several_effects_are_told_by_number(drawn):
+    rows = [
+        (row_of(SEVERAL[0], True, exact=1, missed=0, numbers=[["input_gain.gain", 1, 1.1, 0.1]]),
+         SEVERAL[0]),
+        (row_of(SEVERAL[1], False, exact=1, missed=1, wrong=["backlash at m1"], named=2),
+         SEVERAL[1]),
+        (row_of(SEVERAL[2], True, exact=2, swapped=1, missed=0), SEVERAL[2]),
+        (row_of(SEVERAL[3], True), SEVERAL[3]),
+    ]  # fmt: skip
+    lines = page(rows_of(CASES), rows_of(drawn), rows).splitlines()
+    assert any(line.startswith(f"4 cases of seed {SEVERAL_SEED}") for line in lines)
+    assert "| right in kind and place, or told alike | 3 of 4 (75.0 %) | 95 % |" in lines
+    assert "| a name that is wrong and not told alike | 1 of 4 (25.0 %) | at most 2 % |" in lines
+    assert "| nothing named where nothing is missing | 1 of 1 (100.0 %) | 98 % |" in lines
+    assert "| two effects | 1 | 0 | 2 | 1 | 0 | 1 | 1 |" in lines
+    assert "| three effects | 1 | 1 | 3 | 2 | 1 | 0 | 0 |" in lines
+    assert "| input_gain.gain | 1 of 1 (100.0 %) | 1.00 |" in lines
+    after = lines[lines.index("Those that are not right:") :]
+    assert [line.split(" | ")[0] for line in after if "**no**" in line] == ["| two #60"]

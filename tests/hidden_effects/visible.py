@@ -1,0 +1,152 @@
+"""What an effect changes in what sensors show: what changes nothing cannot be found."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from .motion import excitation, motion, shown
+
+FIRST, GROWTH = 200, 4
+"""Samples of the first fit, and by how much the next ones grow, as free runs have many minima."""
+STEPS = 6
+"""Steps between two samples: this asks how large a change is, to a per cent."""
+
+
+class Change(NamedTuple):
+    """What leaving an effect out changes, the largest of all outputs.
+
+    Attributes
+    ----------
+    over_noise : float
+        Change of a signal over its noise, both as standard deviations.
+    share : float
+        The same over the signal itself.
+    left : float
+        What is left of it over the noise once springs and dampers are fitted in its place: a drag
+        that is a damper as far as the record tells is no missing effect.
+    """
+
+    over_noise: float
+    share: float
+    left: float
+
+
+def change_without(case, index):
+    """Return what leaving one of the effects of a case out changes in the first record."""
+    inputs = _inputs(case)
+    truth, size = _signals(case, inputs), _sizes(case, inputs)
+    others = [effect for i, effect in enumerate(case.effects) if i != index]
+    without = replace(case, effects=others)
+    share = float(np.max(_rms(truth - _signals(without, inputs)) / size))
+    left = float(np.max(_rms(_fitted(without, inputs, truth, size) - truth) / size))
+    noise = 10 ** (-case.noise_db / 20)
+    return Change(share / noise, share, min(left, share) / noise)
+
+
+def change_by_numbers(case):
+    """Return what the wrong numbers of a model change in a signal, over its noise."""
+    inputs, wrong = _inputs(case), case.wrong
+    m = case.machine
+    taken = replace(
+        m,
+        mass=[v * (1 + wrong.get("mass", 0.0)) for v in m.mass],
+        springs=[
+            (a, b, k * (1 + wrong.get("stiffness", 0.0) * (-1) ** i))
+            for i, (a, b, k) in enumerate(m.springs)
+        ],
+        dampers=[(a, b, c * (1 + wrong.get("damping", 0.0))) for a, b, c in m.dampers],
+    )
+    change = _signals(case, inputs) - _signals(replace(case, machine=taken), inputs)
+    return float(np.max(_rms(change) / _sizes(case, inputs))) * 10 ** (case.noise_db / 20)
+
+
+def sound(case):
+    """Return whether both records stay finite and move about as much as without the effects."""
+    for which in (0, 1):
+        inputs = _inputs(case, which)
+        with np.errstate(all="ignore"):
+            moved = _signals(case, inputs, which)
+        plain = _sizes(replace(case, effects=[]), inputs, which)
+        if not np.isfinite(moved).all():
+            return False
+        if np.any(moved.std(axis=0) < 0.1 * plain) or np.any(moved.std(axis=0) > 10 * plain):
+            return False
+        half = len(moved) // 2
+        first, second = _rms(moved[:half]), _rms(moved[half:])
+        if case.excitation != "sweep" and np.any(second > 3 * first):
+            return False
+    return True
+
+
+def chaotic(case):
+    """Return whether motions a millionth apart end up further apart than a tenth of the noise."""
+    inputs = _inputs(case, 1)
+    truth, size = _signals(case, inputs, 1), _sizes(case, inputs, 1)
+    moved = motion(replace(case, effects=[]), 1, inputs=inputs, steps=STEPS).displacement
+    beside = replace(case, start=case.start + 1e-6 * float(np.std(moved[:, -1])))
+    apart = np.max(_rms(_signals(beside, inputs, 1) - truth) / size)
+    return bool(apart > 0.1 * 10 ** (-case.noise_db / 20))
+
+
+def _fitted(case, inputs, truth, size):
+    """Return the signals of a case whose springs and dampers are fitted to those of another."""
+    machine = case.machine
+    numbers = np.zeros(len(machine.springs) + len(machine.dampers))
+
+    def run(x, samples):
+        k, c = np.exp(x[: len(machine.springs)]), np.exp(x[len(machine.springs) :])
+        springs = [(a, b, v * g) for (a, b, v), g in zip(machine.springs, k, strict=True)]
+        dampers = [(a, b, v * g) for (a, b, v), g in zip(machine.dampers, c, strict=True)]
+        fitted = replace(machine, springs=springs, dampers=dampers)
+        part = inputs[: case.warm_up + samples]
+        return _signals(replace(case, machine=fitted, samples=samples), part) / size
+
+    spans = [case.samples]
+    while spans[0] > FIRST * GROWTH:
+        spans.insert(0, spans[0] // GROWTH)
+    with np.errstate(all="ignore"):
+        for samples in spans:
+            for _ in range(2):
+                numbers = _step(run, numbers, samples, truth[:samples] / size)
+        return run(numbers, case.samples) * size
+
+
+def _step(run, x, samples, wanted):
+    """Return the numbers after one step of Gauss and Newton, halved until it helps."""
+    here = run(x, samples)
+    wide = 1e-3
+    columns = [(run(x + wide * e, samples) - here).ravel() / wide for e in np.eye(x.size)]
+    error = (wanted - here).ravel()
+    if not np.isfinite(error).all() or not np.isfinite(columns).all():
+        return x
+    # a weak leash keeps dampers that do not show from running away
+    leash = 1e-3 * np.sqrt(error.size) * np.eye(x.size)
+    rows, right = np.vstack([np.transpose(columns), leash]), np.append(error, 0.0 * x)
+    step = np.clip(np.linalg.lstsq(rows, right, rcond=None)[0], -1.0, 1.0)
+    for share in (1.0, 0.5, 0.25, 0.125):
+        left = wanted - run(x + share * step, samples)
+        if np.isfinite(left).all() and np.sum(left**2) < np.sum(error**2):
+            return x + share * step
+    return x
+
+
+def _inputs(case, which=0):
+    rng = np.random.default_rng(1000 * case.seed + which)
+    return excitation(case, rng, case.samples + case.warm_up)
+
+
+def _signals(case, inputs, which=0):
+    """What the sensors show without noise, shape (samples, ny)."""
+    moved = motion(case, which, inputs=inputs, steps=STEPS)
+    return np.column_stack(list(shown(case, moved).values()))
+
+
+def _sizes(case, inputs, which=0):
+    """What the noise of each sensor is measured by, shape (ny,)."""
+    moved = motion(case, which, inputs=inputs, steps=STEPS)
+    return np.std(np.column_stack(list(shown(case, moved, bare=True).values())), axis=0)
+
+
+def _rms(x):
+    return np.sqrt(np.mean(x**2, axis=0))
