@@ -8,7 +8,8 @@ import click
 
 from robustpolish.cli.measurement import (
     Reading,
-    load_data,
+    data_argument,
+    load_records,
     load_response,
     measurement_options,
     replaceable,
@@ -22,7 +23,7 @@ from robustpolish.saving import new_file
 
 
 @click.command()
-@click.argument("data", type=click.Path())
+@data_argument
 @click.option("--model", required=True, type=click.Path(), help="Mechanical model, a TOML file.")
 @click.option("--window", type=float, help="Start anew after so many SECONDS: short free runs.")
 @click.option("--horizon", type=float, help="Predict so many SECONDS ahead from the outputs.")
@@ -31,7 +32,7 @@ from robustpolish.saving import new_file
 @click.option("--plot", type=click.Path(dir_okay=False), help="Save the pictures (.png, .svg).")
 @result_options
 def compare(
-    data: str,
+    data: tuple[str, ...],
     model: str,
     window: float | None,
     horizon: float | None,
@@ -44,20 +45,21 @@ def compare(
     """Simulate a model on measured inputs and compare it with the measured outputs.
 
     DATA is a measurement (CSV, MAT, HDF5, NPZ, WAV; TDMS and UFF with the extra [io]) with the
-    model's inputs and outputs as columns. Or it holds frequency responses (CSV with a column
-    "frequency [Hz]", UFF 58), which are compared with those of the model. The exit code is 0
-    however well the model fits, and 2 for bad input.
+    model's inputs and outputs as columns, or several of them, to all of which the options apply:
+    each is run by itself, and the error is told over all and of each. Or it holds frequency
+    responses (CSV with a column "frequency [Hz]", UFF 58), which are compared with those of the
+    model. The exit code is 0 however well the model fits, and 2 for bad input.
     """
     loaded = MechanicalModel.from_toml(Path(model))
-    if holds_frequency_response(data):
+    if any(holds_frequency_response(path) for path in data):
         given = {"--window": window, "--horizon": horizon, "--residuals": residuals or None}
         result = compare_model(loaded, load_response(data, reading, given))
         content, lines = result.to_dict(), [repr(result)]
     else:
-        record = load_data(data, loaded, reading)
-        result = compare_model(loaded, record, window=window, horizon=horizon)
+        records = load_records(data, loaded, reading)
+        result = compare_model(loaded, records, window=window, horizon=horizon)
         content = result.to_dict()
-        lines = [repr(result), *(f"  {note}" for note in record.attrs["notes"])]
+        lines = [repr(result), *(f"  {note}" for note in result.data.attrs["notes"])]
         if residuals:
             analysis = residual_analysis(result)
             content["residuals"] = analysis.to_dict()
@@ -66,5 +68,5 @@ def compare(
     if plot is not None:
         with new_file(plot, force, (".png", ".svg", ".pdf")) as draft:
             result.plot_panels().savefig(draft, dpi=150)
-    replace = force or replaceable(json_out, data, model)
+    replace = force or replaceable(json_out, *data, model)
     show(content, "\n".join(lines), json_out, replace)

@@ -14,6 +14,7 @@ _COMMANDS = {
     "norms": "Show the air bearing's H-infinity and H2 norms without control.",
     "brush": "Simulate the brush on its mould and show the forces.",
     "compare": "Compare a mechanical model with a measurement.",
+    "refit": "Fit the numbers of a mechanical model to measurements.",
     "diagnose": "Name the effects that a mechanical model lacks.",
 }
 

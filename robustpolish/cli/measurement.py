@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -42,6 +42,10 @@ class Reading:
     renames: tuple[str, ...] = ()
 
 
+data_argument = click.argument("data", nargs=-1, required=True, type=click.Path())
+"""One file with a measurement, or several."""
+
+
 def measurement_options(command: F) -> F:
     """Add what reading a measurement needs beside its path; the command gets one `reading`."""
 
@@ -58,7 +62,10 @@ _options = options(
     click.option("--time", metavar="NAME", help="Column that holds the time."),
     click.option("--sampling-rate", type=float, help="In Hz, for files without time."),
     click.option(
-        "--between", type=(float, float), metavar="START END", help="Part to read, in seconds."
+        "--between",
+        type=(float, float),
+        metavar="START END",
+        help="Part to read, in seconds, of each file.",
     ),
     click.option(
         "--rename",
@@ -87,12 +94,33 @@ def load_data(path: str, model: MechanicalModel, reading: Reading) -> xr.Dataset
     )
 
 
-def load_response(path: str, reading: Reading, given: Mapping[str, Any]) -> xr.DataArray:
+def load_records(
+    paths: Sequence[str], model: MechanicalModel, reading: Reading
+) -> dict[str, xr.Dataset]:
+    """Read the columns that a model needs from one file or several, read alike.
+
+    They go by the names of the files, with their folders where the names alone are not clear.
+    """
+    stems = [Path(path).stem for path in paths]
+    names = stems if len(set(stems)) == len(stems) else paths
+    if len(set(paths)) < len(paths):
+        twice = next(path for path in paths if paths.count(path) > 1)
+        remedy = "Leave the second one out."
+        raise invalid("DATA", described(f"{twice} twice"), "each file once", remedy)
+    return {name: load_data(path, model, reading) for name, path in zip(names, paths, strict=True)}
+
+
+def load_response(paths: Sequence[str], reading: Reading, given: Mapping[str, Any]) -> xr.DataArray:
     """Read frequency responses; options that mean nothing for them are refused.
 
     Units are those of pairs, as in ``x/F=um/N``, by the new names as for records. `given` holds
     further options of the command that need a record; None where nothing was said.
     """
+    if len(paths) > 1:
+        shown = described(f"{len(paths)} files, one of them with frequency responses")
+        remedy = "Compare frequency responses one file at a time."
+        raise invalid("DATA", shown, "records over time, or one file with responses", remedy)
+    path = paths[0]
     over_time = {
         "--table": reading.table,
         "--time": reading.time,

@@ -3,6 +3,7 @@
 from robustpolish.identification.compare.compare import compare as compare
 from robustpolish.identification.compare.comparison import Comparison as Comparison
 from robustpolish.identification.compare.comparison import OutputError as OutputError
+from robustpolish.identification.compare.comparison import RecordError as RecordError
 from robustpolish.identification.discover.diagnose import diagnose as diagnose
 from robustpolish.identification.discover.refit import refit as refit
 from robustpolish.identification.findings.diagnosis import Diagnosis as Diagnosis

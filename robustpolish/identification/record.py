@@ -1,17 +1,26 @@
-"""Measured data that suit a model: checked, as arrays, cut into contiguous pieces."""
+"""Measured data that suit a model: checked, as arrays, cut into contiguous pieces.
+
+Several records stand one behind the other in the arrays. What knows of time, such as a run, an
+observer or the derivative of an input, begins anew with each of them.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from bisect import bisect_right
+from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from robustpolish.arrays import Array
+from robustpolish.errors import InvalidInputError
+from robustpolish.identification.joined import joined, named_records, of_one_step
 from robustpolish.measurements import check_sampling, read_measurement, same_kind
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import Input, Output
+from robustpolish.simulation.signals import signals
 from robustpolish.validation import described, invalid
 
 _REPEATS = 0.98
@@ -20,23 +29,29 @@ _REPEATS = 0.98
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Data that a model can be held against, or a contiguous part of them.
+    """Data that a model can be held against, one record or several, or a part of them.
 
     Attributes
     ----------
-    data : xarray.Dataset
-        Inputs and outputs over uniform ``time``, of the whole record: derivatives and delays of
+    sets : tuple of xarray.Dataset
+        Inputs and outputs over uniform ``time``, of each whole record: derivatives and delays of
         inputs do not know where a part begins.
+    names : tuple of str
+        Of the records.
+    data : xarray.Dataset
+        All of them, one behind the other, see :func:`robustpolish.identification.joined.joined`.
     times : ndarray
-        Its times in s.
+        Their times in s, each on its own clock.
     dt : float
         Sampling step in s.
     Y : ndarray, shape (samples, ny)
         Measured outputs of this part, in the model's order.
     first : int
-        Where this part begins.
+        Where this part begins, counted through all records.
     """
 
+    sets: tuple[xr.Dataset, ...]
+    names: tuple[str, ...]
     data: xr.Dataset
     times: Array
     dt: float
@@ -55,31 +70,110 @@ class Record:
 
     @property
     def time(self) -> Array:
-        """Times of the samples in s."""
+        """Times of the samples in s, on the clock of each record."""
         return self.own(self.times)
 
+    @property
+    def axis(self) -> Array:
+        """Times in s that run on from record to record, to draw over."""
+        return self.own(np.asarray(self.data["time"].values, dtype=float))
+
+    @property
+    def marks(self) -> list[int]:
+        """Where records begin, counted through all of them, and the end."""
+        return [0, *accumulate(data.sizes["time"] for data in self.sets)]
+
+    @property
+    def name(self) -> str:
+        """Name of the record in which this part begins."""
+        return self.names[bisect_right(self.marks, self.first) - 1]
+
+    @property
+    def parts(self) -> tuple[Record, ...]:
+        """What of each record belongs to this part: the contiguous pieces of it."""
+        inside = [m - self.first for m in self.marks if 0 < m - self.first < self.samples]
+        return tuple(self.part(*ends) for ends in pairwise([0, *inside, self.samples]))
+
+    def follows(self, other: Record) -> bool:
+        """Return whether this part goes on where another ends, in the same record."""
+        return other.first + other.samples == self.first and self.first not in self.marks
+
     def own(self, rows: Array) -> Array:
-        """Return the rows of this part, of one for each sample of the whole record."""
+        """Return the rows of this part, of one for each sample of all records."""
         return rows[self.first : self.first + self.samples]
 
     def part(self, begin: int, end: int) -> Record:
-        """Return the contiguous samples from `begin` up to `end`."""
-        return Record(self.data, self.times, self.dt, self.Y[begin:end], self.first + begin)
+        """Return the samples from `begin` up to `end`."""
+        return replace(self, Y=self.Y[begin:end], first=self.first + begin)
+
+    def signals(self, model: MechanicalModel) -> Array:
+        """Return a model's input signals over all records, shape (samples, signals).
+
+        See :func:`robustpolish.simulation.signals.signals`; those of this part are ``own`` of it.
+        """
+        each = [signals(model, data) for data in self.sets]
+        return each[0] if len(each) == 1 else np.concatenate(each)
 
 
 def record_of(model: MechanicalModel, data: Any) -> Record:
     """Check that the data holds the model's columns, and return its arrays.
 
+    Parameters
+    ----------
+    model : MechanicalModel
+    data : xarray.Dataset, path or pandas.DataFrame, or a sequence or mapping of them
+        Several records have the same channels. Faster ones are decimated to the rate of the
+        slowest.
+
     Raises
     ------
     InvalidInputError
-        If the data does not suit the model.
+        If there is no record, a record does not suit the model or the others, or their sampling
+        rates are no whole multiples of the lowest.
     """
-    data = checked_data(model, data)
-    time = np.asarray(data["time"].values, dtype=float)
-    Y = np.column_stack([np.asarray(data[n].values, dtype=float) for n in model.output_names])
-    dt = float((time[-1] - time[0]) / (time.size - 1))
-    return Record(data, time, dt, np.ascontiguousarray(Y))
+    given = named_records(data)
+    _check_channels(model, given)
+    checked = {}
+    for name, source in given.items():
+        try:
+            checked[name] = checked_data(model, source)
+        except InvalidInputError as error:
+            if len(given) == 1:
+                raise
+            raise InvalidInputError(f"{name}: {error}", error.key) from error
+    sets = of_one_step(checked)
+    time = [np.asarray(each["time"].values, dtype=float) for each in sets.values()]
+    Y = [_columns(model, each) for each in sets.values()]
+    span = sum(float(t[-1] - t[0]) for t in time)
+    return Record(
+        sets=tuple(sets.values()),
+        names=tuple(sets),
+        data=joined(sets),
+        times=np.concatenate(time),
+        dt=span / sum(t.size - 1 for t in time),
+        Y=np.ascontiguousarray(np.concatenate(Y)),
+    )
+
+
+def _columns(model: MechanicalModel, data: xr.Dataset) -> Array:
+    return np.column_stack([np.asarray(data[n].values, dtype=float) for n in model.output_names])
+
+
+def _check_channels(model: MechanicalModel, given: dict[str, Any]) -> None:
+    """Refuse a channel that some records have and others do not."""
+    read = {name: data for name, data in given.items() if isinstance(data, xr.Dataset)}
+    if not isinstance(model, MechanicalModel):
+        return  # what is wrong with it is said with the first record
+    for item in [*model.inputs, *model.outputs]:
+        lacking = [name for name, data in read.items() if item.name not in data]
+        if 0 < len(lacking) < len(read):
+            has = next(name for name in read if name not in lacking)
+            raise invalid(
+                "data",
+                described(f"{item.name!r} in {has!r}, but not in {', '.join(map(repr, lacking))}"),
+                "the same channels in all records",
+                "Leave those records out, or the channel out of the model.",
+            )
 
 
 def least_samples(model: MechanicalModel) -> int:
@@ -93,11 +187,12 @@ def long_enough(model: MechanicalModel, record: Record) -> Record:
     Raises
     ------
     InvalidInputError
-        If it is too short.
+        If it, or one of several, is too short.
     """
-    least = least_samples(model)
-    if record.samples < least:
-        shown = described(f"{record.samples} samples")
+    least, shortest = least_samples(model), min(record.parts, key=lambda part: part.samples)
+    if shortest.samples < least:
+        which = f" in {shortest.name!r}" if len(record.parts) > 1 else ""
+        shown = described(f"{shortest.samples} samples{which}")
         raise invalid("data", shown, f"at least {least}", "Record for longer.")
     return record
 

@@ -102,6 +102,20 @@ def test_units_and_rates_can_be_given(folder):
     assert "fit 98.98 %" in result.output
 
 
+def test_several_files_are_compared_one_by_one(folder):
+    (folder / "again.csv").write_text(table(400, noise=0.03))
+    out = folder / "out.json"
+    result = run(folder, folder / "again.csv", "--json", out, "--residuals")
+    assert result.exit_code == 0, result.output
+    assert "Record by record" in result.output
+    found = json.loads(out.read_text())["records"]
+    assert list(found) == ["data", "again"]
+    assert found["again"]["nrmse"]["x"] == pytest.approx(0.03, rel=0.15)
+    cut = run(folder, folder / "again.csv", "--between", 0.1, 0.3, "--json")
+    assert set(json.loads(cut.output)["records"]) == {"data", "again"}
+    assert run(folder, folder / "data.csv").exit_code == 2  # twice the same
+
+
 def test_frequency_responses_are_recognised(folder):
     lines = np.arange(5.0, 60.0, 0.5)
     curve = MechanicalModel.from_toml(MODEL).frequency_response(lines).values[:, 0, 0] * 1e6
@@ -118,6 +132,9 @@ def test_frequency_responses_are_recognised(folder):
     assert picture.stat().st_size > 10_000
     head = "frequency [Hz],tip/hammer real,tip/hammer imag"
     (folder / "frf.csv").write_text("\n".join([head, *rows]) + "\n")
+    several = run(folder, folder / "data.csv", data="frf.csv")
+    assert several.exit_code == 2
+    assert "one file with responses" in several.output
     names = ("--rename", "tip=x", "--rename", "hammer=F", "--unit", "x/F=um/N")
     result = run(folder, *names, data="frf.csv")
     assert result.exit_code == 0, result.output

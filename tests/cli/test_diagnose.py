@@ -88,6 +88,21 @@ def test_it_tells_people_what_to_check(diagnosed):
     assert "screening for effect 1" in output
 
 
+def test_several_files_make_one_diagnosis(tmp_path):
+    for name, part in (("first", slice(0, 1200)), ("second", slice(1200, 2400))):
+        (tmp_path / f"{name}.csv").write_text(csv(SEEN.isel(time=part)))
+    (tmp_path / "model.toml").write_text(MODEL)
+    files = [str(tmp_path / f"{name}.csv") for name in ("first", "second")]
+    report = tmp_path / "report.html"
+    command = [*files, "--model", str(tmp_path / "model.toml"), "--json", "--report", str(report)]
+    result = CliRunner().invoke(diagnose, command)
+    assert result.exit_code == 0, result.output
+    content = json.loads(result.stdout)
+    assert content["effects"][0]["kind"] == "quadratic_damping"
+    assert any(reason.startswith("Held out to judge: ") for reason in content["reasons"])
+    assert "Held out to judge: " in report.read_text()
+
+
 def test_the_saved_model_extrapolates(diagnosed):
     folder = diagnosed[0]
     command = [str(folder / "unseen.csv"), "--model", str(folder / "refined.toml"), "--json"]

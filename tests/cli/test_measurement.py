@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.cli.measurement import Reading, load_data, replaceable
+from robustpolish.cli.measurement import Reading, load_data, load_records, replaceable
 from robustpolish.errors import InvalidInputError
 
 GROUND = ("x", "ground")
@@ -29,6 +29,23 @@ def test_only_what_the_model_needs_is_read_in_the_units_given(path):
     assert float(data["x"][0]) == pytest.approx(1e-3)
     assert float(abs(data["F"]).max()) == pytest.approx(1e3, rel=1e-2)
     assert data["time"].values[1] == pytest.approx(0.01)
+
+
+def test_several_files_are_read_alike_and_go_by_their_names(path, tmp_path):
+    other = tmp_path / "b.csv"
+    other.write_text(Path(path).read_text())
+    reading = Reading(sampling_rate=100.0, between=(0.5, 1.0), units=("F=kN", "x=mm"))
+    found = load_records((path, str(other)), MODEL, reading)
+    assert list(found) == ["a", "b"]
+    for data in found.values():
+        assert data.sizes["time"] == 51
+        assert float(abs(data["F"]).max()) > 100
+    (tmp_path / "again").mkdir()
+    same = tmp_path / "again" / "a.csv"
+    same.write_text(Path(path).read_text())
+    assert list(load_records((path, str(same)), MODEL, reading)) == [path, str(same)]
+    with pytest.raises(InvalidInputError, match=r"a.csv twice, expected each file once"):
+        load_records((path, path), MODEL, reading)
 
 
 def test_a_unit_without_its_column_is_refused(path):

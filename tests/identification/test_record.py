@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,7 +13,7 @@ from robustpolish.identification.record import (
     repetition,
 )
 from robustpolish.models import Dof, Input, Spring
-from tests.identification.oscillators import PLACE, RATE, oscillator, record
+from tests.identification.oscillators import PLACE, RATE, of_rig, oscillator, record, rig
 
 
 def test_a_part_of_a_part_knows_where_it_is():
@@ -47,6 +49,76 @@ def test_a_gain_may_convert_the_unit_of_an_input():
 
 def test_outputs_are_asked_for_only_where_they_are_needed():
     assert "F" in checked_data(oscillator(), record()[["F"]], outputs=False)
+
+
+def test_several_records_stand_one_behind_the_other():
+    """Each on its own clock; parts know whose they are, and what goes on from what."""
+    one, two = record(600), record(400, seed=1)
+    two = two.assign_coords(time=two["time"] + 100.0)
+    whole = record_of(oscillator(), {"soft": one, "hard": two})
+    assert (whole.samples, whole.marks, whole.names) == (1000, [0, 600, 1000], ("soft", "hard"))
+    assert whole.dt == pytest.approx(1 / RATE)
+    np.testing.assert_array_equal(whole.time, [*one["time"].values, *two["time"].values])
+    np.testing.assert_allclose(whole.axis, np.arange(1000) / RATE)
+    soft, hard = whole.parts
+    assert [(p.name, p.first, p.samples) for p in (soft, hard)] == [
+        ("soft", 0, 600),
+        ("hard", 600, 400),
+    ]
+    np.testing.assert_array_equal(hard.Y[:, 0], two["x"].values)
+    middle = whole.part(500, 700)
+    assert [(p.name, p.samples) for p in middle.parts] == [("soft", 100), ("hard", 100)]
+    assert hard.part(50, 60).start == pytest.approx(100.1)
+    assert hard.part(50, 60).follows(hard.part(20, 50))
+    assert not hard.follows(soft)
+    assert not hard.part(50, 60).follows(soft)
+
+
+def test_inputs_begin_anew_with_each_record():
+    """No derivative of an imposed displacement sees the jump from one to the next."""
+    model = replace(rig(), inputs=[Input("x", PLACE, "displacement")])
+    one = of_rig()
+    whole = record_of(model, [one, -one, one.isel(time=slice(0, 300))])
+    alone = record_of(model, one).signals(model)
+    found = whole.signals(model)
+    np.testing.assert_array_equal(found[:1000], alone)
+    np.testing.assert_allclose(found[1000:2000], -alone, atol=1e-12)
+    assert found.shape == (2300, alone.shape[1])
+
+
+def test_a_joined_record_is_taken_for_what_it_is():
+    whole = record_of(oscillator(), [record(600), record(400, seed=1)])
+    again = record_of(oscillator(), whole.data)
+    assert (again.names, again.marks) == (whole.names, whole.marks)
+    np.testing.assert_array_equal(again.times, whole.times)
+
+
+def test_each_of_several_records_has_to_be_long_enough():
+    whole = record_of(oscillator(), {"run": record(), "stub": record().isel(time=slice(0, 50))})
+    with pytest.raises(InvalidInputError, match="50 samples in 'stub', expected at least 60"):
+        long_enough(oscillator(), whole)
+
+
+SEVERAL = {
+    "none": ([], "no record at all"),
+    "other channels": (
+        {"a": record(), "b": record()[["F"]], "c": record()[["F"]]},
+        "'x' in 'a', but not in 'b', 'c', expected the same channels",
+    ),
+    "a channel that all lack": ([record()[["F"]]] * 2, "record 1: data: got no column 'x'"),
+    "empty": ([record(), record().isel(time=slice(0, 0))], "record 2: data: got 0 samples"),
+    "other rates": (
+        [record(), record().assign_coords(time=record()["time"] * 1.5)],
+        "whole multiples of the lowest",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", SEVERAL)
+def test_several_refused(case):
+    given, message = SEVERAL[case]
+    with pytest.raises(InvalidInputError, match=message):
+        record_of(oscillator(), given)
 
 
 def test_how_long_a_record_has_to_be():

@@ -12,8 +12,9 @@ from .call_path import design_for_four_states, design_for_two_states, diagnosis,
 MOST_FILES_OF_A_DESIGN = 21
 # It was 20 functions; this is what is left of them, lest it grow again.
 MOST_DEPTH_OF_A_DESIGN = 15
-# It was 79 files, effects that are tried included; they are not counted: each has its own.
-MOST_FILES_OF_A_DIAGNOSIS = 40
+# It was 79 files, effects that are tried included; they are not counted: each has its own. Forty,
+# and what several records need: how they are joined, which are held out, what repeats tell.
+MOST_FILES_OF_A_DIAGNOSIS = 43
 
 
 @pytest.mark.parametrize("call", [design_for_two_states, design_for_four_states])

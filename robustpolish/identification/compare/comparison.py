@@ -56,6 +56,40 @@ class OutputError:
         return 100 * (1 - share * self.band[1]), 100 * (1 - share * self.band[0])
 
 
+def _nrmse(outputs: Mapping[str, OutputError]) -> float:
+    """Return the root of the mean squared NRMSE of outputs."""
+    return float(np.sqrt(np.mean([error.nrmse**2 for error in outputs.values()])))
+
+
+@dataclass(frozen=True, eq=False)
+class RecordError:
+    """The errors of one record, which may be one of several.
+
+    Attributes
+    ----------
+    outputs : dict of str to OutputError
+        Errors by output.
+    starts : ndarray, shape (runs, n)
+        As of :class:`Comparison`.
+    reproducibility : Reproducibility
+        Of the free run over this record.
+    """
+
+    outputs: Mapping[str, OutputError]
+    starts: np.ndarray
+    reproducibility: Reproducibility
+
+    @property
+    def nrmse(self) -> float:
+        """Root of the mean squared NRMSE of the outputs."""
+        return _nrmse(self.outputs)
+
+    @property
+    def fit_percent(self) -> float:
+        """100 (1 - NRMSE) over all outputs."""
+        return 100 * (1 - self.nrmse)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Displayed):
     """A model held against data.
@@ -64,11 +98,12 @@ class Comparison(Displayed):
     ----------
     model : MechanicalModel
     data : xarray.Dataset
-        Inputs and measured outputs over ``time``.
+        Inputs and measured outputs over ``time``. Several records stand one behind the other, over
+        a time that runs on; their coordinates ``record`` and ``own_time`` say which and when.
     simulated : xarray.Dataset
         The model's outputs; NaN where there is no prediction yet.
     outputs : dict of str to OutputError
-        Errors by output.
+        Errors by output, over all records.
     method : str
         ``"free run"``, ``"windows"`` or ``"prediction"``.
     span : float or None
@@ -76,11 +111,14 @@ class Comparison(Displayed):
     starts : ndarray, shape (runs, n)
         Estimated starts: free displacements, velocities, internal states of effects.
     reproducibility : Reproducibility
+        Of several records that of the first whose run is not reproducible, if there is one.
     band : xarray.Dataset or None
         Half width of the 95 % band of the simulated outputs that the parameters' standard errors
         cause, if these were given.
     notes : tuple of str
         What has to be known to judge the figures.
+    records : dict of str to RecordError
+        The errors of each record by its name, ``"record 1"`` if it has none.
 
     Examples
     --------
@@ -107,11 +145,12 @@ class Comparison(Displayed):
     reproducibility: Reproducibility
     band: xr.Dataset | None = None
     notes: tuple[str, ...] = field(default_factory=tuple)
+    records: Mapping[str, RecordError] = field(default_factory=dict)
 
     @property
     def nrmse(self) -> float:
         """Root of the mean squared NRMSE of the outputs."""
-        return float(np.sqrt(np.mean([error.nrmse**2 for error in self.outputs.values()])))
+        return _nrmse(self.outputs)
 
     @property
     def fit_percent(self) -> float:
@@ -159,6 +198,14 @@ class Comparison(Displayed):
             "method": self.method,
             "span": self.span,
             "reproducible": self.reproducible,
+            "records": {
+                name: {
+                    "nrmse": {output: error.nrmse for output, error in record.outputs.items()},
+                    "fit_percent": record.fit_percent,
+                    "reproducible": record.reproducibility.reproducible,
+                }
+                for name, record in self.records.items()
+            },
             "notes": list(self.notes),
         }
 
@@ -206,4 +253,13 @@ class Comparison(Displayed):
         )
         columns = ("output", "fit [%]", "NRMSE", "RMS error", "95 % from", "to", "unit")
         title = f"Comparison ({how}), fit {self.fit_percent:.2f} %"
-        return Card(title, (Table("", columns, rows),), self.notes)
+        tables = [Table("", columns, rows)]
+        if len(self.records) > 1:
+            each = tuple(
+                (record, error.name, float(f"{error.fit_percent:.2f}"), error.rmse, error.unit)
+                for record, errors in self.records.items()
+                for error in errors.outputs.values()
+            )
+            head = ("record", "output", "fit [%]", "RMS error", "unit")
+            tables.append(Table("Record by record", head, each))
+        return Card(title, tuple(tables), self.notes)

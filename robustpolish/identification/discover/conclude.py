@@ -168,7 +168,7 @@ def _diagnosis(
         covariance=covariance,
         reasons=(*search.reasons, *verdict.reasons),
         reproducible=calm,
-        time=record.time,
+        time=record.axis,
     )
 
 
@@ -179,7 +179,8 @@ def _floor(model: MechanicalModel, search: Search, calm: bool) -> Array:
     pieces = prepared.everything if calm else prepared.windows
     started = prepared.with_fitted_starts(run, with_rest(model, pieces))
     motion = run.over_all(started).outputs
-    return noise_floor(prepared.record.Y - motion, motion, prepared.scales.noise)
+    known = prepared.repeats is not None
+    return noise_floor(prepared.record.Y - motion, motion, prepared.scales.noise, known)
 
 
 def _whole_error(model: MechanicalModel, search: Search, calm: bool) -> Array:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-
-import xarray as xr
+from typing import Any
 
 from robustpolish.identification.discover.conclude import add_wrong_gains, conclude
 from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of
@@ -12,7 +11,7 @@ from robustpolish.identification.discover.judge import chosen, judgement, object
 from robustpolish.identification.discover.own_numbers import refit_own, with_holds
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.findings.diagnosis import Diagnosis
-from robustpolish.identification.fit.prepared import prepare
+from robustpolish.identification.fit.prepared import PreparedRecord, prepare
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, record_of
 from robustpolish.identification.screening.filtered import null_score
@@ -24,7 +23,7 @@ from robustpolish.models.mechanical import MechanicalModel
 @same_bits
 def diagnose(
     model: MechanicalModel,
-    data: xr.Dataset,
+    data: Any,
     progress: Callable[[str], None] | None = None,
     *,
     _policy: Policy = POLICY,
@@ -34,8 +33,10 @@ def diagnose(
     Parameters
     ----------
     model : MechanicalModel
-    data : xarray.Dataset
-        Inputs and outputs of the model by name over uniform ``time``, SI units.
+    data : xarray.Dataset, path or pandas.DataFrame, or a sequence or mapping of them
+        Inputs and outputs of the model by name over uniform ``time``, SI units. Several records,
+        such as blows of different strength, have the numbers of the machine in common, and each a
+        start of its own. They may differ in length, and in sampling rate by whole factors.
     progress : callable, optional
         Called with a short text at every step.
 
@@ -46,7 +47,8 @@ def diagnose(
     Raises
     ------
     InvalidInputError
-        If columns are missing or the record is too short.
+        If columns are missing or a record is too short; if there is no record, or several that
+        differ in their channels.
 
     Notes
     -----
@@ -57,6 +59,15 @@ def diagnose(
     windows that grow and ranked on held-out blocks. An effect is added if
     the held-out error falls visibly, its sign is physical and its parameters are
     determined; then the search starts again.
+
+    Of records that move alike, by the same inputs and within a factor of two in amplitude, a third
+    is held out as a whole (one of two). Of those that have not their like blocks are held out, as
+    of one record: a law that shows in the smallest motion alone is to be judged there. Records
+    that repeat each other give the noise floor.
+
+    What depends on time, such as an unbalance or a harmonic force, has one phase at time 0 of every
+    record. Keep the time of the clock where one recording was cut into several; after triggers that
+    are not locked to the phase each record needs a diagnosis of its own for that.
 
     Examples
     --------
@@ -74,7 +85,7 @@ def diagnose(
 
 
 def _diagnose(
-    model: MechanicalModel, data: xr.Dataset, say: Callable[[str], None], policy: Policy
+    model: MechanicalModel, data: Any, say: Callable[[str], None], policy: Policy
 ) -> Diagnosis:
     record = long_enough(model, record_of(model, data))
     prepared = prepare(model, record, policy)
@@ -84,11 +95,26 @@ def _diagnose(
     own, guided = refit_own(held, prepared)
     steps = [("base", model), ("refit", own.model)]
     search = Search(prepared, held, say, linear=own, stage=own, guided=guided, steps=steps)
+    search.reasons += _of_records(prepared)
     while search.added < policy.most_effects and _add_one(search):
         pass
     # only now: as long as something is missing, a fit bends masses and springs alike
     add_wrong_gains(search)
     return conclude(search, model)
+
+
+def _of_records(prepared: PreparedRecord) -> list[str]:
+    """Say what several records are used for."""
+    said = []
+    if prepared.repeats is not None:
+        said.append(f"{prepared.repeats.names} repeat each other: their difference is the noise.")
+    kept = {piece.record.name for piece in prepared.estimation}
+    held = dict.fromkeys(piece.record.name for piece in prepared.held_out)
+    whole = [name for name in held if name not in kept]
+    if whole:
+        blocks = [f"blocks of {name}" for name in held if name in kept]
+        said.append(f"Held out to judge: {', '.join([*whole, *blocks])}.")
+    return said
 
 
 def _add_one(search: Search) -> bool:

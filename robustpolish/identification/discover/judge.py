@@ -19,7 +19,6 @@ from robustpolish.identification.record import Record, repetition
 from robustpolish.identification.screening.candidates import rivals
 from robustpolish.identification.screening.screen import ScreenedEffect
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.simulation.signals import signals
 
 _SHIFTS = 0.1
 """Share by which the frequency of a decay may shift with its amplitude."""
@@ -108,14 +107,13 @@ def line_of_motion(effect: Effect, model: MechanicalModel, record: Record) -> st
         return None
     if not model.inputs and _swings_at(model, effect.values[frequency], record):
         return "in a free decay the machine swings at this frequency by itself"
-    inputs = signals(model, record.data)
-    period = repetition(inputs, record.dt)
-    if period is None:
-        return None
-    turns = effect.values[frequency] * period
-    if abs(turns - round(turns)) > 0.5 * period / (len(inputs) * record.dt):
-        return None
-    return f"the inputs repeat every {period:.4g} s, and what they move has this line too"
+    inputs = record.signals(model)
+    for part in record.parts:
+        period = repetition(part.own(inputs), part.dt)
+        turns = effect.values[frequency] * (period or np.nan)
+        if period and abs(turns - round(turns)) <= 0.5 * period / (part.samples * part.dt):
+            return f"the inputs repeat every {period:.4g} s, and what they move has this line too"
+    return None
 
 
 def _swings_at(model: MechanicalModel, frequency: float, record: Record) -> bool:

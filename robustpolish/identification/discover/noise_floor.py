@@ -3,6 +3,7 @@
 What a model does wrong is a part of the motion: where the spectrum of the errors exceeds that of
 the motion itself, they are noise. The colour of that noise, of first order, tells how much of it
 lies under the motion (P. Whittle 1953, Arkiv foer Matematik 2, 423-434, on fits to spectra).
+Records that repeat each other need none of that, see :mod:`robustpolish.identification.repeats`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ _POLES = np.linspace(0.0, 0.95, 39)
 _FEWEST = 8
 
 
-def noise_floor(errors: Array, motion: Array, least: Array) -> Array:
+def noise_floor(errors: Array, motion: Array, least: Array, known: bool = False) -> Array:
     """Return the standard deviation of the noise of each output.
 
     Parameters
@@ -25,13 +26,17 @@ def noise_floor(errors: Array, motion: Array, least: Array) -> Array:
         Of a model's runs, and its outputs there.
     least : ndarray, shape (ny,)
         Noise that is seen in the quietest band of the record, if the motion hides all other.
+    known : bool, optional
+        Whether `least` is the noise itself, as records show it that repeat each other.
 
     Returns
     -------
     ndarray, shape (ny,)
         At most the error.
     """
-    found = [_floor(e, y, low) for e, y, low in zip(errors.T, motion.T, least, strict=True)]
+    found = least
+    if not known:
+        found = [_floor(e, y, low) for e, y, low in zip(errors.T, motion.T, least, strict=True)]
     return np.minimum(found, np.sqrt(np.mean(errors**2, axis=0)))
 
 

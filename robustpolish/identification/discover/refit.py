@@ -39,8 +39,10 @@ def refit(
     ----------
     model : MechanicalModel
         Start values; effects that were added without parameters get theirs from screening.
-    data : xarray.Dataset
-        Inputs and outputs by name over ``time``, SI units. Or frequency responses, as
+    data : xarray.Dataset, path or pandas.DataFrame, or a sequence or mapping of them
+        Inputs and outputs by name over ``time``, SI units. Several records have the numbers of the
+        machine in common and each a start of its own; phases are those at time 0 of every record,
+        see :func:`robustpolish.diagnose`. Or frequency responses, as
         :func:`robustpolish.read_frequency_response` reads and returns them: the linear part is
         fitted to them, effects linearised.
     progress : callable, optional
@@ -53,7 +55,8 @@ def refit(
     Raises
     ------
     InvalidInputError
-        If columns are missing or the record is too short.
+        If columns are missing or a record is too short; if there is no record, or several that
+        differ in their channels.
 
     Examples
     --------

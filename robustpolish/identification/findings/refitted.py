@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import lmfit
 import numpy as np
@@ -43,6 +44,8 @@ class Refit(Displayed):
     >>> fitted = rp.refit(model.with_effect("coulomb_friction", ("x", "ground")), data)
     >>> round(fitted.model.parameters["effect[0].force"], 1), fitted.undetermined
     (3.0, ())
+    >>> sorted(fitted.to_dict()["parameters"]["effect[0].force"])
+    ['determined', 'stderr', 'unit', 'value']
     >>> fitted.plot().get_xlabel()
     'relative standard error [%]'
     """
@@ -80,6 +83,27 @@ class Refit(Displayed):
             ax,
             meaning=("determined", "left open by the data"),
         )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as in the JSON of ``robustpolish refit``.
+
+        Returns
+        -------
+        dict
+        """
+        values = self.model.parameters
+        return {
+            "parameters": {
+                key: {
+                    "value": values[key],
+                    "stderr": error,
+                    "unit": self.units[key],
+                    "determined": key not in self.undetermined,
+                }
+                for key, error in self.stderr.items()
+            },
+            "nrmse": dict(self.nrmse),
+        }
 
     def _card(self) -> Card:
         values = self.model.parameters

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robustpolish.arrays import Array
+from robustpolish.identification.fit.held_out import sides
 from robustpolish.identification.observer.kalman import (
     FREE,
     Level,
@@ -27,14 +28,10 @@ from robustpolish.identification.observer.run import (
     state_sizes,
 )
 from robustpolish.identification.policy import Policy
-from robustpolish.identification.record import Record
+from robustpolish.identification.record import Record, least_samples
+from robustpolish.identification.repeats import Repeats, repeats
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid
-
-# Two held-out pieces, 30 % of the record, between those for estimation; free decays keep their
-# beginning, where the amplitude is, for estimation.
-_MARKS = (0.0, 0.4, 0.55, 0.85, 1.0)
-_MARKS_OF_DECAYS = (0.0, 0.35, 0.65, 0.9, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +56,8 @@ class PreparedRecord:
         What the linear model's observer made of the record.
     short : int
         Samples of short windows.
+    repeats : Repeats or None
+        Noise that records show which repeat each other; `scales` holds it too.
     """
 
     record: Record
@@ -73,6 +72,7 @@ class PreparedRecord:
     windows: list[StartedPiece]
     motion_before: Smoothed
     short: int
+    repeats: Repeats | None = None
 
     def spans(self, pieces: Sequence[StartedPiece], growth: int = 2) -> list[int]:
         """Return the lengths of windows that grow from a few swings to whole pieces."""
@@ -124,9 +124,8 @@ class PreparedRecord:
         seen = self.runner(model).run(model).over_all(started, keep=True).internal
         ends = np.cumsum([p.record.samples for p in started]) - 1
         for i in range(1, len(started)):
-            before, here = started[i - 1].record, started[i]
-            end = seen[ends[i - 1]]
-            if before.first + before.samples == here.record.first and np.isfinite(end).all():
+            here, end = started[i], seen[ends[i - 1]]
+            if here.record.follows(started[i - 1].record) and np.isfinite(end).all():
                 internal = here.start.internal.copy()
                 internal[known:] = end[known:]
                 started[i] = StartedPiece(here.record, Start(here.start.state, internal))
@@ -139,15 +138,20 @@ class PreparedRecord:
 
     @property
     def screened(self) -> Record:
-        """The contiguous part of the record that is screened: the liveliest."""
-        policy, record = self.policy, self.record
+        """The contiguous part of a record that is screened: the liveliest."""
+        policy = self.policy
         most = policy.screened if self.motion_sizes.size else policy.screened_imposed
-        length = min(record.samples, most)
-        power = np.sum((record.Y / np.std(record.Y, axis=0)) ** 2, axis=1)
-        total = np.concatenate([[0.0], np.cumsum(power)])
-        starts = np.arange(0, record.samples - length + 1, max(1, length // 20))
-        begin = int(starts[np.argmax(total[starts + length] - total[starts])])
-        return record.part(begin, begin + length)
+        size = np.std(self.record.Y, axis=0)
+        found = []
+        for record in self.record.parts:
+            length = min(record.samples, most)
+            power = np.sum((record.Y / size) ** 2, axis=1)
+            total = np.concatenate([[0.0], np.cumsum(power)])
+            starts = np.arange(0, record.samples - length + 1, max(1, length // 20))
+            gathered = total[starts + length] - total[starts]
+            begin = int(starts[np.argmax(gathered)])
+            found.append((float(np.max(gathered)), record.part(begin, begin + length)))
+        return max(found, key=lambda item: item[0])[1]
 
     def runner(self, model: MechanicalModel, level: Level = FREE) -> Runner:
         """Return what runs a model and those that are tried in its place, led at a level."""
@@ -182,26 +186,29 @@ def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedR
             "motions that the model can have",
             "Check the units of the columns, and the model's masses and stiffnesses.",
         ) from error
-    samples = record.samples
-    marks = _MARKS if model.inputs else _MARKS_OF_DECAYS
-    a, b, c, d, e = (round(samples * mark) for mark in marks)
-    short = max(policy.shortest_window, samples // policy.windows)
-    length = short if drifts(model, samples * record.dt) else samples
+    repeated = repeats(model, record)
+    if repeated is not None:
+        scales = replace(scales, noise=repeated.noise)
+    kept, judges = sides(model, record)
+    first = max(2 * policy.trial // len(kept), policy.trial // 4, least_samples(model))
+    short = max(policy.shortest_window, record.samples // policy.windows)
+    longest = max(part.samples for part in record.parts)
+    length = short if drifts(model, longest * record.dt) else longest
 
-    def pieces(*ranges: tuple[int, int], length: int = length) -> list[StartedPiece]:
-        cut = [(begin, end) for part in ranges for begin, end in _windows(part, length)]
+    def pieces(parts: Sequence[Record], length: int = length) -> list[StartedPiece]:
+        cut = [part.part(*ends) for part in parts for ends in _windows((0, part.samples), length)]
         return with_rest(
-            model, [StartedPiece(record.part(*part), motion.start(linear, part[0])) for part in cut]
+            model, [StartedPiece(part, motion.start(linear, part.first)) for part in cut]
         )
 
     return PreparedRecord(
         record, policy, scales, amplitude, _motion_sizes(model, motion),
-        estimation=pieces((a, b), (c, d)),
-        trial=pieces((a, min(b, a + policy.trial)), (c, min(d, c + policy.trial))),
-        held_out=pieces((b, c), (d, e)),
-        everything=pieces((0, samples)),
-        windows=pieces((0, samples), length=short),
-        motion_before=motion, short=short,
+        estimation=pieces(kept),
+        trial=pieces([part.part(0, min(first, part.samples)) for part in kept]),
+        held_out=pieces(judges),
+        everything=pieces(record.parts),
+        windows=pieces(record.parts, length=short),
+        motion_before=motion, short=short, repeats=repeated,
     )  # fmt: skip
 
 

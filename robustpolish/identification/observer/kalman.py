@@ -17,7 +17,6 @@ from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
 from robustpolish.models.mechanical.ports import port_matrices
-from robustpolish.simulation.signals import signals
 from robustpolish.simulation.step import step_matrices
 from robustpolish.simulation.system import NonlinearSystem
 
@@ -179,8 +178,8 @@ def riccati(F: Array, C: Array, Q: Array, R: Array, N: Array) -> Array:
 
 def scales_of(model: MechanicalModel, record: Record) -> Scales:
     """Return the sizes that an observer of this record needs."""
-    W = signals(model, record.data)
-    noise = np.array([white_noise(y, record.dt) for y in record.Y.T])
+    W = record.own(record.signals(model))
+    noise = np.array([_quietest(record, i) for i in range(len(model.outputs))])
     bandwidth = excited_bandwidth(model, record)
     m = model.matrices
     inputs = np.std(W, axis=0) if W.shape[1] else np.zeros(0)
@@ -200,6 +199,12 @@ def scales_of(model: MechanicalModel, record: Record) -> Scales:
     return Scales(noise, np.maximum(force, 1e-300), inputs, bandwidth, bandwidth / share)
 
 
+def _quietest(record: Record, i: int) -> float:
+    """Return the noise of an output: of several records the one with the least motion shows it."""
+    moving = [part.Y[:, i] for part in record.parts if np.ptp(part.Y[:, i]) > 0]
+    return min((white_noise(y, record.dt) for y in moving), default=1.0)
+
+
 def white_noise(y: Array, dt: float) -> float:
     """Return the standard deviation of white noise that the quietest band allows for."""
     y = y - np.mean(y)
@@ -216,8 +221,7 @@ def excited_bandwidth(model: MechanicalModel, record: Record) -> float:
     """Return the frequency in rad/s below which the motion happens."""
     highest = 0.0
     for i, output in enumerate(model.outputs):
-        y = record.Y[:, i] - np.mean(record.Y[:, i])
-        frequency, density = welch(y, 1 / record.dt, nperseg=min(2048, max(len(y) // 2, 1)))
+        frequency, density = _spectrum(record, i)
         omega = 2 * np.pi * frequency
         order = {DISPLACEMENT: 0, VELOCITY: 2, ACCELERATION: 4}.get(output.quantity, 0)
         # what leaks from a strong line towards zero frequency would pass for a large displacement
@@ -226,6 +230,18 @@ def excited_bandwidth(model: MechanicalModel, record: Record) -> float:
         if power.size and power[-1] > 0:
             highest = max(highest, float(omega[1:][np.searchsorted(power, 0.98 * power[-1])]))
     return highest or 0.2 / record.dt
+
+
+def _spectrum(record: Record, i: int) -> tuple[Array, Array]:
+    """Return frequencies in Hz and the density of an output, the mean over all records."""
+    parts = record.parts
+    lines = min(2048, max(max(part.samples for part in parts) // 2, 1))
+    total: Array = np.zeros(lines // 2 + 1)
+    for part in parts:
+        length = min(lines, max(part.samples // 2, 1))
+        _, density = welch(part.Y[:, i], 1 / record.dt, nperseg=length, nfft=lines)
+        total += part.samples / record.samples * density
+    return np.arange(total.size) / (lines * record.dt), total
 
 
 def amplitude_of(model: MechanicalModel, record: Record, bandwidth: float) -> float:

@@ -22,7 +22,7 @@ from robustpolish.models.mechanical.ports import (
     port_rows,
 )
 from robustpolish.simulation.run import NonlinearResponse
-from robustpolish.simulation.signals import raw_outputs, signals
+from robustpolish.simulation.signals import raw_outputs
 
 _START = 3.0
 # Levels of a model that may be nearly right, to predict with and to see the motion.
@@ -60,6 +60,12 @@ class Smoothed:
         free = model.matrices.free
         state = np.concatenate([self.q[free, sample], self.v[free, sample]])
         return Start(state, self.internal[sample])
+
+
+_AXES = (
+    ("q", 1), ("v", 1), ("a", 1), ("force", 1), ("inputs", 0), ("outputs", 0), ("internal", 0),
+)  # fmt: skip
+"""Along which axis the samples of each field are."""
 
 
 def known_forces(
@@ -127,10 +133,26 @@ def smooth(
     """Return motion and missing force along a record, led by the data as far as they ask for.
 
     Effects of the model enter as known forces along the motion that a forward pass of the
-    nonlinear observer finds. Arguments as of :func:`following`.
+    nonlinear observer finds. Each of several records is smoothed by itself. Arguments as of
+    :func:`following`.
     """
+    each = [_smooth(model, part, scales, amplitude, levels) for part in record.parts]
+    if len(each) == 1:
+        return each[0]
+    rows = {name: np.concatenate([getattr(s, name) for s in each], axis) for name, axis in _AXES}
+    return Smoothed(**rows)
+
+
+def _smooth(
+    model: MechanicalModel,
+    record: Record,
+    scales: Scales,
+    amplitude: float,
+    levels: Sequence[Level],
+) -> Smoothed:
+    """Smooth one record, or a contiguous part of one."""
     level, seen = following(model, record, scales, amplitude, levels)
-    W, time = record.own(signals(model, record.data)), record.time
+    W, time = record.own(record.signals(model)), record.time
     Y = raw_outputs(model, record.Y, time)
     observer = LinearObserver(model, record.dt, level, scales)
     sizes = _start_sizes(model, scales, amplitude)
@@ -159,7 +181,7 @@ def observed(model: MechanicalModel, record: Record) -> NonlinearResponse:
 
 def observed_motion(model: MechanicalModel, record: Record) -> Smoothed | None:
     """Return the smoothed motion of a record; None if it is too short or cannot be followed."""
-    if record.samples < least_samples(model):
+    if min(part.samples for part in record.parts) < least_samples(model):
         return None
     scales = scales_of(model, record)
     amplitude = amplitude_of(model, record, scales.bandwidth)

@@ -23,7 +23,6 @@ from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.ports import dynamic_effects
 from robustpolish.simulation.run import NonlinearResponse, Stepper
-from robustpolish.simulation.signals import signals
 from robustpolish.simulation.system import NonlinearSystem, build_system, needed_substeps
 
 
@@ -98,10 +97,10 @@ class Runner:
 
     def inputs(self, model: MechanicalModel, record: Record) -> Array:
         """Return the model's input signals over a record, shape (samples, signals)."""
-        key = (record.data, model if self._moves_inputs else None)
+        key = (record.sets, model if self._moves_inputs else None)
         known = self._inputs
         if known is None or any(a is not b for a, b in zip(known[0], key, strict=True)):
-            known = self._inputs = (key, signals(model, record.data))
+            known = self._inputs = (key, record.signals(model))
         return record.own(known[1])
 
 

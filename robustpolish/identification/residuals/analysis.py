@@ -192,7 +192,8 @@ def residual_analysis(
     Parameters
     ----------
     comparison : Comparison
-        Of :func:`robustpolish.compare`.
+        Of :func:`robustpolish.compare`. Several records are analysed together, one behind the
+        other over the time that ``comparison.data`` has.
     contact : str or ndarray of bool, optional
         When there is contact: a column of the data (contact where it is above 2 % of its largest
         size), or one value for each sample. By default a column with "contact" in its name.
@@ -207,7 +208,8 @@ def residual_analysis(
     Raises
     ------
     InvalidInputError
-        If the run diverged, has less than 64 samples, or `contact` does not fit.
+        If the run diverged, has less than 64 samples, or `contact` does not fit; for predictions
+        of several records.
 
     Examples
     --------
@@ -266,6 +268,10 @@ def residual_analysis(
 def _clean(comparison: Comparison) -> xr.Dataset:
     """Return the residual without the samples before the first prediction."""
     residual = comparison.residual
+    if comparison.method == "prediction" and len(comparison.records) > 1:
+        shown = described(f"predictions of {len(comparison.records)} records")
+        remedy = "Compare them in free runs or windows, or one by one."
+        raise invalid("comparison", shown, "those of one record", remedy)
     good = np.all([np.isfinite(residual[name].values) for name in comparison.outputs], axis=0)
     if comparison.method == "prediction" and good.any():
         first = int(np.argmax(good))

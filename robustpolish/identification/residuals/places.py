@@ -91,10 +91,10 @@ def _motion(comparison: Comparison) -> tuple[Array, Array, Array, bool]:
     found = observed_motion(model, record)
     if found is not None:
         return found.q, found.v, found.force, True
-    run = free_run(model, record)
-    start = rest(model).with_vector(comparison.starts[0])
-    states = run.over(StartedPiece(record, start), keep=True).states
-    q, v = motion_of(model, np.nan_to_num(states), run.runner.inputs(model, record))
+    starts = [rest(model).with_vector(error.starts[0]) for error in comparison.records.values()]
+    pieces = [StartedPiece(*piece) for piece in zip(record.parts, starts, strict=True)]
+    states = free_run(model, record).over_all(pieces, keep=True).states
+    q, v = motion_of(model, np.nan_to_num(states), record.signals(model))
     return q, v, np.full((len(force_sites(model)[0]), record.samples), np.nan), False
 
 

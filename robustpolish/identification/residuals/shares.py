@@ -140,7 +140,7 @@ def phase_shares(residual: xr.Dataset, spin_frequency: float, bins: int) -> xr.D
     ----------
     residual : xarray.Dataset
     spin_frequency : float
-        In Hz; the phase is 0 at time 0.
+        In Hz; the phase is 0 at time 0, of each of several records on its own clock.
     bins : int
 
     Returns
@@ -149,7 +149,8 @@ def phase_shares(residual: xr.Dataset, spin_frequency: float, bins: int) -> xr.D
         Over ``phase`` in rad; the coordinate ``mean`` (output, phase) is the error averaged in
         phase with the spin, in the unit of the output.
     """
-    turns = np.mod(residual["time"].values * spin_frequency, 1.0)
+    time = residual["own_time" if "own_time" in residual.coords else "time"].values
+    turns = np.mod(time * spin_frequency, 1.0)
     index = np.minimum((turns * bins).astype(int), bins - 1)
     count = np.bincount(index, minlength=bins)
     rows = [np.bincount(index, e**2, bins) for e in _rows(residual)]

@@ -54,6 +54,55 @@ def test_decays_keep_their_beginning_and_half_of_the_rest_for_the_fit():
     assert ranges(prepared.held_out) == [(350, 650), (900, 1000)]
 
 
+def loud(times, samples=1000):
+    """A record so many times as large."""
+    return record(samples, noise=0.01).map(lambda values: times * values)
+
+
+def test_starts_and_memory_are_those_of_each_record():
+    data = [record(1000, start, noise=0.001) for start in [(0.02, 0.0), (-0.02, 0.1)]]
+    prepared = prepared_of(oscillator(), data)
+    clean = [record(1000, start)["x"].values[0] for start in [(0.02, 0.0), (-0.02, 0.1)]]
+    for piece, x in zip(prepared.everything, clean, strict=True):
+        assert piece.start.state[0] == pytest.approx(x, abs=1e-4)
+    values = {"force": 0.5, "static_force": 0.6, "velocity": 0.1, "stiffness": 3e3}
+    model = oscillator().with_effect("lugre_friction", PLACE, values)
+    windows = prepared.windows_of(oscillator(), prepared.everything, 500)
+    remembered = [p.start.internal[0] for p in prepared.with_memory(model, windows)]
+    assert remembered[0] == remembered[2] == 0.0
+    assert min(abs(remembered[1]), abs(remembered[3])) > 1e-6
+
+
+def test_repeats_say_how_large_the_noise_is():
+    data = [record(2000, noise=0.03, seed=0), record(2000, noise=0.03, seed=0)]
+    noise = 0.03 * np.std(record(2000)["x"].values)
+    assert prepared_of(oscillator(), data).repeats is None  # one and the same
+    white = np.random.default_rng(5).standard_normal(2000)
+    data[1] = record(2000).assign(x=record(2000)["x"] + noise * white)
+    prepared = prepared_of(oscillator(), data)
+    assert prepared.repeats.pairs == (("record 1", "record 2"),)
+    assert prepared.scales.noise[0] == pytest.approx(noise, rel=0.1)
+
+
+def test_pieces_of_several_records():
+    """As many samples are tried as of one record."""
+    data = [loud(times) for times in (10, 1, 12, 1.3, 15, 1.2)]
+    prepared = prepared_of(oscillator(), data)
+    assert [(p.record.name, p.record.samples) for p in prepared.held_out] == [
+        ("record 3", 1000),
+        ("record 6", 1000),
+    ]
+    assert [p.record.samples for p in prepared.trial] == [1000] * 4
+    assert ranges(prepared.everything) == [(1000 * i, 1000 * (i + 1)) for i in range(6)]
+    few = prepared_of(oscillator(), data, Policy(trial=500))
+    assert [p.record.samples for p in few.trial] == [250] * 4
+
+
+def test_the_liveliest_of_several_records_is_screened():
+    prepared = prepared_of(oscillator(), [loud(1), loud(3), loud(2)])
+    assert (prepared.screened.first, prepared.screened.samples) == (1000, 1000)
+
+
 def test_what_integrates_is_run_in_short_pieces():
     assert drifts(oscillator(springs=[]), 100.0)
     assert not drifts(oscillator(), 100.0)

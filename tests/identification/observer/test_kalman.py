@@ -37,6 +37,18 @@ def seen(quantity, signal):
     return model, record_of(model, data)
 
 
+def test_scales_of_several_records_are_those_of_one():
+    """The jump from record to record is no motion; the quietest record shows the noise best."""
+    one, other = record(4000, noise=0.01), record(3000, (0.1, 0.0), noise=0.01, seed=1)
+    alone = scales_of(oscillator(), record_of(oscillator(), one))
+    both = scales_of(oscillator(), record_of(oscillator(), [one, other, one]))
+    assert both.bandwidth == pytest.approx(alone.bandwidth, rel=0.1)
+    noise = 0.01 * np.std(record(4000)["x"].values)
+    assert both.noise[0] == pytest.approx(noise, rel=0.3)
+    loud = one.assign(x=one["x"] + np.random.default_rng(0).standard_normal(4000))
+    assert scales_of(oscillator(), record_of(oscillator(), [loud, one])).noise[0] == alone.noise[0]
+
+
 @pytest.mark.parametrize("units", [1.0, 1e-9])
 def test_the_riccati_equation_is_solved(units):
     """Against SciPy's solver in ordinary units; in odd ones the solution scales with them."""

@@ -50,6 +50,24 @@ def test_a_hidden_force_is_found_with_the_motion():
     np.testing.assert_array_equal(start.state, [found.q[0, 700], found.v[0, 700]])
 
 
+def test_each_of_several_records_is_smoothed_by_itself():
+    one, other = (pushed(size * np.sin(13 * TIME))[0] for size in (0.5, -0.2))
+    other = other.isel(time=slice(500, 2000))
+    held = record_of(oscillator(), [one, other])
+    scales = scales_of(oscillator(), held)
+    amplitude = amplitude_of(oscillator(), held, scales.bandwidth)
+    whole = smooth(oscillator(), held, scales, amplitude, LEVELS)
+    parts = [smooth(oscillator(), part, scales, amplitude, LEVELS) for part in held.parts]
+    assert whole.inputs.shape == (4500, 1)
+    assert whole.internal.shape == (4500, 0)
+    for name in ("q", "v", "a", "force"):
+        both = np.hstack([getattr(part, name) for part in parts])
+        np.testing.assert_array_equal(getattr(whole, name), both)
+    assert observed_motion(oscillator(), held).q.shape == (1, 4500)
+    stub = record_of(oscillator(), [one, other.isel(time=slice(0, 59))])
+    assert observed_motion(oscillator(), stub) is None
+
+
 def test_forces_of_the_model_s_own_effects_are_not_missing():
     hidden = np.full(TIME.size, 0.8)
     model = oscillator().with_effect("constant_force", PLACE, {"force": 0.8})
