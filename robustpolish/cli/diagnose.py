@@ -18,18 +18,26 @@ from robustpolish.cli.measurement import (
 )
 from robustpolish.cli.options import result_options, show, to_json
 from robustpolish.errors import RobustPolishError
-from robustpolish.identification import Comparison, compare
+from robustpolish.identification import Diagnosis, ToldApart, step_runs, tell_apart
 from robustpolish.identification.discover.diagnose import diagnose as diagnose_model
+from robustpolish.identification.record import over_time
 from robustpolish.models import MechanicalModel
 from robustpolish.report.diagnosis import diagnosis_report
 from robustpolish.report.html import render_html
 from robustpolish.saving import new_file
 
+_PAIRS = 2
+"""Pairs of alike effects that a report proposes experiments for: each costs a refit."""
+
 
 @click.command()
 @data_argument
 @click.option("--model", required=True, type=click.Path(), help="Mechanical model, a TOML file.")
-@click.option("--save", type=click.Path(dir_okay=False), help="Save the extended model (.toml).")
+@click.option(
+    "--save",
+    type=click.Path(dir_okay=False),
+    help="Save the extended model (.toml), or the whole diagnosis (.json).",
+)
 @click.option("--report", type=click.Path(dir_okay=False), help="Save a report (.html).")
 @measurement_options
 @result_options
@@ -50,34 +58,51 @@ def diagnose(
     whatever the verdict, and 2 for bad input.
     """
     loaded = MechanicalModel.from_toml(Path(model))
+    for path in data:
+        over_time(path)
     records = load_records(data, loaded, reading)
     with ExitStack() as places:
         # The places are claimed first: nothing is computed that could not be saved.
         drafts = {
             path: places.enter_context(
-                new_file(path, force or replaceable(path, *data, model), (suffix,))
+                new_file(path, force or replaceable(path, *data, model), suffixes)
             )
-            for path, suffix in ((save, ".toml"), (report, ".html"))
+            for path, suffixes in ((save, (".toml", ".json")), (report, (".html",)))
             if path is not None
         }
-        result = diagnose_model(
-            loaded, records, progress=lambda text: click.echo(f"... {text}", err=True)
-        )
+        result = diagnose_model(loaded, records, progress=_say)
         content = result.to_dict()
         to_json(content)  # nothing is written if anything fails
         if save is not None:
-            drafts[save].write_text(result.model.to_toml(), encoding="utf-8")
+            if Path(save).suffix == ".json":
+                result.save(drafts[save], force=True)
+            else:
+                drafts[save].write_text(result.model.to_toml(), encoding="utf-8")
         if report is not None:
-            held = [_held(each, records) for each in (loaded, result.model)]
-            page = render_html(diagnosis_report(result, *held), robustpolish.__version__)
+            runs, told = step_runs(result, records), _told_apart(result, records)
+            page = render_html(
+                diagnosis_report(result, runs=runs, told=told), robustpolish.__version__
+            )
             drafts[report].write_text(page, encoding="utf-8")
     replace = force or replaceable(json_out, *data, model)
     show(content, result.explain(), json_out, replace)
 
 
-def _held(model: MechanicalModel, records: dict[str, xr.Dataset]) -> Comparison | None:
-    """Hold a model against the data; a model that cannot be has no picture in the report."""
-    try:
-        return compare(model, records)
-    except RobustPolishError:
-        return None
+def _told_apart(result: Diagnosis, records: dict[str, xr.Dataset]) -> list[ToldApart]:
+    """Search experiments for the first pairs that the record does not tell apart.
+
+    A pair costs a refit; one that cannot be fitted has no experiment in the report. Of several
+    records the longest is taken.
+    """
+    record = max(records.values(), key=lambda data: data.sizes["time"])
+    found = []
+    for pair in range(min(_PAIRS, len(result.indistinguishable))):
+        try:
+            found.append(tell_apart(result, record, pair=pair, progress=_say))
+        except (RobustPolishError, ArithmeticError):
+            continue
+    return found
+
+
+def _say(text: str) -> None:
+    click.echo(f"... {text}", err=True)

@@ -16,6 +16,7 @@ _COMMANDS = {
     "compare": "Compare a mechanical model with a measurement.",
     "refit": "Fit the numbers of a mechanical model to measurements.",
     "diagnose": "Name the effects that a mechanical model lacks.",
+    "tell-apart": "Find the experiment that tells two models apart which a measurement does not.",
 }
 
 
@@ -30,8 +31,8 @@ class _Group(click.Group):
         del ctx
         if cmd_name not in _COMMANDS:
             return None
-        module = importlib.import_module(f"robustpolish.cli.{cmd_name}")
-        return getattr(module, cmd_name)
+        name = cmd_name.replace("-", "_")
+        return getattr(importlib.import_module(f"robustpolish.cli.{name}"), name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         del ctx

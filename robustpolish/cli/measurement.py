@@ -85,7 +85,7 @@ def load_data(path: str, model: MechanicalModel, reading: Reading) -> xr.Dataset
     return read_measurement(
         path,
         columns=[*model.input_names, *model.output_names],
-        units=_pairs("--unit", reading.units, "COLUMN=UNIT", "--unit x=mm"),
+        units=pairs("--unit", reading.units, "COLUMN=UNIT", "--unit x=mm"),
         time=reading.time,
         rename=_renames(reading),
         between=reading.between,
@@ -131,7 +131,7 @@ def load_response(paths: Sequence[str], reading: Reading, given: Mapping[str, An
         if value is not None:
             shown = described(f"{value} for frequency responses")
             raise invalid(option, shown, "a record over time", "Leave it out.")
-    units = _pairs("--unit", reading.units, "OUTPUT/INPUT=UNIT", "--unit x/F=um/N")
+    units = pairs("--unit", reading.units, "OUTPUT/INPUT=UNIT", "--unit x/F=um/N")
     renames = _renames(reading)
     before = {new: old for old, new in renames.items()}
     in_file = {
@@ -153,10 +153,10 @@ def load_response(paths: Sequence[str], reading: Reading, given: Mapping[str, An
 
 
 def _renames(reading: Reading) -> dict[str, str]:
-    return _pairs("--rename", reading.renames, "OLD=NEW", "--rename force=F")
+    return pairs("--rename", reading.renames, "OLD=NEW", "--rename force=F")
 
 
-def _pairs(option: str, items: tuple[str, ...], form: str, example: str) -> dict[str, str]:
+def pairs(option: str, items: tuple[str, ...], form: str, example: str) -> dict[str, str]:
     """Take ``a=b`` apart; a name may hold an equals sign itself, what it gets may not."""
     given = {}
     for item in items:

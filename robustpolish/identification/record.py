@@ -17,7 +17,12 @@ import xarray as xr
 from robustpolish.arrays import Array
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.joined import joined, named_records, of_one_step
-from robustpolish.measurements import check_sampling, read_measurement, same_kind
+from robustpolish.measurements import (
+    check_sampling,
+    holds_frequency_response,
+    read_measurement,
+    same_kind,
+)
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import Input, Output
 from robustpolish.simulation.signals import signals
@@ -174,6 +179,30 @@ def _check_channels(model: MechanicalModel, given: dict[str, Any]) -> None:
                 "the same channels in all records",
                 "Leave those records out, or the channel out of the model.",
             )
+
+
+def over_time(data: Any) -> None:
+    """Refuse frequency responses, for what needs signals over time.
+
+    Parameters
+    ----------
+    data : anything
+        Paths are looked into.
+
+    Raises
+    ------
+    InvalidInputError
+        If it holds frequency responses.
+    """
+    if holds_frequency_response(data):
+        raise invalid(
+            "data",
+            described("frequency responses"),
+            "signals over time: which effect is missing shows in how a machine moves",
+            "Hand it a record of inputs and outputs over time. compare (in Python and on the "
+            "command line) and refit take frequency responses, and amplitude_dependence tells from "
+            "several amplitudes what is not linear.",
+        )
 
 
 def least_samples(model: MechanicalModel) -> int:

@@ -2,6 +2,9 @@
 
 from robustpolish.plotting.bars import plot_bars as plot_bars
 from robustpolish.plotting.before_after import plot_panels as plot_panels
+from robustpolish.plotting.before_and_after_fit import (
+    plot_before_and_after as plot_before_and_after,
+)
 from robustpolish.plotting.distribution import plot_distribution as plot_distribution
 from robustpolish.plotting.error_bars import plot_error_bars as plot_error_bars
 from robustpolish.plotting.force_curve import plot_force_curve as plot_force_curve
@@ -26,4 +29,6 @@ from robustpolish.plotting.systems.frequency_response import (
 )
 from robustpolish.plotting.systems.poles import plot_poles as plot_poles
 from robustpolish.plotting.time_series import plot_time_series as plot_time_series
+from robustpolish.plotting.told_apart import plot_distances as plot_distances
+from robustpolish.plotting.told_apart import plot_two_machines as plot_two_machines
 from robustpolish.plotting.waterfall import plot_waterfall as plot_waterfall

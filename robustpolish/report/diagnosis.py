@@ -3,20 +3,33 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from robustpolish.display import Table
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification import Comparison, ResidualAnalysis, residual_analysis
+from robustpolish.identification import (
+    Comparison,
+    ResidualAnalysis,
+    StepRun,
+    ToldApart,
+    residual_analysis,
+)
 from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.findings.words import headline, told_numbers
+from robustpolish.identification.residuals.force_maps import MAPS
 from robustpolish.report.document import Report, Section
-from robustpolish.report.pictures import picture
+from robustpolish.report.pictures import picture, whole
 
 _GOOD = ("adequate", "parameters", "missing_effect")
 
 
 def diagnosis_report(
-    diagnosis: Diagnosis, before: Comparison | None = None, after: Comparison | None = None
+    diagnosis: Diagnosis,
+    before: Comparison | None = None,
+    after: Comparison | None = None,
+    *,
+    runs: Sequence[StepRun] = (),
+    told: Sequence[ToldApart] = (),
 ) -> Report:
     """Tell what a model lacks: the verdict, then where, which, how much, and what to check.
 
@@ -24,17 +37,28 @@ def diagnosis_report(
     ----------
     diagnosis : Diagnosis
     before, after : Comparison, optional
-        The model as it was, and as it is now, held against the data.
+        The model as it was, and as it is now, held against the data; those of `runs` by default.
+    runs : sequence of StepRun, optional
+        The model of every step held against the data, of :func:`robustpolish.step_runs`.
+    told : sequence of ToldApart, optional
+        Experiments for effects that the data cannot tell apart, of
+        :func:`robustpolish.tell_apart`.
 
     Returns
     -------
     Report
     """
+    if runs:
+        before, after = before or runs[0].after, after or runs[-1].after
     sections = [
+        _notes(diagnosis),
         _where(diagnosis, before),
         _which(diagnosis),
         _how_much(diagnosis, after),
+        _steps(runs),
+        _left(diagnosis),
         _checks(diagnosis),
+        _apart(told),
         _candidates(diagnosis),
         _numbers(diagnosis),
     ]
@@ -44,6 +68,13 @@ def diagnosis_report(
         good=diagnosis.verdict in _GOOD,
         sections=tuple(section for section in sections if section is not None),
     )
+
+
+def _notes(diagnosis: Diagnosis) -> Section | None:
+    """Return what an engineer would look at before believing the rest."""
+    if not diagnosis.notes:
+        return None
+    return Section("Look at the record and the numbers first", points=diagnosis.notes)
 
 
 def _where(diagnosis: Diagnosis, before: Comparison | None) -> Section | None:
@@ -118,14 +149,72 @@ def _how_much(diagnosis: Diagnosis, after: Comparison | None) -> Section:
         text = (f"The model now fits {after.fit_percent:.2f} % of the data in a {after.method}.",)
         caption = f"{worst.name} as measured and as the extended model makes it."
         pictures.append(picture(caption, after.plot))
-    if diagnosis.missing_force.size:
-        caption = "Force that is still missing at each site."
-        pictures.append(picture(caption, diagnosis.plot_missing_force))
     names = tuple(diagnosis.noise_floor)
     rows = [(e.step, *(e.nrmse[n] for n in names)) for e in ledger.entries]
     rows.append(("noise floor", *diagnosis.noise_floor.values()))
     table = Table("Free-run error over the standard deviation", ("step", *names), tuple(rows))
     return Section("How much of the error is gone", text, tuple(pictures), (table,))
+
+
+def _steps(runs: Sequence[StepRun]) -> Section | None:
+    """Return free runs before and after each step that changed the model."""
+    pictures, points = [], []
+    for run in runs:
+        if run.before is None:
+            continue
+        name, stretch = run.worst, run.stretch()
+        what = "the refit of its own numbers" if run.step == "refit" else run.step
+        where = "" if stretch is None else (
+            f" Where it did most, {stretch.start:.4g} to {stretch.stop:.4g} s; below, the whole "
+            "record."
+        )  # fmt: skip
+        caption = f"{name} as measured, and in a {run.after.method} before and after {what}.{where}"
+        pictures.append(whole(caption, lambda width, r=run: r.plot_panels(width=width)))
+        old, new = run.before.outputs[name], run.after.outputs[name]
+        fall = f"from {old.rmse:.4g} to {new.rmse:.4g} {new.unit}"
+        points.append(f"{run.step}: the error of {name} goes {fall}.")
+    return Section("Step by step", (), tuple(pictures), points=tuple(points)) if points else None
+
+
+def _left(diagnosis: Diagnosis) -> Section | None:
+    """Return the force that is still missing, over time and over the motion, whatever was found."""
+    if not diagnosis.missing_force.size:
+        return None
+    text = [
+        "A force that follows from displacement and velocity at a place is a law that the model "
+        "still lacks there; one that does not is noise, has a memory, or acts elsewhere."
+    ]
+    if diagnosis.maps and diagnosis.maps[0].follows < MAPS.tells:
+        text.append("Here the motion foretells next to nothing of what is left.")
+    pictures = [
+        picture("Force that is still missing at each site.", diagnosis.plot_missing_force),
+        *(
+            picture(f"Force that is still missing at {item.name}.", item.plot)
+            for item in diagnosis.maps[: MAPS.shown]
+        ),
+    ]
+    points = tuple(item.describe() for item in diagnosis.maps)
+    return Section("What is left", tuple(text), tuple(pictures), points=points)
+
+
+def _apart(told: Sequence[ToldApart]) -> Section | None:
+    """Return the experiments that would tell effects apart."""
+    if not told:
+        return None
+    text, pictures, tables = [], [], []
+    for found in told:
+        names = " or ".join(found.machines.names)
+        text.append(" ".join(found.explain().splitlines()))
+        if not found.tried:
+            continue
+        caption = f"{names}: the experiment that tells most for its amplitude."
+        pictures += [
+            whole(caption, lambda width, f=found: f.plot_panels(width=width)),
+            picture(f"{names}: how far experiments take them apart.", found.plot),
+        ]
+        tables.append(found.table(names))
+    title = "Which experiment would tell alike effects apart"
+    return Section(title, tuple(text), tuple(pictures), tuple(tables))
 
 
 def _checks(diagnosis: Diagnosis) -> Section:

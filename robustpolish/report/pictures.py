@@ -10,6 +10,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from robustpolish.plotting import plot_panels
 from robustpolish.report.document import Picture
@@ -37,6 +38,14 @@ def panels(caption: str, responses: Mapping[str, xr.Dataset], signals: Sequence[
     """Return a picture of signals over time, one panel each."""
     with report_style():
         figure = plot_panels(responses, signals, WIDTH)
+        plt.close(figure)
+    return Picture(caption, figure)
+
+
+def whole(caption: str, draw: Callable[[float], Figure]) -> Picture:
+    """Return a picture that `draw` makes for a width in inches."""
+    with report_style():
+        figure = draw(WIDTH)
         plt.close(figure)
     return Picture(caption, figure)
 

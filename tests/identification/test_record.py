@@ -9,6 +9,7 @@ from robustpolish.identification.record import (
     checked_data,
     least_samples,
     long_enough,
+    over_time,
     record_of,
     repetition,
 )
@@ -180,3 +181,11 @@ def test_refused(case):
     make, message = BAD[case]
     with pytest.raises(InvalidInputError, match=message):
         record_of(*make())
+
+
+def test_frequency_responses_are_refused_where_signals_over_time_are_needed():
+    over_time(record())
+    over_time("not_there.csv")
+    response = oscillator().frequency_response(np.geomspace(1, 10, 20))
+    with pytest.raises(InvalidInputError, match=r"compare .* and refit take frequency responses"):
+        over_time(response)

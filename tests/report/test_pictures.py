@@ -5,7 +5,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 
-from robustpolish.report.pictures import WIDTH, panels, picture
+from robustpolish.report.pictures import WIDTH, panels, picture, whole
 
 
 def test_a_picture_is_narrow_with_large_letters_and_leaves_no_trace():
@@ -24,4 +24,11 @@ def test_panels_show_the_signals_one_by_one():
     found = panels("Motion.", {"loop": data}, ("x", "z"))
     assert [axes.get_ylabel() for axes in found.figure.axes] == ["x [m]", "z [m]"]
     assert found.figure.get_size_inches()[0] == WIDTH
+    assert plt.get_fignums() == []
+
+
+def test_a_whole_figure_is_drawn_as_wide_as_reports_want_it():
+    found = whole("All.", lambda width: plt.subplots(2, 1, figsize=(width, 4.0))[0])
+    assert (found.caption, found.figure.get_size_inches()[0]) == ("All.", WIDTH)
+    assert len(found.figure.axes) == 2
     assert plt.get_fignums() == []

@@ -12,9 +12,12 @@ from .call_path import design_for_four_states, design_for_two_states, diagnosis,
 MOST_FILES_OF_A_DESIGN = 21
 # It was 20 functions; this is what is left of them, lest it grow again.
 MOST_DEPTH_OF_A_DESIGN = 15
-# It was 79 files, effects that are tried included; they are not counted: each has its own. Forty,
-# and what several records need: how they are joined, which are held out, what repeats tell.
-MOST_FILES_OF_A_DIAGNOSIS = 43
+# It was 79 files, effects that are tried included; they are not counted: each has its own. So has
+# each warning about a record. It was 40 until a diagnosis also said what looks wrong about its
+# record, mapped what is left, told of every candidate why it was not refitted, took several
+# records at once and thinned long ones.
+MOST_FILES_OF_A_DIAGNOSIS = 53
+OF_THEIR_OWN = ("effects/catalogue/", "identification/sanity/")
 
 
 @pytest.mark.parametrize("call", [design_for_two_states, design_for_four_states])
@@ -31,7 +34,7 @@ def test_a_design_does_not_go_deep(call):
 
 def test_a_diagnosis_goes_through_few_files():
     path = path_of(diagnosis)
-    files = {file for file in path.files if not file.startswith("effects/catalogue/")}
+    files = {file for file in path.files if not file.startswith(OF_THEIR_OWN)}
     assert len(files) <= MOST_FILES_OF_A_DIAGNOSIS, sorted(files)
     assert len(files) > 20  # the way was followed
 

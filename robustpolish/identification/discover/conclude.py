@@ -24,6 +24,7 @@ from robustpolish.identification.fit.prepared import with_rest
 from robustpolish.identification.laws.free_shape import better_shape
 from robustpolish.identification.laws.learn import Learned, learn
 from robustpolish.identification.observer.kalman import force_sites
+from robustpolish.identification.residuals.force_maps import force_maps
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import effect_unit, unit_of
 from robustpolish.models.mechanical.parts import FORCE
@@ -149,7 +150,12 @@ def _diagnosis(
         return dict(zip(model.output_names, (values / size).tolist(), strict=True))
 
     steps = zip(search.steps, errors, strict=True)
-    entries = tuple(Entry(step, by_output(error)) for (step, _), error in steps)
+    models = [*(item for _, item in search.steps[:-1]), model]
+    entries = tuple(
+        Entry(step, by_output(error), then)
+        for ((step, _), error), then in zip(steps, models, strict=True)
+    )
+    left = search.prepared.motion(model, record)
     covariance = covariance_of(final)
     deviations = errors_from(covariance)
     numbers = model.parameters
@@ -162,7 +168,8 @@ def _diagnosis(
         candidates=tuple(search.candidates),
         indistinguishable=(*search.confusions, *_asymmetries(reference, found)),
         ledger=Ledger(entries, by_output(verdict.floor)),
-        missing_force=search.prepared.motion(model, record).force,
+        missing_force=left.force,
+        maps=force_maps(model, left),
         sites=tuple(force_sites(reference)[1]),
         parameters={k: Value(numbers[k], e, unit_of(model, k)) for k, e in deviations.items()},
         covariance=covariance,

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from robustpolish.identification.discover.conclude import add_wrong_gains, conclude
 from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of
 from robustpolish.identification.discover.judge import chosen, judgement, objection, together
 from robustpolish.identification.discover.own_numbers import refit_own, with_holds
+from robustpolish.identification.discover.passed_over import passed_over
 from robustpolish.identification.discover.search import RefittedEffect, Search
+from robustpolish.identification.discover.warned import warned
 from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.fit.prepared import PreparedRecord, prepare
 from robustpolish.identification.policy import POLICY, Policy
-from robustpolish.identification.record import long_enough, record_of
+from robustpolish.identification.record import long_enough, over_time, record_of
 from robustpolish.identification.screening.filtered import null_score
 from robustpolish.identification.screening.screen import screen
 from robustpolish.long_calls import same_bits, working
@@ -48,7 +51,7 @@ def diagnose(
     ------
     InvalidInputError
         If columns are missing or a record is too short; if there is no record, or several that
-        differ in their channels.
+        differ in their channels; if `data` holds frequency responses.
 
     Notes
     -----
@@ -78,6 +81,7 @@ def diagnose(
     >>> diagnosis.verdict, effect.kind, round(effect.parameters["force"].value, 1)
     ('missing_effect', 'coulomb_friction', 3.0)
     """
+    over_time(data)
     if progress is not None:
         return _diagnose(model, data, progress, _policy)
     with working("Diagnosing") as tell:
@@ -100,7 +104,8 @@ def _diagnose(
         pass
     # only now: as long as something is missing, a fit bends masses and springs alike
     add_wrong_gains(search)
-    return conclude(search, model)
+    found = conclude(search, model)
+    return replace(found, notes=warned(model, found.model, prepared))
 
 
 def _of_records(prepared: PreparedRecord) -> list[str]:
@@ -130,7 +135,8 @@ def _add_one(search: Search) -> bool:
         refits = _refits(search, start, found)
         refits += _family(refits, start, search)
         ranked = sorted(refits, key=lambda item: judgement(item.fitted, refits))
-        search.remember(ranked, screening.candidates, number)
+        why = passed_over(screening.candidates, found, refits, search)
+        search.remember(ranked, screening.candidates, number, why)
         earned = chosen(ranked, search) or together(ranked, found.pairs, search)
         if earned:
             search.accept(earned)

@@ -42,7 +42,8 @@ def chosen(refits: Sequence[RefittedEffect], search: Search) -> list[RefittedEff
     for item in refits:
         apart = judgement(item.fitted, refits) - here
         if item.screened is not earned.screened and apart < _tolerance(search):
-            search.confusions.append(confused(earned.effect, item.effect))
+            pair = (each.fitted.model.effects[-1] for each in (earned, item))  # as fitted
+            search.confusions.append(confused(*pair))
     return [earned]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import lmfit
 import numpy as np
 
+from robustpolish.identification.discover.warned import warned
 from robustpolish.identification.findings.refitted import Refit
 from robustpolish.identification.fit.homotopy import homotopy
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
@@ -16,6 +17,7 @@ from robustpolish.identification.fit.prepared import PreparedRecord, prepare
 from robustpolish.identification.frequency.fit import refit_frequency_response
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, record_of
+from robustpolish.identification.sanity.moved import moved_numbers
 from robustpolish.identification.screening.screen import screen
 from robustpolish.long_calls import same_bits, working
 from robustpolish.measurements import holds_frequency_response
@@ -81,7 +83,9 @@ def refit(
     """
     if holds_frequency_response(data):
         with working("Refitting"):
-            return refit_frequency_response(model, data, progress)
+            found = refit_frequency_response(model, data, progress)
+        moved = moved_numbers(model.parameters, found.model.parameters)
+        return replace(found, notes=tuple(moved))
     prepared = prepare(model, long_enough(model, record_of(model, data)), _policy)
     started = _with_start_values(model, prepared)
     spans = prepared.spans(prepared.everything)
@@ -89,7 +93,8 @@ def refit(
         fits = homotopy(started, prepared, prepared.everything, model, spans, progress=progress)
     if not fits:
         raise ArithmeticError("no stage of the fit ended with finite errors")
-    return _summarised(fits[-1], prepared)
+    found = _summarised(fits[-1], prepared)
+    return replace(found, notes=warned(started, found.model, prepared))
 
 
 def _with_start_values(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:

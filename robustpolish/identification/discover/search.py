@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -105,7 +105,11 @@ class Search:
             self.reasons = [reason for reason in self.reasons if not reason.startswith(refused)]
 
     def remember(
-        self, ranked: Sequence[RefittedEffect], screened: Sequence[ScreenedEffect], number: int
+        self,
+        ranked: Sequence[RefittedEffect],
+        screened: Sequence[ScreenedEffect],
+        number: int,
+        why: Mapping[tuple[str, tuple[str, ...]], str] | None = None,
     ) -> None:
         """Add what was refitted, then what was only screened, to the list of candidates.
 
@@ -116,6 +120,8 @@ class Search:
         screened : sequence of ScreenedEffect
         number : int
             1 when the first effect is sought, and so on.
+        why : mapping of (str, tuple of str) to str, optional
+            By kind and place, why it was screened only.
         """
         size = np.std(self.prepared.record.Y, axis=0)
         for item in ranked:
@@ -124,7 +130,7 @@ class Search:
         done = {item.screened.place for item in ranked}
         for other in screened:
             if other.place not in done and other.score > 0:
-                remark = other.remark or "screened only"
+                remark = other.remark or (why or {}).get(other.place, "screened only")
                 self._remember(other.effect, np.inf, other.score, number, remark)
 
     def _remember(

@@ -51,6 +51,12 @@ class Diagnosis(Findings, Displayed):
         Whether free runs of the model judge anything.
     time : ndarray, shape (samples,)
         When `missing_force` acts, in s.
+    notes : tuple of str
+        Remarks of the record, and what looks wrong: numbers that moved by decades, signs, units,
+        clipped peaks.
+    maps : tuple of ForceMap
+        Force that is still missing in the end over displacement and velocity, whatever the
+        verdict; the place first where the motion foretells most of it.
 
     Examples
     --------
@@ -187,7 +193,7 @@ class Diagnosis(Findings, Displayed):
         tables = [Table("Added effects", head, tuple(found))] if found else []
         ledger = self.ledger._card()
         tables += [Table(ledger.title, t.columns, t.rows) for t in ledger.tables]
-        return Card(headline(self), tuple(tables), self.reasons)
+        return Card(headline(self), tuple(tables), (*self.reasons, *self.notes))
 
 
 def diagnosis_from(fields: Fields) -> Diagnosis:

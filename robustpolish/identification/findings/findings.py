@@ -10,6 +10,7 @@ import xarray as xr
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect, EffectKind, lookup
+from robustpolish.identification.findings.force_map import ForceMap
 from robustpolish.identification.findings.ledger import Ledger
 from robustpolish.models.mechanical import MechanicalModel
 
@@ -92,6 +93,8 @@ class Findings:
     reasons: tuple[str, ...] = ()
     reproducible: bool = True
     time: Array = field(default_factory=lambda: np.zeros(0))
+    notes: tuple[str, ...] = ()
+    maps: tuple[ForceMap, ...] = ()
 
     @property
     def noise_floor(self) -> Mapping[str, float]:

@@ -10,16 +10,18 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from robustpolish.display import Card, Displayed, Table
+from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.plotting import plot_waterfall
 from robustpolish.validation import one_of
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One step: what was done, and the free-run error over each output's deviation after it."""
+    """One step: what was done, the free-run error over each output's deviation, the model then."""
 
     step: str
     nrmse: Mapping[str, float]
+    model: MechanicalModel | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -52,7 +54,9 @@ class Ledger(Displayed):
     entries: tuple[Entry, ...] = ()
     noise_floor: Mapping[str, float] = field(default_factory=dict)
 
-    def add(self, step: str, nrmse: Mapping[str, float] | Any) -> Ledger:
+    def add(
+        self, step: str, nrmse: Mapping[str, float] | Any, model: MechanicalModel | None = None
+    ) -> Ledger:
         """Return the ledger with one more entry.
 
         Parameters
@@ -60,6 +64,8 @@ class Ledger(Displayed):
         step : str
         nrmse : mapping of str to float, or a comparison
             Errors by output; a comparison's outputs are read.
+        model : MechanicalModel, optional
+            The model after this step.
 
         Returns
         -------
@@ -67,7 +73,7 @@ class Ledger(Displayed):
         """
         if not isinstance(nrmse, Mapping):
             nrmse = {name: output.nrmse for name, output in nrmse.outputs.items()}
-        return replace(self, entries=(*self.entries, Entry(step, dict(nrmse))))
+        return replace(self, entries=(*self.entries, Entry(step, dict(nrmse), model)))
 
     def falls(self, output: str) -> list[tuple[str, float, float]]:
         """Return step, change and level for a waterfall picture of one output.

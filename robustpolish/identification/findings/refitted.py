@@ -36,6 +36,9 @@ class Refit(Displayed):
         Standard error by key of `units`.
     covariance : xarray.DataArray
         Covariance of the parameters, over their keys twice, in SI units.
+    notes : tuple of str
+        Remarks of the record, and what looks wrong: numbers that moved by decades, signs, units,
+        clipped peaks.
 
     Examples
     --------
@@ -57,6 +60,7 @@ class Refit(Displayed):
     undetermined: tuple[str, ...]
     stderr: Mapping[str, float]
     covariance: xr.DataArray
+    notes: tuple[str, ...] = ()
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the standard error of every parameter relative to its value.
@@ -116,4 +120,5 @@ class Refit(Displayed):
         return Card(
             "Refit",
             (Table("", columns, rows), Table("", ("output", "NRMSE"), errors)),
+            self.notes,
         )

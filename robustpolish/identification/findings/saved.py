@@ -14,6 +14,7 @@ from robustpolish.identification.findings.findings import (
     RankedCandidate,
     Value,
 )
+from robustpolish.identification.findings.force_map import ForceMap
 from robustpolish.identification.findings.ledger import Entry, Ledger
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.saved_file import Fields
@@ -29,6 +30,7 @@ def content(found: Findings) -> dict[str, Any]:
     return {
         "verdict": found.verdict,
         "reasons": list(found.reasons),
+        "notes": list(found.notes),
         "reproducible": found.reproducible,
         "model": found.model.to_toml().splitlines(),
         "effects": [
@@ -50,12 +52,20 @@ def content(found: Findings) -> dict[str, Any]:
             {"first": _place(c.first), "second": _place(c.second), "experiment": c.experiment}
             for c in found.indistinguishable
         ],
-        "ledger": [{"step": e.step, "nrmse": dict(e.nrmse)} for e in found.ledger.entries],
+        "ledger": [
+            {
+                "step": e.step,
+                "nrmse": dict(e.nrmse),
+                "model": None if e.model is None else e.model.to_toml().splitlines(),
+            }
+            for e in found.ledger.entries
+        ],
         "noise_floor": dict(found.noise_floor),
         "parameters": _values(found.parameters),
         "sites": found.sites,
         "time": found.time,
         "missing_force": found.missing_force,
+        "maps": [_table_of(item) for item in found.maps],
         "covariance": None
         if covariance is None
         else {"keys": covariance["parameter"].values, "values": covariance.values},
@@ -72,12 +82,14 @@ def findings_from(fields: Fields) -> Findings:
     """
     sites = tuple(Fields({"at": site}, fields.where).texts("at") for site in fields.items("sites"))
     ledger = Ledger(
-        tuple(Entry(e.text("step"), e.numbers("nrmse")) for e in fields.tables("ledger")),
+        tuple(
+            Entry(e.text("step"), e.numbers("nrmse"), _model(e)) for e in fields.tables("ledger")
+        ),
         fields.numbers("noise_floor"),
     )
     return Findings(
         verdict=fields.text("verdict", VERDICTS),
-        model=MechanicalModel.from_toml("\n".join(fields.texts("model")) + "\n"),
+        model=MechanicalModel.from_toml(_text(fields)),
         effects=tuple(
             FoundEffect(*_kind(e)[:2], _read_values(e.table("parameters")), _kind(e)[2])
             for e in fields.tables("effects")
@@ -106,7 +118,35 @@ def findings_from(fields: Fields) -> Findings:
         reasons=fields.texts("reasons"),
         reproducible=fields.truth("reproducible"),
         time=fields.array("time", None),
+        notes=fields.texts("notes") if "notes" in fields else (),
+        maps=tuple(map(_map, fields.tables("maps"))) if "maps" in fields else (),
     )
+
+
+def _text(fields: Fields) -> str:
+    return "\n".join(fields.texts("model")) + "\n"
+
+
+def _model(entry: Fields) -> MechanicalModel | None:
+    """Return the model after a step; files of older versions hold none."""
+    if "model" not in entry or entry.raw("model") is None:
+        return None
+    return MechanicalModel.from_toml(_text(entry))
+
+
+def _map(table: Fields) -> ForceMap:
+    shape = table.array("displacement", None), table.array("velocity", None)
+    grid = (table.array(key, *(axis.size for axis in shape)) for key in ("force", "samples"))
+    units = table.texts("units")
+    dims = ("displacement", "velocity")
+    surface = xr.Dataset(
+        {key: (dims, values) for key, values in zip(("force", "samples"), grid, strict=True)},
+        dict(zip(dims, shape, strict=True)),
+    )
+    for key, unit in zip((*dims, "force"), units, strict=True):
+        surface[key].attrs["units"] = unit
+    first, second = table.texts("at")
+    return ForceMap((first, second), surface, table.number("size"), table.number("follows"))
 
 
 def _covariance(fields: Fields) -> xr.DataArray | None:
@@ -140,6 +180,17 @@ def _place(effect: Effect) -> dict[str, Any]:
 def _effect(table: Fields) -> Effect:
     kind, at, own = _kind(table)
     return Effect(kind, at, table.numbers("parameters"), own)
+
+
+def _table_of(item: ForceMap) -> dict[str, Any]:
+    keys = ("displacement", "velocity", "force")
+    return {
+        "at": item.at,
+        "size": item.size,
+        "follows": item.follows,
+        "units": [str(item.surface[key].attrs.get("units", "")) for key in keys],
+        **{key: item.surface[key].values for key in (*keys, "samples")},
+    }
 
 
 def _what(item: Effect | FoundEffect | RankedCandidate) -> dict[str, Any]:

@@ -21,6 +21,9 @@ _VERDICTS = {
     "unexplained": "Something is missing that no effect of the catalogue explains.",
 }
 
+# Verdicts that leave more than noise.
+_LEFT = ("partly_explained", "unknown_law", "unexplained")
+
 
 def headline(found: Findings) -> str:
     """Return the verdict as a sentence, with the effects by name."""
@@ -37,6 +40,9 @@ def headline(found: Findings) -> str:
 def explain(found: Findings) -> str:
     """Return the text of `Diagnosis.explain`."""
     lines = [headline(found), *found.reasons]
+    if found.notes:
+        lines += ["", "Look at the record and the numbers first:"]
+        lines += [f"   {note}." if note[-1:].isalnum() else f"   {note}" for note in found.notes]
     for number, effect in enumerate(found.effects, 1):
         kind = effect.definition
         lines += ["", f"{number}. {kind.title} at {', '.join(effect.at)}"]
@@ -48,6 +54,9 @@ def explain(found: Findings) -> str:
         lines += [f"   In the residual: {kind.looks_like}"]
         lines += [f"   Check: {check}" for check in kind.checks]
         lines += [f"   See {reference}" for reference in kind.references]
+    if found.maps and found.verdict in _LEFT:
+        lines += ["", "What is left, where displacement and velocity foretell it best:"]
+        lines += [f"   {item.describe()}" for item in found.maps[:2]]
     if found.ledger.entries:
         lines += ["", "Error of a free run over the standard deviation of each output:"]
         for entry in found.ledger.entries:
@@ -121,6 +130,11 @@ def plain(found: Findings) -> dict[str, Any]:
         "noise_floor": {k: _number(v) for k, v in found.noise_floor.items()},
         "parameters": {k: _plain(v) for k, v in found.parameters.items()},
         "reasons": list(found.reasons),
+        "notes": list(found.notes),
+        "missing_force": [
+            {"at": list(m.at), "rms": m.size, "unit": m.unit, "follows": m.follows}
+            for m in found.maps
+        ],
         "free_run_reproducible": found.reproducible,
     }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -61,9 +62,50 @@ def place_shares(comparison: Comparison, residual: xr.Dataset, bins: int) -> dic
     model = comparison.model
     q, v, force, observed = _motion(comparison)
     skip = q.shape[1] - residual.sizes["time"]
-    q, v, force = q[:, skip:], v[:, skip:], force[:, skip:]
+    return {
+        place.at[0] if place.at[1] == "ground" else f"{place.at[0]} - {place.at[1]}": PlaceShares(
+            at=place.at,
+            displacement=value_shares(residual, place.displacement, bins, "displacement"),
+            velocity=value_shares(residual, place.velocity, bins, "velocity"),
+            surface=place.surface,
+            observed=observed,
+        )
+        for place in forces_at_places(model, q[:, skip:], v[:, skip:], force[:, skip:], bins)
+    }
+
+
+class PlaceForce(NamedTuple):
+    """Relative motion at a place and the force that is missing there, with its map."""
+
+    at: tuple[str, str]
+    displacement: Array
+    velocity: Array
+    force: Array
+    surface: xr.Dataset
+
+
+def forces_at_places(
+    model: MechanicalModel, q: Array, v: Array, force: Array, bins: int
+) -> list[PlaceForce]:
+    """Return the missing force at every coordinate and connection of a model that moves.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    q, v : ndarray, shape (coordinates, samples)
+    force : ndarray, shape (sites, samples)
+        Missing force at each site, see
+        :func:`~robustpolish.identification.observer.kalman.force_sites`.
+    bins : int
+        Of the maps, in each direction.
+
+    Returns
+    -------
+    list of PlaceForce
+        With units in the maps.
+    """
     sites = force_sites(model)[0]
-    result: dict[str, PlaceShares] = {}
+    found = []
     for at, row in _places(model):
         dq, dv = row @ q, row @ v
         if np.ptp(dq) == 0 or np.ptp(dv) == 0:
@@ -74,14 +116,8 @@ def place_shares(comparison: Comparison, residual: xr.Dataset, bins: int) -> dic
         shown["force"].attrs["units"] = units[FORCE]
         for dim in ("displacement", "velocity"):
             shown[dim].attrs["units"] = units[dim]
-        result[at[0] if at[1] == "ground" else f"{at[0]} - {at[1]}"] = PlaceShares(
-            at=at,
-            displacement=value_shares(residual, dq, bins, "displacement"),
-            velocity=value_shares(residual, dv, bins, "velocity"),
-            surface=shown,
-            observed=observed,
-        )
-    return result
+        found.append(PlaceForce(at, dq, dv, pull, shown))
+    return found
 
 
 def _motion(comparison: Comparison) -> tuple[Array, Array, Array, bool]:

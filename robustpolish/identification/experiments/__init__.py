@@ -1,0 +1,1 @@
+"""Experiments that would tell machines apart that a record does not."""
