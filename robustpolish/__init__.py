@@ -71,6 +71,7 @@ from robustpolish.measurements import (
 )
 from robustpolish.models import (
     AirBearingParameters,
+    CoupledInertia,
     Damper,
     Dof,
     GeneralizedPlant,
@@ -115,6 +116,7 @@ __all__ = [
     "Certificate",
     "Comparison",
     "ControllerComparison",
+    "CoupledInertia",
     "Damper",
     "Design",
     "Diagnosis",

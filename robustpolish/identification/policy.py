@@ -140,6 +140,22 @@ class Policy:
         between, in motion").
     long_record : int
         Samples from which a stage has to do with few steps.
+    comfortable, longest, few : int
+        Samples from which a record is thinned if its motion is slow enough for that, samples beyond
+        which only a part of it is used, and samples that thinning leaves at least: a diagnosis of
+        30,000 samples takes a minute, and one of 500,000 has to end in two.
+    swing_samples, sharp_samples : float
+        Samples per swing of the fastest motion that thinning leaves, and where accelerations or
+        forces are measured, which jump with friction at every reversal: the filter against aliases
+        rounds a jump over a few samples, the model does not, and of a jump's power the share of
+        about a tenth of a sample is an error ("coulomb between, at 50 kHz"). Of a displacement it
+        is two integrals less; there it is the harmonics that count, up to the 15th.
+    kept : float
+        Share that thinning leaves of the power of the forces, and of what the linear model leaves
+        over. With broad forces friction acts at every change of a fast velocity, and a filtered
+        force shows another friction: a part of the record says more there than a thinned whole.
+    swings_kept : float
+        Swings of the slowest mode that such a part lasts, or else more samples are left out.
     undetermined : float
         Standard error over the value from which a refit calls a number undetermined.
     """
@@ -217,6 +233,13 @@ class Policy:
     windows: int = 25
     shortest_window: int = 60
     long_record: int = 4000
+    comfortable: int = 30000
+    longest: int = 30000
+    few: int = 12000
+    swing_samples: float = 40.0
+    sharp_samples: float = 200.0
+    kept: float = 0.99
+    swings_kept: float = 20.0
     undetermined: float = 1 / 3
 
     @property

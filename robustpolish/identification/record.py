@@ -53,6 +53,9 @@ class Record:
         Measured outputs of this part, in the model's order.
     first : int
         Where this part begins, counted through all records.
+    honest : float
+        Share of half the sampling rate up to which the spectra are those of the machine and its
+        sensors; above it a filter may have taken their noise.
     """
 
     sets: tuple[xr.Dataset, ...]
@@ -62,6 +65,7 @@ class Record:
     dt: float
     Y: Array
     first: int = 0
+    honest: float = 1.0
 
     @property
     def samples(self) -> int:
@@ -226,6 +230,22 @@ def long_enough(model: MechanicalModel, record: Record) -> Record:
     return record
 
 
+def liveliest(outputs: Array, length: int) -> int:
+    """Return where the contiguous samples begin in which outputs, each by its size, move most.
+
+    Parameters
+    ----------
+    outputs : ndarray, shape (samples, ny)
+    length : int
+        Samples of the part, at most all.
+    """
+    size = np.std(outputs, axis=0)
+    power = np.sum((outputs / np.where(size > 0, size, 1.0)) ** 2, axis=1)
+    total = np.concatenate([[0.0], np.cumsum(power)])
+    starts = np.arange(0, len(outputs) - length + 1, max(1, length // 20))
+    return int(starts[np.argmax(total[starts + length] - total[starts])])
+
+
 def repetition(inputs: Array, dt: float) -> float | None:
     """Return the period in s with which inputs repeat, None if they do not.
 
@@ -290,7 +310,7 @@ def checked_data(model: MechanicalModel, data: Any, outputs: bool = True) -> xr.
     _check_time(data)
     for item in items:
         _check_column(model, item, data)
-    check_sampling(data, _frequencies(model))
+    check_sampling(data, frequencies(model))
     return data
 
 
@@ -346,7 +366,7 @@ def _check_column(model: MechanicalModel, item: Input | Output, data: xr.Dataset
         )
 
 
-def _frequencies(model: MechanicalModel) -> list[float]:
+def frequencies(model: MechanicalModel) -> list[float]:
     """Return the frequencies in Hz at which the linear part of a model swings."""
     if not model.free:
         return []

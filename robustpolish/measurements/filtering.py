@@ -11,7 +11,7 @@ from scipy.signal import butter, firwin, kaiserord, sosfiltfilt, upfirdn
 from robustpolish.measurements.sampling import sampling_time
 from robustpolish.validation import described, invalid, positive
 
-_FLAT = 0.8
+FLAT = 0.8
 """Share of half the new sampling rate up to which `decimate` leaves a signal as it is."""
 
 _ATTENUATION = 80.0
@@ -140,7 +140,7 @@ def decimate(data: xr.Dataset, rate: float) -> xr.Dataset:
     new = 1 / (step * every)
     note = (
         f"decimated from {1 / step:.6g} to {new:.6g} Hz: every {every}{_ordinal(every)} sample, no "
-        f"delay, unchanged up to {_FLAT * new / 2:.6g} Hz"
+        f"delay, unchanged up to {FLAT * new / 2:.6g} Hz"
     )
     fewer.attrs["notes"] = [*data.attrs.get("notes", ()), note]
     return fewer
@@ -148,7 +148,7 @@ def decimate(data: xr.Dataset, rate: float) -> xr.Dataset:
 
 def _lowpass_taps(every: int) -> np.ndarray:
     """Return a symmetric filter, odd in length, for one sample of `every`."""
-    band = 2 * (1 - _FLAT) / every  # of the transition: aliases stay above the flat part
+    band = 2 * (1 - FLAT) / every  # of the transition: aliases stay above the flat part
     count, beta = kaiserord(_ATTENUATION, band)
     window: Any = ("kaiser", beta)
     return np.asarray(firwin(count | 1, 1 / every, window=window))

@@ -7,11 +7,12 @@ from robustpolish.models.machines.air_bearing_parameters import (
     DampingCoefficients,
 )
 from robustpolish.models.mechanical.model import MechanicalModel
-from robustpolish.models.mechanical.parts import Damper, Dof, Input, Output, Spring
+from robustpolish.models.mechanical.parts import CoupledInertia, Damper, Dof, Input, Output, Spring
 from robustpolish.models.plant.plant import GeneralizedPlant
 
 __all__ = [
     "AirBearingParameters",
+    "CoupledInertia",
     "Damper",
     "DampingCoefficients",
     "Dof",

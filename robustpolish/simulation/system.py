@@ -121,7 +121,8 @@ def needed_substeps(model: MechanicalData, dt: float, amplitude: float) -> int:
         stiffness, damping, rate = effect.definition.steepness(
             effect.values, amplitude, min(omega, 1 / dt) * amplitude
         )
-        inverse = np.sum(port_rows(model, effect)[:, m.free] ** 2 / np.diag(m.M)[m.free])
+        rows = port_rows(model, effect)[:, m.free]
+        inverse = np.trace(rows @ m.inverse_mass @ rows.T)
         # laws see to it that no memory fades faster than a step; a few are enough for its rate
         fading = min(0.3 * rate, (_FADING if model.free else _MOST_SUBSTEPS) / dt)
         fastest = max(fastest, np.sqrt(abs(stiffness) * inverse), abs(damping) * inverse, fading)

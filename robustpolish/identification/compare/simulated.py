@@ -26,6 +26,7 @@ from robustpolish.identification.observer.run import (
     visible_sizes,
 )
 from robustpolish.identification.record import Record, long_enough
+from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid
 
 
@@ -57,6 +58,31 @@ def simulated_record(run: RecordRun, record: Record, method: str, span: float | 
     whole = StartedPiece(record, pieces[0].start)
     found = reproducibility(run, whole, simulated, span, method == "prediction")
     return Simulated(record, simulated, pieces, skip, found)
+
+
+def free_run_error(model: MechanicalModel, record: Record) -> tuple[Array, bool]:
+    """Return the error of each output in a free run from an estimated start, as `compare` has it.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    record : Record
+        Of several records each is run from a start of its own.
+
+    Returns
+    -------
+    error : ndarray, shape (ny,)
+        Root mean square; infinite where the run diverges.
+    reproducible : bool
+        Whether the runs can be repeated; if not, their error judges nothing.
+    """
+    run = free_run(model, record)
+    found = [simulated_record(run, part, "free run", None) for part in record.parts]
+    with np.errstate(over="ignore", invalid="ignore"):
+        left = record.Y - np.concatenate([part.outputs for part in found])
+        error = np.sqrt(np.mean(left**2, axis=0))
+    calm = all(part.found.reproducible for part in found)
+    return np.where(np.isfinite(error), error, np.inf), calm
 
 
 def _started(

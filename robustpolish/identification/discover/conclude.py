@@ -187,7 +187,8 @@ def _floor(model: MechanicalModel, search: Search, calm: bool) -> Array:
     started = prepared.with_fitted_starts(run, with_rest(model, pieces))
     motion = run.over_all(started).outputs
     known = prepared.repeats is not None
-    return noise_floor(prepared.record.Y - motion, motion, prepared.scales.noise, known)
+    errors, honest = prepared.record.Y - motion, prepared.record.honest
+    return noise_floor(errors, motion, prepared.scales.noise, known, honest)
 
 
 def _whole_error(model: MechanicalModel, search: Search, calm: bool) -> Array:

@@ -14,6 +14,7 @@ from robustpolish.identification.discover.passed_over import passed_over
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.discover.warned import warned
 from robustpolish.identification.findings.diagnosis import Diagnosis
+from robustpolish.identification.fit.long_records import taken
 from robustpolish.identification.fit.prepared import PreparedRecord, prepare
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, over_time, record_of
@@ -72,6 +73,9 @@ def diagnose(
     record. Keep the time of the clock where one recording was cut into several; after triggers that
     are not locked to the phase each record needs a diagnosis of its own for that.
 
+    Of a long record as many samples are used as the fastest motion, the forces and the error ask
+    for, or a part of it; ``notes`` of the result says so. The model holds for every sampling.
+
     Examples
     --------
     >>> import robustpolish as rp
@@ -91,10 +95,10 @@ def diagnose(
 def _diagnose(
     model: MechanicalModel, data: Any, say: Callable[[str], None], policy: Policy
 ) -> Diagnosis:
-    record = long_enough(model, record_of(model, data))
-    prepared = prepare(model, record, policy)
+    fewer = taken(model, long_enough(model, record_of(model, data)), policy)
+    model, prepared = fewer.model, prepare(fewer.model, fewer.record, policy)
     say("how inputs act between their samples")
-    held = with_holds(model, prepared)
+    held = model if fewer.thinned else with_holds(model, prepared)
     say("refit of the model's own parameters")
     own, guided = refit_own(held, prepared)
     steps = [("base", model), ("refit", own.model)]
@@ -105,7 +109,8 @@ def _diagnose(
     # only now: as long as something is missing, a fit bends masses and springs alike
     add_wrong_gains(search)
     found = conclude(search, model)
-    return replace(found, notes=warned(model, found.model, prepared))
+    notes = (*fewer.notes, *warned(model, found.model, prepared))
+    return replace(found, model=fewer.as_given(found.model), notes=notes)
 
 
 def _of_records(prepared: PreparedRecord) -> list[str]:

@@ -17,7 +17,9 @@ _POLES = np.linspace(0.0, 0.95, 39)
 _FEWEST = 8
 
 
-def noise_floor(errors: Array, motion: Array, least: Array, known: bool = False) -> Array:
+def noise_floor(
+    errors: Array, motion: Array, least: Array, known: bool = False, honest: float = 1.0
+) -> Array:
     """Return the standard deviation of the noise of each output.
 
     Parameters
@@ -28,6 +30,8 @@ def noise_floor(errors: Array, motion: Array, least: Array, known: bool = False)
         Noise that is seen in the quietest band of the record, if the motion hides all other.
     known : bool, optional
         Whether `least` is the noise itself, as records show it that repeat each other.
+    honest : float, optional
+        Share of half the sampling rate in which noise is looked for, see :class:`Record`.
 
     Returns
     -------
@@ -36,17 +40,18 @@ def noise_floor(errors: Array, motion: Array, least: Array, known: bool = False)
     """
     found = least
     if not known:
-        found = [_floor(e, y, low) for e, y, low in zip(errors.T, motion.T, least, strict=True)]
+        each = zip(errors.T, motion.T, least, strict=True)
+        found = [_floor(e, y, low, honest) for e, y, low in each]
     return np.minimum(found, np.sqrt(np.mean(errors**2, axis=0)))
 
 
-def _floor(error: Array, motion: Array, least: float) -> float:
+def _floor(error: Array, motion: Array, least: float, honest: float) -> float:
     if not (np.isfinite(error).all() and np.isfinite(motion).all()):
         return least
     length = min(512, len(error) // 4)
     frequency, noise = welch(error, nperseg=length, detrend="linear")
     _, moving = welch(motion, nperseg=length, detrend="linear")
-    seen = (noise > moving) & (frequency > 0) & (frequency < 0.5)
+    seen = (noise > moving) & (frequency > 0) & (frequency < 0.5 * honest)
     if np.count_nonzero(seen) < _FEWEST:
         return least
     density, turn = noise[seen] / 2, np.cos(2 * np.pi * frequency[seen])

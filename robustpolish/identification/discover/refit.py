@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import lmfit
 import numpy as np
 
+from robustpolish.identification.compare.simulated import free_run_error
 from robustpolish.identification.discover.warned import warned
 from robustpolish.identification.findings.refitted import Refit
-from robustpolish.identification.fit.homotopy import homotopy
-from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
-from robustpolish.identification.fit.prepared import PreparedRecord, prepare
+from robustpolish.identification.fit.homotopy import free_rms, homotopy
+from robustpolish.identification.fit.least_squares import (
+    Fit,
+    Residuals,
+    covariance_of,
+    errors_from,
+    unfitted,
+)
+from robustpolish.identification.fit.long_records import taken
+from robustpolish.identification.fit.parameters import free_parameters
+from robustpolish.identification.fit.prepared import PreparedRecord, prepare, with_rest
 from robustpolish.identification.frequency.fit import refit_frequency_response
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, record_of
@@ -36,6 +45,8 @@ def refit(
     """Fit the parameters of a model, those of its effects included.
 
     Masses and input gains are known to about 5 % beforehand; data may move them further.
+    Of a long record as many samples are used as the fastest motion, the forces and the error ask
+    for, or a part of it; ``notes`` of the result says so.
 
     Parameters
     ----------
@@ -86,15 +97,52 @@ def refit(
             found = refit_frequency_response(model, data, progress)
         moved = moved_numbers(model.parameters, found.model.parameters)
         return replace(found, notes=tuple(moved))
-    prepared = prepare(model, long_enough(model, record_of(model, data)), _policy)
+    fewer = taken(model, long_enough(model, record_of(model, data)), _policy)
+    model, prepared = fewer.model, prepare(fewer.model, fewer.record, _policy)
     started = _with_start_values(model, prepared)
     spans = prepared.spans(prepared.everything)
     with working("Refitting"):
         fits = homotopy(started, prepared, prepared.everything, model, spans, progress=progress)
-    if not fits:
+        best = _no_worse(fits[-2:][::-1], [model, started], prepared)
+    found = _summarised(best, prepared)
+    notes = (*fewer.notes, *warned(started, found.model, prepared))
+    return replace(found, model=fewer.as_given(found.model), notes=notes)
+
+
+def _no_worse(
+    fits: Sequence[Fit], starts: Sequence[MechanicalModel], prepared: PreparedRecord
+) -> Fit:
+    """Return the first fit that runs no worse than the starts do, or the best start as it is.
+
+    A fit goes by starts of its own, by priors, and by the likelihood, which may give up a little of
+    a loud output for a quiet one.
+    """
+    models = [fitted.model for fitted in fits] + list(starts)
+    errors = _run_errors(models, prepared)
+    of_fits, of_starts = errors[: len(fits)], errors[len(fits) :]
+    for fitted, error in zip(fits, of_fits, strict=True):
+        if error <= min(of_starts):
+            return fitted
+    best = starts[int(np.argmin(of_starts))]
+    if not np.isfinite(min(of_starts)):
         raise ArithmeticError("no stage of the fit ended with finite errors")
-    found = _summarised(fits[-1], prepared)
-    return replace(found, notes=warned(started, found.model, prepared))
+    run = prepared.runner(best).run(best)
+    pieces = prepared.with_fitted_starts(run, with_rest(best, prepared.everything))
+    free = free_parameters(best, prepared.scales.bandwidth, prepared.policy, starts[0])
+    sizes = prepared.sizes(best) if pieces[0].start.vector.size else None
+    return unfitted(Residuals(best, pieces, prepared.runner(best), free, sizes))
+
+
+def _run_errors(models: Sequence[MechanicalModel], prepared: PreparedRecord) -> list[float]:
+    """Return the mean square of relative errors of free runs, over windows if no run repeats."""
+    size = np.std(prepared.record.Y, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    runs = [free_run_error(model, prepared.record) for model in models]
+    if all(calm or not np.isfinite(error).all() for error, calm in runs):
+        found = [error for error, _ in runs]
+    else:
+        found = [free_rms(model, prepared, prepared.windows)[0] for model in models]
+    return [float(np.mean((error / size) ** 2)) for error in found]
 
 
 def _with_start_values(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:

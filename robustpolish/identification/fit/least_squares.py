@@ -16,6 +16,7 @@ from robustpolish.arrays import Array
 from robustpolish.identification.fit.parameters import FreeParameter, joint_priors
 from robustpolish.identification.observer.run import RecordRun, Runner, StartedPiece
 from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.data import share_of_couplings
 
 _STEP = 1e-5
 _START_STEP = 1e-4
@@ -94,6 +95,7 @@ class Residuals:
         self.centre = np.array([f.centre / f.scale for f in free])
         self.joint = joint_priors(model, self.free) * self.scale
         keys = [f.key for f in free]
+        self.coupled = any(key.startswith("coupled_inertia") for key in keys)
         self.above = [(j, keys.index(f.at_least)) for j, f in enumerate(free) if f.at_least in keys]
 
     def within(self, x: Array) -> Array:
@@ -101,7 +103,16 @@ class Residuals:
         x = np.clip(x, self.lower, self.upper)
         for j, other in self.above:
             x[j] = max(x[j], x[other] * self.scale[other] / self.scale[j])
-        return x
+        return self._with_energy(x) if self.coupled else x
+
+    def _with_energy(self, x: Array) -> Array:
+        """Return the parameters with coupled inertias that leave every motion some energy."""
+        values = {f.key: v for f, v in zip(self.free, (x * self.scale).tolist(), strict=True)}
+        share = share_of_couplings(self.model, values)
+        return np.array([
+            v * share if f.key.startswith("coupled_inertia") else v
+            for f, v in zip(self.free, x, strict=True)
+        ])  # fmt: skip
 
     def model_at(self, x: Array) -> MechanicalModel:
         """Return the model with scaled parameters x."""
@@ -206,6 +217,18 @@ def fit(
     found = residuals.model_at(x), tuple(residuals.started(starts)), cost, errors, sigma
     if normal is None:
         return Fit(*found, np.zeros((len(free), len(free))), tuple(free))
+    return Fit(*found, normal.information(), tuple(free), normal.seen())
+
+
+def unfitted(residuals: Residuals) -> Fit:
+    """Return what a fit would say of a model as it is: its errors and how well they tell it."""
+    free, starts = residuals.free, np.array([piece.start.vector for piece in residuals.pieces])
+    x = np.array([f.start / f.scale for f in free], dtype=float)
+    errors = residuals.errors(x, starts)
+    sigma = _weights(errors, np.ones(errors.shape[1]))
+    normal = normal_of(residuals, errors, sigma)
+    cost = _cost(residuals, x, errors, sigma)
+    found = residuals.model, residuals.pieces, cost, errors, sigma
     return Fit(*found, normal.information(), tuple(free), normal.seen())
 
 

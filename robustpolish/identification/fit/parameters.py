@@ -58,6 +58,7 @@ def connected(model: MechanicalModel) -> list[set[str]]:
     """Return the chains of a model: coordinates that springs, dampers and effects join."""
     groups = [{name} for name in model.dof_names if name not in model.channels]
     joints = [s.between for s in model.springs] + [d.between for d in model.dampers]
+    joints += [c.between for c in model.coupled_inertias]
     for joint in [*joints, *(e.at for e in model.effects)]:
         ends = {name for name in joint if name in model.dof_names}
         touched = [g for g in groups if g & ends]
@@ -67,9 +68,11 @@ def connected(model: MechanicalModel) -> list[set[str]]:
 
 
 def chain_keys(model: MechanicalModel, chain: set[str]) -> tuple[list[str], list[str], list[str]]:
-    """Return the keys of a chain's masses, springs and dampers."""
+    """Return the keys of a chain's masses with what couples them, springs and dampers."""
+    coupled = enumerate(model.coupled_inertias)
     return (
-        [".".join(d.key) for d in model.dofs if d.name in chain],
+        [".".join(d.key) for d in model.dofs if d.name in chain]
+        + [f"coupled_inertia[{i}].value" for i, c in coupled if chain & {*c.between}],
         [f"spring[{i}].stiffness" for i, s in enumerate(model.springs) if chain & {*s.between}],
         [f"damper[{i}].damping" for i, d in enumerate(model.dampers) if chain & {*d.between}],
     )
@@ -165,6 +168,14 @@ def free_parameters(
         for dof in model.dofs
         if dof.name in moving
     ]
+    for i, coupled in enumerate(model.coupled_inertias):
+        if {*coupled.between} & {*model.free}:
+            key = f"coupled_inertia[{i}].value"
+            natural = float(np.sqrt(np.prod([model.dof(end).mass for end in coupled.between])))
+            natural, most = natural or mass, policy.weighed[1] * (natural or mass)
+            prior, centre = policy.mass_prior * natural, known.get(key, coupled.value)
+            free = FreeParameter(key, coupled.value, natural, -most, most, prior, centre)
+            result.append(free)
     contained = within_laws(model)
     for i, spring in enumerate(model.springs):
         key, natural = f"spring[{i}].stiffness", mass * bandwidth**2

@@ -202,16 +202,26 @@ def scales_of(model: MechanicalModel, record: Record) -> Scales:
 def _quietest(record: Record, i: int) -> float:
     """Return the noise of an output: of several records the one with the least motion shows it."""
     moving = [part.Y[:, i] for part in record.parts if np.ptp(part.Y[:, i]) > 0]
-    return min((white_noise(y, record.dt) for y in moving), default=1.0)
+    return min((white_noise(y, record.dt, record.honest) for y in moving), default=1.0)
 
 
-def white_noise(y: Array, dt: float) -> float:
-    """Return the standard deviation of white noise that the quietest band allows for."""
+def white_noise(y: Array, dt: float, honest: float = 1.0) -> float:
+    """Return the standard deviation of white noise that the quietest band allows for.
+
+    Parameters
+    ----------
+    y : ndarray, shape (samples,)
+    dt : float
+        Sampling step in s.
+    honest : float, optional
+        Share of half the sampling rate in which bands are looked at, see :class:`Record`.
+    """
     y = y - np.mean(y)
     total = float(np.std(y))
     if total == 0:
         return 1.0
     _, density = welch(y, 1 / dt, nperseg=min(256, len(y) // 4), detrend="linear")
+    density = density[: round(honest * (density.size - 1)) + 1]
     bands = np.array_split(density[1:], min(16, density.size - 1))
     lowest = min(float(np.mean(band)) for band in bands)
     return max(float(np.sqrt(lowest * 0.5 / dt)), _QUIETEST * total)

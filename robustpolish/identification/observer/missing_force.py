@@ -239,10 +239,10 @@ def _accelerations(
     forces: PortForces | None,
 ) -> Array:
     # The missing force is left out: with it, errors of the masses could explain it away.
-    m = model.matrices
-    total = m.B @ W[:, : m.B.shape[1]].T - m.K @ q - m.C @ v
+    m, nf = model.matrices, len(model.free)
+    A, B, _, _ = m.first_order()
+    a = np.zeros_like(q)
+    a[m.free] = A[nf:] @ np.concatenate([q[m.free], v[m.free]]) + B[nf:] @ W.T
     if forces is not None:
-        total = total + forces.rows.T @ forces.values
-    mass = np.diag(m.M)
-    a = np.divide(total, mass[:, None], out=np.zeros_like(total), where=mass[:, None] > 0)
+        a[m.free] += m.inverse_mass @ (forces.rows.T @ forces.values)[m.free]
     return a

@@ -107,7 +107,9 @@ def _noise(record: Record, size: Array) -> float:
     """Return the noise of the quietest output, as a share of its size."""
     if record.samples < 64:  # too few for a spectrum
         return 0.0
-    return min(white_noise(y, record.dt) / s for y, s in zip(record.Y.T, size, strict=True))
+    return min(
+        white_noise(y, record.dt, record.honest) / s for y, s in zip(record.Y.T, size, strict=True)
+    )
 
 
 def _divergence(outputs: Array) -> int | None:

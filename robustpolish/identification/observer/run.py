@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -185,6 +186,16 @@ def rest(model: MechanicalData) -> Start:
 _ROUNDS = 8
 _STEP = 1e-4
 _SHORTEST = 50
+# Samples of the very first stretches of unknown starts: a spring that stiffens may swing several
+# times over what its linear part takes for one swing.
+_BRIEFEST = 6
+# Times the mean square error with which a start is still tried beside the best, how many are, the
+# relative difference below which two are the same, and the rise over a longer stretch that noise
+# does not make: then the start is lost.
+_RIVAL = 4.0
+_RIVALS = 2
+_SAME = 1e-6
+_LOST = 1.5
 # Relative fall with which the start of a stretch is good enough for the next one.
 _ROUGHLY = 1e-2
 
@@ -208,12 +219,81 @@ def fitted_start(run: RecordRun, record: Record, guesses: Sequence[Start], sizes
     """
     if not sizes.size:
         return guesses[0]
-    pieces = [StartedPiece(record, guess) for guess in guesses]
-    if len(pieces) > 1 and not run.linear:
-        pieces = _closest(run, pieces, lengths(record.samples)[0], sizes, _weights(record))
-    return min(
-        fitted_starts(run, pieces, sizes), key=lambda piece: _size(run, piece, _weights(record))
-    ).start
+    pieces, weights = [StartedPiece(record, guess) for guess in guesses], _weights(record)
+    if run.linear:
+        found = fitted_starts(run, pieces, sizes)
+        return min(found, key=lambda piece: _size(run, piece, weights)).start
+    spans = lengths(record.samples)
+    brief = pieces
+    for span in (n for n in (spans[0] // 8, spans[0] // 4, spans[0] // 2) if n >= _BRIEFEST):
+        brief = _closest(run, brief, span, sizes, weights, _ROUGHLY)
+    search = _Growing(run, sizes, weights, record.samples)
+    found = search.best_of(search.over([*pieces, *brief], spans[0]), spans[0])
+    for before, span in pairwise(spans):
+        found = search.best_of(search.longer(found, before, span), span)
+    return found[0].start
+
+
+@dataclass
+class _Growing:
+    """A search for the start of one record over stretches that grow.
+
+    Over a stretch twice as long a start may be a wrong phase although it was right over the one
+    before: where runs part, as near chaos, what noise left open has grown too far. Then the
+    stretch grows by less. Where even that loses the record the model is wrong, not the start.
+    """
+
+    run: RecordRun
+    sizes: Array
+    weights: Array
+    longest: int
+    hopeless: bool = False
+
+    def over(self, pieces: Sequence[StartedPiece], span: int) -> list[StartedPiece]:
+        """Return the pieces, their starts improved over a stretch."""
+        settled = 1e-6 if span == self.longest else _ROUGHLY
+        return _closest(self.run, pieces, span, self.sizes, self.weights, settled)
+
+    def error(self, piece: StartedPiece, span: int) -> float:
+        """Return the mean square error over a stretch."""
+        head = StartedPiece(piece.record.part(0, min(span, piece.record.samples)), piece.start)
+        return _size(self.run, head, self.weights) / head.record.Y.size
+
+    def best_of(self, pieces: Sequence[StartedPiece], span: int) -> list[StartedPiece]:
+        """Return the best piece first, then others that are nearly as good and not the same."""
+        errors = [self.error(piece, span) for piece in pieces]
+        kept: list[int] = []
+        for i in np.argsort(errors, kind="stable").tolist():
+            near = errors[i] <= _RIVAL * errors[kept[0]] if kept else True
+            if near and all(abs(errors[i] - errors[j]) > _SAME * errors[j] for j in kept):
+                kept.append(i)
+        return [pieces[i] for i in kept[:_RIVALS]]
+
+    def longer(
+        self, pieces: Sequence[StartedPiece], before: int, span: int, halvings: int = 3
+    ) -> list[StartedPiece]:
+        """Return the pieces over a longer stretch, grown in smaller steps if that loses it."""
+        found = self.over(pieces, span)
+        middle = round(np.sqrt(before * span))
+        if (
+            self.hopeless
+            or not before < middle < span
+            or not self._lost(pieces, before, found, span)
+        ):
+            return found
+        if not halvings:
+            self.hopeless = True
+            return found
+        halfway = self.longer(pieces, before, middle, halvings - 1)
+        if self.hopeless:
+            return found
+        return [*self.longer(halfway, middle, span, halvings - 1), *found]
+
+    def _lost(
+        self, pieces: Sequence[StartedPiece], before: int, after: Sequence[StartedPiece], span: int
+    ) -> bool:
+        least = min(self.error(piece, before) for piece in pieces)
+        return min(self.error(piece, span) for piece in after) > _LOST * least
 
 
 def fitted_starts(

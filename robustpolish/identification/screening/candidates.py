@@ -55,7 +55,10 @@ def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
     for i, a in enumerate(all_names):
         found += [(b, a) for b in all_names[i + 1 :] if a in free or b in free]
     unique: dict[frozenset[str], tuple[str, ...]] = {}
+    turning = {dof.name: dof.rotational for dof in model.dofs}
     for pair in found:
+        if turning.get(pair[0], turning.get(pair[1])) != turning.get(pair[1], turning.get(pair[0])):
+            continue  # a displacement less an angle, which an inertia may couple, is no motion
         unique.setdefault(frozenset(pair), (pair[0], pair[1]))
     if "spring_stiffness" in kind.context:
         springs = {frozenset(s.between) for s in model.springs}

@@ -21,6 +21,8 @@ def mechanical_card(model: MechanicalData) -> Card:
         rows.append((name, dof.name, name, dof.mass, dof.unit))
     parts = [(f"spring[{i}]", "spring", s.between) for i, s in enumerate(model.springs)]
     parts += [(f"damper[{i}]", "damper", d.between) for i, d in enumerate(model.dampers)]
+    parts += [(f"coupled_inertia[{i}]", "coupled inertia", c.between)
+              for i, c in enumerate(model.coupled_inertias)]  # fmt: skip
     parts += [(f"effect[{i}]", e.kind, e.at) for i, e in enumerate(model.effects)]
     numbers = values(model)
     for start, part, at in parts:

@@ -6,20 +6,26 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from robustpolish.effects import GROUND, Effect
 from robustpolish.models.mechanical.parts import (
     ACCELERATION,
     DISPLACEMENT,
     FORCE,
+    NO_ENERGY,
     QUANTITIES,
     ROTATIONAL_ONLY,
     VELOCITY,
+    CoupledInertia,
     Damper,
     Dof,
     Input,
     Output,
     Spring,
     imposed_by,
+    least_energy,
+    mass_matrix,
     number,
     places,
 )
@@ -32,6 +38,7 @@ _KINDS: Mapping[str, type] = {
     "inputs": Input,
     "outputs": Output,
     "effects": Effect,
+    "coupled_inertias": CoupledInertia,
 }
 
 
@@ -65,6 +72,8 @@ def checked_fields(given: Mapping[str, Any]) -> dict[str, Any]:
     found["inputs"] = tuple(_input(item, dofs) for item in found["inputs"])
     _check_imposed_motions(found["inputs"], dofs)
     moved = imposed_by(found["inputs"])
+    found["coupled_inertias"] = _coupled(found["coupled_inertias"], dofs)
+    _check_energy(found["dofs"], found["coupled_inertias"], moved)
     found["outputs"] = tuple(_output(item, dofs, moved) for item in found["outputs"])
     signals = {key: [i.name for i in found[f"{key}s"]] for key in ("input", "output")}
     for i, effect in enumerate(found["effects"]):
@@ -115,6 +124,50 @@ def _connections(what: str, key: str, items: Any, dofs: Mapping[str, Dof]) -> tu
         pair = _pair((what, i, "between"), item.between, dofs)
         checked.append(type(item)(pair, number((what, i, key), getattr(item, key))))
     return tuple(checked)
+
+
+def _coupled(items: Any, dofs: Mapping[str, Dof]) -> tuple[CoupledInertia, ...]:
+    checked = []
+    for i, item in enumerate(items):
+        argument = ("coupled_inertia", i, "between")
+        names = places(argument, item.between)
+        if len(names) != 2:
+            raise invalid(argument, item.between, "two coordinates", "Name the other one.")
+        for name in names:
+            if name == GROUND:
+                remedy = "Add it to the mass of the other one."
+                raise invalid(argument, name, "a coordinate: the ground does not move", remedy)
+            _check_coordinate(argument, name, dofs)
+        value = number(("coupled_inertia", i, "value"), item.value)
+        checked.append(CoupledInertia((names[0], names[1]), value))
+    return tuple(checked)
+
+
+def _check_energy(
+    dofs: Sequence[Dof], coupled: Sequence[CoupledInertia], moved: Collection[str]
+) -> None:
+    """Refuse a mass matrix of the free coordinates with which some motion has no energy."""
+    free = [dof for dof in dofs if dof.name not in moved]
+    names = {dof.name for dof in free}
+    inside = [item for item in coupled if names.issuperset(item.between)]
+    least = least_energy(mass_matrix(free, inside))
+    if least > NO_ENERGY:
+        return
+    masses = {dof.name: dof.mass for dof in free}
+    ratios = [abs(c.value) / np.sqrt(masses[c.between[0]] * masses[c.between[1]]) for c in inside]
+    worst = int(np.argmax(ratios))
+    item = inside[worst]
+    most = float(np.sqrt(masses[item.between[0]] * masses[item.between[1]]))
+    a, b = item.between
+    alone = ratios[worst] >= 1
+    raise invalid(
+        ("coupled_inertia", coupled.index(item), "value"),
+        item.value,
+        f"less than {most:.6g}, the root of the product of the inertias of {a} and {b}: every "
+        "motion needs a positive kinetic energy" if alone else
+        "a positive kinetic energy of every motion; with the other coupled inertias some has none",
+        f"Correct it, or the inertias; that of {a} contains whatever moves with it.",
+    )  # fmt: skip
 
 
 def _pair(argument: Key, value: Any, dofs: Mapping[str, Dof]) -> tuple[str, str]:

@@ -7,12 +7,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
+import numpy as np
+
 from robustpolish.effects import Effect
 from robustpolish.models.mechanical.checks import checked_fields
 from robustpolish.models.mechanical.matrices import MechanicalMatrices, assemble
 from robustpolish.models.mechanical.parts import (
     DISPLACEMENT,
     UNITS,
+    CoupledInertia,
     Damper,
     Dof,
     Input,
@@ -38,6 +41,7 @@ class MechanicalData:
     effects: tuple[Effect, ...] = ()
     spin_frequency: float | None = None
     name: str = ""
+    coupled_inertias: tuple[CoupledInertia, ...] = ()
 
     def __post_init__(self) -> None:
         for name, value in checked_fields(vars(self)).items():
@@ -46,7 +50,9 @@ class MechanicalData:
     @cached_property
     def matrices(self) -> MechanicalMatrices:
         """Mass, damping and stiffness matrices, and the rows of the outputs; no effects."""
-        return assemble(self.dofs, self.springs, self.dampers, self.inputs, self.outputs)
+        return assemble(
+            self.dofs, self.springs, self.dampers, self.inputs, self.outputs, self.coupled_inertias
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         # The cached matrices are made anew where they are needed.
@@ -147,6 +153,8 @@ def values(model: MechanicalData) -> dict[str, float]:
     result: dict[str, float] = {}
     for dof in model.dofs:
         result[".".join(dof.key)] = dof.mass
+    for i, coupled in enumerate(model.coupled_inertias):
+        result[f"coupled_inertia[{i}].value"] = coupled.value
     for i, spring in enumerate(model.springs):
         result[f"spring[{i}].stiffness"] = spring.stiffness
     for i, damper in enumerate(model.dampers):
@@ -182,12 +190,48 @@ def replaced(model: Model, changes: Mapping[str, float]) -> Model:
             replace(damper, damping=new[f"damper[{i}].damping"])
             for i, damper in enumerate(model.dampers)
         ),
+        coupled_inertias=tuple(
+            replace(coupled, value=new[f"coupled_inertia[{i}].value"])
+            for i, coupled in enumerate(model.coupled_inertias)
+        ),
         inputs=tuple(replace(item, gain=new[f"input.{item.name}.gain"]) for item in model.inputs),
         effects=tuple(
             effect.with_values({name: new[f"effect[{i}].{name}"] for name in effect.parameters})
             for i, effect in enumerate(model.effects)
         ),
     )
+
+
+_LEFT = 1e-3
+# Least energy, as a share of that without couplings, that a fit leaves every motion.
+
+
+def share_of_couplings(model: MechanicalData, changes: Mapping[str, float]) -> float:
+    """Return the share of all coupled inertias with which every motion has a kinetic energy.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    changes : mapping of str to float
+        Numbers instead of the model's own.
+
+    Returns
+    -------
+    float
+        1 if they can stay as they are.
+    """
+    new = {**values(model), **changes}
+    free = {name: new[".".join(model.dof(name).key)] for name in model.free}
+    names = list(free)
+    N = np.zeros((len(names), len(names)))
+    for k, coupled in enumerate(model.coupled_inertias):
+        a, b = coupled.between
+        if a in free and b in free:
+            i, j = names.index(a), names.index(b)
+            N[i, j] += new[f"coupled_inertia[{k}].value"] / np.sqrt(free[a] * free[b])
+            N[j, i] = N[i, j]
+    least = float(np.min(np.linalg.eigvalsh(N), initial=0.0))
+    return min(1.0, (1 - _LEFT) / -least) if least < 0 else 1.0
 
 
 def unit_of(model: MechanicalData, key: str) -> str:
@@ -199,6 +243,9 @@ def unit_of(model: MechanicalData, key: str) -> str:
     index, name = int(key[key.index("[") + 1 : key.index("]")]), key.rsplit(".", 1)[1]
     if key.startswith("effect"):
         return effect_unit(model, model.effects[index], name)
+    if key.startswith("coupled"):
+        turning = sum(model.dof(end).rotational for end in model.coupled_inertias[index].between)
+        return ("kg", "kg m", "kg m^2")[turning]
     if key.startswith("spring"):
         return "N m/rad" if model.is_rotational(model.springs[index].between) else "N/m"
     return "N m s/rad" if model.is_rotational(model.dampers[index].between) else "N s/m"

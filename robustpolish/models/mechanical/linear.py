@@ -110,8 +110,8 @@ def _controls(
         if actuation == "displacement":
             B2[row, column] = 1.0
             continue
-        B2[nf + row, column] = 1 / model.dof(name).mass
-        D22[:, column] = m.Sa[:, m.free[row]] / model.dof(name).mass
+        B2[nf : 2 * nf, column] = m.inverse_mass[:, row]
+        D22[:, column] = m.Sa[:, m.free] @ m.inverse_mass[:, row]
     return pushes, chosen, B2, D22
 
 

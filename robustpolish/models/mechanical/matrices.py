@@ -15,12 +15,14 @@ from robustpolish.models.mechanical.parts import (
     ACCELERATION,
     DISPLACEMENT,
     VELOCITY,
+    CoupledInertia,
     Damper,
     Dof,
     Input,
     Output,
     Spring,
     imposed_by,
+    mass_matrix,
 )
 from robustpolish.models.plant.blocks import named_system
 
@@ -94,6 +96,16 @@ class MechanicalMatrices:
     imposed_signals: tuple[ImposedSignal, ...]
 
     @property
+    def inverse_mass(self) -> Matrix:
+        """Accelerations of the free coordinates from forces on them, ``inv(M[free, free])``."""
+        block = self.M[self.free][:, self.free]
+        masses = np.diag(block)
+        if np.count_nonzero(block) == masses.size:
+            return np.diag(1 / masses)  # as exact as the masses
+        size = np.sqrt(masses)
+        return np.linalg.inv(block / np.outer(size, size)) / np.outer(size, size)
+
+    @property
     def signals(self) -> tuple[str, ...]:
         """Names of the state space's inputs: forces, then imposed motions."""
         return (*self.force_inputs, *(signal.name for signal in self.imposed_signals))
@@ -130,12 +142,14 @@ class MechanicalMatrices:
         Lq, Lv, Rq, Rv = self.motion_map()
         n, nf, nw = len(self.coordinates), len(self.free), len(self.signals)
         force = np.hstack([self.B, np.zeros((n, nw - self.B.shape[1]))])
-        inverse_mass = 1 / np.diag(self.M)[self.free, None]
+        inverse_mass = self.inverse_mass
         acceleration_s, acceleration_w = np.zeros((n, 2 * nf)), np.zeros((n, nw))
-        acceleration_s[self.free] = -inverse_mass * (self.K @ Lq + self.C @ Lv)[self.free]
-        acceleration_w[self.free] = inverse_mass * (force - self.K @ Rq - self.C @ Rv)[self.free]
         for column, row, gain in self._imposed_columns(ACCELERATION):
             acceleration_w[row, column] = gain
+        imposed = self.M[self.free][:, self.imposed] @ acceleration_w[self.imposed]
+        pushed = (force - self.K @ Rq - self.C @ Rv)[self.free] - imposed
+        acceleration_s[self.free] = -inverse_mass @ (self.K @ Lq + self.C @ Lv)[self.free]
+        acceleration_w[self.free] = inverse_mass @ pushed
         return (
             np.vstack([Lv[self.free], acceleration_s[self.free]]),
             np.vstack([np.zeros((nf, nw)), acceleration_w[self.free]]),
@@ -180,11 +194,12 @@ def assemble(
     dampers: Sequence[Damper],
     inputs: Sequence[Input],
     outputs: Sequence[Output],
+    coupled_inertias: Sequence[CoupledInertia] = (),
 ) -> MechanicalMatrices:
     """Build the matrices of checked parts, without effects."""
     names = tuple(dof.name for dof in dofs)
     n = len(names)
-    M = np.diag([dof.mass for dof in dofs])
+    M = mass_matrix(dofs, coupled_inertias)
     K, C = np.zeros((n, n)), np.zeros((n, n))
     for spring in springs:
         row = incidence(names, spring.between)
@@ -220,12 +235,14 @@ def assemble(
         coordinates=names,
         force_inputs=tuple(item.name for item in forces),
         outputs=tuple(item.name for item in outputs),
-        imposed_signals=tuple(_imposed_signals(inputs, names, imposed.tolist(), Sa)),
+        imposed_signals=tuple(
+            _imposed_signals(inputs, names, imposed.tolist(), np.vstack([Sa, M[free]]))
+        ),
     )  # fmt: skip
 
 
 def _imposed_signals(
-    inputs: Sequence[Input], names: Sequence[str], imposed: Sequence[int], Sa: Matrix
+    inputs: Sequence[Input], names: Sequence[str], imposed: Sequence[int], used: Matrix
 ) -> list[ImposedSignal]:
     taken = {item.name for item in inputs}
     signals = []
@@ -233,7 +250,7 @@ def _imposed_signals(
         given = {item.imposes: item for item in inputs if item.imposes and item.on[0] == names[i]}
         base = given[DISPLACEMENT]
         wanted = [(DISPLACEMENT, base.name), (VELOCITY, f"{base.name}_dot")]
-        if Sa[:, i].any():
+        if used[:, i].any():  # by an output, or by what an inertia couples to it
             wanted.append((ACCELERATION, f"{base.name}_ddot"))
         for quantity, label in wanted:
             item = given.get(quantity, base)

@@ -47,6 +47,8 @@ class MechanicalModel(MechanicalData, Displayed):
         Known rotation speed in Hz.
     name : str, optional
         What the model is of.
+    coupled_inertias : sequence of CoupledInertia, optional
+        Inertias between two coordinates, as a double pendulum has.
 
     Raises
     ------
@@ -282,7 +284,8 @@ class MechanicalModel(MechanicalData, Displayed):
     def parameters(self) -> dict[str, float]:
         """Every number of the model by its key, such as ``"spring[0].stiffness"``.
 
-        Keys are ``dof.NAME.mass`` (or ``.inertia``), ``spring[i].stiffness``,
+        Keys are ``dof.NAME.mass`` (or ``.inertia``), ``coupled_inertia[i].value``,
+        ``spring[i].stiffness``,
         ``damper[i].damping``, ``input.NAME.gain`` and ``effect[i].PARAMETER``.
         """
         return values(self)

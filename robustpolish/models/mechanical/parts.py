@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from robustpolish.arrays import Matrix
 from robustpolish.effects import GROUND
 from robustpolish.validation import Key, described, invalid, positive
 
@@ -130,6 +131,33 @@ class Damper:
 
     between: tuple[str, str]
     damping: float
+
+
+@dataclass(frozen=True)
+class CoupledInertia:
+    """An inertia that ties the accelerations of two coordinates: a mass matrix off its diagonal.
+
+    Each of the two coordinates is pushed back with ``value`` times the other's acceleration. Of a
+    double pendulum in absolute angles that is the lower mass times both lengths; of a pendulum on
+    a cart, in kg m, its mass times the distance of its centre.
+
+    Parameters
+    ----------
+    between : (str, str)
+        Two coordinates; one may be a displacement and the other an angle.
+    value : float
+        In kg between two displacements, kg m^2 between two angles, kg m between one of each; any
+        sign, as long as every motion has a positive kinetic energy.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> rp.CoupledInertia(("theta_1", "theta_2"), 0.12).value
+    0.12
+    """
+
+    between: tuple[str, str]
+    value: float
 
 
 @dataclass(frozen=True)
@@ -270,3 +298,26 @@ def places(argument: Key, value: Any) -> tuple[str, ...]:
     if len(set(names)) != len(names):
         raise invalid(argument, described(f"{names[0]!r} twice"), "two ends", "Name the other end.")
     return names
+
+
+def mass_matrix(dofs: Sequence[Dof], coupled_inertias: Sequence[CoupledInertia]) -> Matrix:
+    """Return the mass matrix over all coordinates."""
+    names = [dof.name for dof in dofs]
+    M = np.diag([dof.mass for dof in dofs])
+    for coupled in coupled_inertias:
+        i, j = (names.index(end) for end in coupled.between)
+        M[i, j] += coupled.value
+        M[j, i] += coupled.value
+    return M
+
+
+NO_ENERGY = 1e-9
+"""Energy of a motion, as a share of what it would have without couplings, that is none."""
+
+
+def least_energy(M: Matrix) -> float:
+    """Return the least energy of any motion, as a share of what it would have without couplings."""
+    size = np.sqrt(np.diag(M))
+    if not size.size or np.count_nonzero(M) == size.size:
+        return 1.0
+    return float(np.linalg.eigvalsh(M / np.outer(size, size))[0])

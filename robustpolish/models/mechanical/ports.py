@@ -44,8 +44,7 @@ def port_matrices(
     m = model.matrices
     Lq, Lv, Rq, Rv = m.motion_map()
     nf = len(m.free)
-    minv = 1 / np.diag(m.M)[m.free]
-    acceleration = minv[:, None] * rows.T[m.free]
+    acceleration = m.inverse_mass @ rows.T[m.free]
     G = np.vstack([np.zeros((nf, len(rows))), acceleration])
     H = m.Sa[:, m.free] @ acceleration
     for i, output in enumerate(model.outputs):
@@ -104,8 +103,9 @@ def context_of(model: MechanicalData, at: tuple[str, ...], step: float) -> Mappi
     """Return what effects at a place may ask of their model, see `EffectKind.context`."""
     ends = {*at, "ground"} if len(at) == 1 else set(at)
     stiffness = sum(s.stiffness for s in model.springs if set(s.between) == ends)
-    free = set(model.free)
-    inverse_mass = sum(1 / model.dof(name).mass for name in at if name in free)
+    # how easily the place gives way to equal forces on its ends
+    pushed = np.abs([float(name in at) for name in model.free])
+    inverse_mass = float(np.diag(model.matrices.inverse_mass) @ pushed)
     found = {
         "clearance": 0.0,
         "spring_stiffness": float(stiffness),

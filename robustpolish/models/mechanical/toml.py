@@ -16,6 +16,7 @@ from robustpolish.models.mechanical.parts import (
     DISPLACEMENT,
     FORCE,
     QUANTITIES,
+    CoupledInertia,
     Damper,
     Dof,
     Input,
@@ -29,7 +30,10 @@ from robustpolish.versions import __version__
 
 Table = Mapping[str, Any]
 
-_TOP = ("name", "spin_frequency", "dof", "spring", "damper", "input", "output", "effect")
+_TOP = (
+    "name", "spin_frequency", "dof", "coupled_inertia", "spring", "damper", "input", "output",
+    "effect",
+)  # fmt: skip
 
 
 def read_model(source: str | Path) -> MechanicalData:
@@ -75,6 +79,7 @@ def _model(table: Table) -> MechanicalData:
         effects=_list(table, "effect", _effect),
         spin_frequency=table.get("spin_frequency"),
         name=table.get("name", ""),
+        coupled_inertias=_list(table, "coupled_inertia", _coupled),
     )
 
 
@@ -126,6 +131,11 @@ def _spring(where: Key, item: Table) -> Spring:
 def _damper(where: Key, item: Table) -> Damper:
     _keys(where, item, ("between", "damping"), ("between", "damping"))
     return Damper(item["between"], item["damping"])
+
+
+def _coupled(where: Key, item: Table) -> CoupledInertia:
+    _keys(where, item, ("between", "value"), ("between", "value"))
+    return CoupledInertia(item["between"], item["value"])
 
 
 def _input(where: Key, item: Table, dofs: list[Dof]) -> Input:
@@ -226,6 +236,9 @@ def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
             f"[dof.{_key(dof.name)}]",
             f"{dof.key[-1]} = {_value(dof.mass)}  # {dof.unit}",
         ]
+    for coupled in model.coupled_inertias:
+        table = {"between": coupled.between, "value": coupled.value}
+        lines += _entry("coupled_inertia", table)
     for spring in model.springs:
         lines += _entry("spring", {"between": spring.between, "stiffness": spring.stiffness})
     for damper in model.dampers:
