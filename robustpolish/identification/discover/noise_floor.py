@@ -2,7 +2,9 @@
 
 What a model does wrong is a part of the motion: where the spectrum of the errors exceeds that of
 the motion itself, they are noise. The colour of that noise, of first order, tells how much of it
-lies under the motion (P. Whittle 1953, Arkiv foer Matematik 2, 423-434, on fits to spectra).
+lies under the motion (P. Whittle 1953, Arkiv foer Matematik 2, 423-434, on fits to spectra). Far
+above its corner all colours look alike, though they differ by ten below: of those that the seen
+part allows, the floor is the loudest that the errors under the motion leave room for.
 Records that repeat each other need none of that, see :mod:`robustpolish.identification.repeats`.
 """
 
@@ -13,8 +15,14 @@ from scipy.signal import welch
 
 from robustpolish.arrays import Array
 
-_POLES = np.linspace(0.0, 0.95, 39)
-_FEWEST = 8
+_POLES = np.concatenate([np.linspace(0.0, 0.9, 37), 1 - np.geomspace(0.1, 0.05, 12)[1:]])
+_STEEPEST = 0.93
+"""No sensor is steeper than that: harmonics of what the model lacks are."""
+_CONFUSABLE = 3e-3
+"""Mean of the log-likelihood by which colours may differ: no sensor is quite of first order."""
+_ROOM = 0.7
+"""Errors over noise, both smoothed over frequencies, below which a colour has no room."""
+_FEWEST, _SMOOTHED, _DETRENDED = 8, 5, 3
 
 
 def noise_floor(
@@ -51,20 +59,27 @@ def _floor(error: Array, motion: Array, least: float, honest: float) -> float:
     length = min(512, len(error) // 4)
     frequency, noise = welch(error, nperseg=length, detrend="linear")
     _, moving = welch(motion, nperseg=length, detrend="linear")
-    seen = (noise > moving) & (frequency > 0) & (frequency < 0.5 * honest)
+    inner = (frequency > 0) & (frequency < 0.5 * honest)
+    seen = inner & (noise > moving)
     if np.count_nonzero(seen) < _FEWEST:
         return least
-    density, turn = noise[seen] / 2, np.cos(2 * np.pi * frequency[seen])
-    best, chosen, steepest = np.inf, least, False
-    for pole in _POLES:
-        whitened = density * (1 + pole**2 - 2 * pole * turn)
-        power = float(np.mean(whitened))
-        if power <= 0:
-            return least
-        misfit = np.log(power) - np.mean(np.log(1 + pole**2 - 2 * pole * turn))
-        if misfit < best:
-            best, chosen = misfit, float(np.sqrt(power / (1 - pole**2)))
-            steepest = pole == _POLES[-1]
-    if steepest:  # no sensor is that: harmonics of what the model lacks
-        chosen = float(np.sqrt(np.percentile(density, 25)))
-    return max(chosen, least)
+    density, turn = noise / 2, np.cos(2 * np.pi * frequency)
+    shapes = 1 / (1 + _POLES[:, None] ** 2 - 2 * _POLES[:, None] * turn)
+    strength = np.mean(density[seen] / shapes[:, seen], axis=1)
+    if not np.min(strength) > 0:
+        return least
+    misfit = np.log(strength) + np.mean(np.log(shapes[:, seen]), axis=1)
+    averaged = 1.5 * len(error) / length  # of segments that overlap by half
+    confusable = max(_CONFUSABLE, 3 / (averaged * np.count_nonzero(seen)))
+    plausible = misfit < np.min(misfit) + confusable
+    if np.min(_POLES[plausible]) > _STEEPEST:
+        return max(float(np.sqrt(np.percentile(density[seen], 25))), least)
+    sizes = np.sqrt(strength / (1 - _POLES**2))
+    hidden = inner & ~seen & (np.arange(frequency.size) >= _DETRENDED)
+    spread = np.ones(_SMOOTHED) / _SMOOTHED
+    there = np.convolve(density, spread, "same")
+    wanted = np.array([np.convolve(row, spread, "same") for row in strength[:, None] * shapes])
+    room = np.min((there / wanted)[:, hidden], axis=1, initial=np.inf) > _ROOM
+    if not np.any(plausible & room):
+        return max(float(np.min(sizes[plausible])), least)
+    return max(float(np.max(sizes[plausible & room])), least)
