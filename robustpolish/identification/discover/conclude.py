@@ -368,14 +368,19 @@ def _wrong_gains(search: Search) -> list[WrongGain]:
         if len(names) != 1 or ("input_gain", (names[0],)) in there:
             continue
         masses, springs, _ = chain_keys(before, chain)
-        keys = [key for key in masses + springs if old[key] > 0 and new[key] > 0]
-        if len(keys) < 2:
+        gain = np.log(new[f"input.{names[0]}.gain"] / old[f"input.{names[0]}.gain"])
+        moved = [
+            gain - np.array([np.log(new[k] / old[k]) for k in keys if old[k] > 0 and new[k] > 0])
+            for keys in (masses, springs)
+        ]
+        if not all(logs.size for logs in moved):
             continue
-        logs = [np.log(new[key] / old[key]) for key in keys]
-        gain = f"input.{names[0]}.gain"
-        common = float(np.log(new[gain] / old[gain]) - np.mean(logs))
-        scatter = search.policy.gain_spread * abs(common)
-        if abs(common) < search.policy.gain_least or np.ptp(logs) > scatter:
+        # masses are weighed, springs are known roughly: each may err by itself, their mean hardly
+        common = float(np.mean(moved[0]))
+        apart = max(float(np.ptp(moved[0])), abs(float(np.mean(moved[1])) - common))
+        if abs(common) < search.policy.gain_least or apart > search.policy.gain_spread * abs(
+            common
+        ):
             continue
         effect = Effect("input_gain", (names[0],), {"gain": float(np.exp(common))})
         outputs = [o.name for o in before.outputs if chain.intersection(o.of)]

@@ -99,18 +99,38 @@ def _diagnose(
     model, prepared = fewer.model, prepare(fewer.model, fewer.record, policy)
     say("how inputs act between their samples")
     held = model if fewer.thinned else with_holds(model, prepared)
-    say("refit of the model's own parameters")
-    own, guided = refit_own(held, prepared)
-    steps = [("base", model), ("refit", own.model)]
-    search = Search(prepared, held, say, linear=own, stage=own, guided=guided, steps=steps)
-    search.reasons += _of_records(prepared)
+    search = _begun(model, held, prepared, say)
     while search.added < policy.most_effects and _add_one(search):
-        pass
+        late = None if fewer.thinned else _late_holds(search)
+        if late is not None:
+            search = _begun(model, late, prepared, say)
     # only now: as long as something is missing, a fit bends masses and springs alike
     add_wrong_gains(search)
     found = conclude(search, model)
     notes = (*fewer.notes, *warned(model, found.model, prepared))
     return replace(found, model=fewer.as_given(found.model), notes=notes)
+
+
+def _begun(
+    model: MechanicalModel,
+    held: MechanicalModel,
+    prepared: PreparedRecord,
+    say: Callable[[str], None],
+) -> Search:
+    """Return a search that knows the model's own numbers only, with its inputs held as given."""
+    say("refit of the model's own parameters")
+    own, guided = refit_own(held, prepared)
+    steps = [("base", model), ("refit", own.model)]
+    search = Search(prepared, held, say, linear=own, stage=own, guided=guided, steps=steps)
+    search.reasons += _of_records(prepared)
+    return search
+
+
+def _late_holds(search: Search) -> MechanicalModel | None:
+    """Return the reference with the holds of its inputs that showed only beside an effect."""
+    model, reference = search.stage.model, search.reference
+    holds = with_holds(model, search.prepared).effects[len(model.effects) :]
+    return replace(reference, effects=(*reference.effects, *holds)) if holds else None
 
 
 def _of_records(prepared: PreparedRecord) -> list[str]:

@@ -78,8 +78,10 @@ def objection(
         return "one output gains what another loses"
     index = place % len(after.model.effects)
     effect = after.model.effects[index]
-    refused = effect.definition.implausible(effect.values) or line_of_motion(
-        effect, after.model, prepared.record
+    refused = (
+        effect.definition.implausible(effect.values)
+        or line_of_motion(effect, after.model, prepared.record)
+        or _within_a_sample(effect, prepared.record)
     )
     if refused:
         return refused
@@ -96,6 +98,14 @@ def undetermined(fitted: Fit, index: int, policy: Policy) -> str | None:
     lead = next(p.name for p in effect.definition.parameters if p.fitted)
     error = errors.get(f"effect[{index}].{lead}", 0.0)
     return None if error < policy.determined * abs(effect.values[lead]) else lead
+
+
+def _within_a_sample(effect: Effect, record: Record) -> str | None:
+    """Say whether an effect is a delay that no record can tell from a hold of its input."""
+    delay = effect.values.get("delay", np.inf) if effect.definition.domain == "input" else np.inf
+    if delay >= record.dt:
+        return None
+    return f"a delay of {delay / record.dt:.2g} samples is what its input does between them"
 
 
 def line_of_motion(effect: Effect, model: MechanicalModel, record: Record) -> str | None:

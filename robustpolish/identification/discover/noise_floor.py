@@ -16,13 +16,15 @@ from scipy.signal import welch
 from robustpolish.arrays import Array
 
 _POLES = np.concatenate([np.linspace(0.0, 0.9, 37), 1 - np.geomspace(0.1, 0.05, 12)[1:]])
-_STEEPEST = 0.93
-"""No sensor is steeper than that: harmonics of what the model lacks are."""
+_STEEPEST = 0.9
+"""Where no colour up to that is plausible, the errors are harmonics of what the model lacks."""
 _CONFUSABLE = 3e-3
 """Mean of the log-likelihood by which colours may differ: no sensor is quite of first order."""
 _ROOM = 0.7
 """Errors over noise, both smoothed over frequencies, below which a colour has no room."""
 _FEWEST, _SMOOTHED, _DETRENDED = 8, 5, 3
+_STRETCHES, _SCATTER = 8, 1.2
+"""Of an eighth of a record, and what the sizes of coloured noise in them differ by."""
 
 
 def noise_floor(
@@ -50,7 +52,17 @@ def noise_floor(
     if not known:
         each = zip(errors.T, motion.T, least, strict=True)
         found = [_floor(e, y, low, honest) for e, y, low in each]
-    return np.minimum(found, np.sqrt(np.mean(errors**2, axis=0)))
+    return np.minimum(found, _quietest(errors))
+
+
+def _quietest(errors: Array) -> Array:
+    """Return the size that noise can have where it never falls: that of the quietest stretch.
+
+    Where a motion dies away, or a blow is yet to come, a model does nothing wrong.
+    """
+    sizes = [np.sqrt(np.mean(part**2, axis=0)) for part in np.array_split(errors, _STRETCHES)]
+    whole = np.sqrt(np.mean(errors**2, axis=0))
+    return np.minimum(_SCATTER * np.min(sizes, axis=0), whole)
 
 
 def _floor(error: Array, motion: Array, least: float, honest: float) -> float:

@@ -43,7 +43,7 @@ def estimate_frequency_response(
         of the lines: a lightly damped mode needs several periods of its decay. For a periodic
         input take whole periods, window "boxcar" and no overlap: then nothing leaks.
     window : str, optional
-        Name of a window of :func:`scipy.signal.get_window`.
+        Name of a window of ``scipy.signal.get_window``.
     overlap : float, optional
         Share by which segments overlap, from 0 to 0.9.
 

@@ -9,7 +9,7 @@ from robustpolish.identification.discover.conclude import add_wrong_gains, concl
 from robustpolish.identification.discover.search import RefittedEffect
 from robustpolish.identification.observer.kalman import FREE, Level
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
-from tests.hidden_effects.cases import Case, model_of, one, records
+from tests.hidden_effects.cases import Case, model_of, one, records, two
 from tests.identification.discover.searches import search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
 
@@ -145,8 +145,13 @@ def test_a_constant_beside_friction_may_be_its_asymmetry():
     assert "constant_force" not in pair.experiment
 
 
-def gained(gain):
-    case = Case("gain", one(), drive=10.0, samples=1200, effects=[("input_gain", ("F_x",), [gain])])
+def gained(gain, machine=None, **more):
+    machine = machine or one()
+    place = f"F_{machine.forced[0]}"
+    case = Case(
+        "gain", machine, drive=10.0, samples=1200, effects=[("input_gain", (place,), [gain])]
+    )
+    case = replace(case, **more)
     search = search_of(model_of(case), records(case)[0][0])
     add_wrong_gains(search)
     return search
@@ -162,6 +167,13 @@ def test_masses_and_springs_that_err_alike_are_a_gain():
     (pair,) = search.confusions
     assert pair.second.kind == "sensor_gain"  # one output: it may be that one as well
     assert "known weight" in pair.experiment
+
+
+def test_springs_that_are_known_roughly_do_not_hide_a_gain():
+    search = gained(0.6, two(), noise_db=50.0, wrong={"mass": 0.03, "stiffness": 0.1})
+    (effect,) = search.stage.model.effects
+    assert (effect.kind, effect.at) == ("input_gain", ("F_x",))
+    assert effect.values["gain"] == pytest.approx(0.6, rel=0.06)
 
 
 def test_an_input_that_is_right_gets_no_gain():

@@ -73,3 +73,15 @@ def test_noise_free_records_are_no_trouble():
     found = checked(model_of(quiet), records(quiet)[0][0])
     assert [e.kind for e in found.effects] == ["quadratic_damping"]
     assert np.isfinite(found.effects[0].parameters["coefficient"].stderr)
+
+
+def test_a_hold_that_shows_only_beside_an_effect_is_no_delay():
+    """As long as a cubic spring is missing, what inputs do between samples is nothing to see."""
+    case = Case(
+        "held", one(), [("cubic_stiffness", ("x", "ground"), [2e6])], seed=44, drive=20.0,
+        samples=5000, noise_db=54.0, colour=0.9, excitation="sweep", held=True,
+    )  # fmt: skip
+    found = diagnose(model_of(case), records(case)[0][0])
+    assert [effect.kind for effect in found.effects] == ["cubic_stiffness"]
+    held = [e for e in found.model.effects if e.kind == "input_hold"]
+    assert [e.values["order"] for e in held] == [0.0]

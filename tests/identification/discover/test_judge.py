@@ -15,8 +15,8 @@ from robustpolish.identification.discover.judge import (
 from robustpolish.identification.discover.search import RefittedEffect
 from robustpolish.identification.record import record_of
 from robustpolish.identification.screening.screen import ScreenedEffect
-from tests.identification.discover.searches import judged, refitted, search_of
-from tests.identification.oscillators import PLACE, RATE, of_rig, oscillator, rig
+from tests.identification.discover.searches import judged, prepared_of, refitted, search_of
+from tests.identification.oscillators import PLACE, RATE, of_rig, oscillator, record, rig
 
 MODEL = rig()
 
@@ -90,6 +90,20 @@ def test_numbers_have_to_be_determined_and_plausible(search):
     loops = {"force": 1.0, "stiffness": 5.0, "exponent": 20.0}
     odd = refitted(MODEL, "bouc_wen_hysteresis", PLACE, loops, 2.0)
     assert "elastic Coulomb" in str(objection(before, odd.fitted, search.prepared))
+
+
+def test_a_delay_within_a_sample_is_no_finding():
+    """What an input does between its samples looks like a delay of a part of one."""
+    model = oscillator()
+    prepared = prepared_of(model, record(1000))
+
+    def remark(samples):
+        delay = {"delay": samples * prepared.record.dt}
+        late = refitted(model, "input_delay", ("F",), delay, 2.0)
+        return objection(judged(model, 10.0), late.fitted, prepared)
+
+    assert str(remark(0.4)).startswith("a delay of 0.4 samples is what its input does")
+    assert remark(1.6) is None
 
 
 def test_an_effect_in_the_middle_is_judged_by_its_own_numbers(search):

@@ -52,6 +52,21 @@ def test_where_the_motion_hides_all_noise_the_quietest_band_stands_for_it():
     np.testing.assert_allclose(found, np.sqrt(np.mean((0.5 * e) ** 2)))
 
 
+def test_colours_that_look_alike_above_the_motion_are_told_by_the_errors_below():
+    """A quiet end of the spectrum alone leaves a factor of two open."""
+    true = np.std(noise(0.9, 30))
+    (found,) = noise_floor(noise(0.9, 30)[:, None], MOTION[:, None], NONE)
+    assert found == pytest.approx(true, rel=0.05)
+
+
+def test_noise_is_no_louder_than_the_quietest_stretch():
+    e = noise(0.9, 30)
+    wrong = e.copy()
+    wrong[: e.size // 2] *= 20  # a blow that the model does not follow, and then nothing
+    (found,) = noise_floor(wrong[:, None], MOTION[:, None], NONE)
+    assert found < 1.5 * np.std(e)
+
+
 def test_a_run_that_diverged_tells_nothing():
     e = noise(0.0, 20)
     motion = MOTION.copy()

@@ -28,6 +28,7 @@ def test_springs_that_are_30_percent_off_come_out(quantity, shares):
     assert fitted.undetermined == ()
 
 
+@pytest.mark.slow
 def test_intervals_cover_the_truth():
     model = two_masses()
     inside = []
