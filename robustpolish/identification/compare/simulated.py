@@ -14,14 +14,10 @@ from robustpolish.identification.observer.reproducibility import (
     Reproducibility,
     reproducibility,
 )
-from robustpolish.identification.observer.run import (
-    RecordRun,
-    Start,
-    StartedPiece,
+from robustpolish.identification.observer.run import RecordRun, Start, StartedPiece, free_run, rest
+from robustpolish.identification.observer.starts import (
     fitted_start,
-    free_run,
     lengths,
-    rest,
     state_sizes,
     visible_sizes,
 )

@@ -19,13 +19,8 @@ from scipy.signal import welch
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
-from robustpolish.identification.observer.run import (
-    StartedPiece,
-    fitted_start,
-    free_run,
-    rest,
-    visible_sizes,
-)
+from robustpolish.identification.observer.run import StartedPiece, free_run, rest
+from robustpolish.identification.observer.starts import fitted_start, visible_sizes
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record, frequencies, liveliest, record_of
 from robustpolish.measurements import decimate

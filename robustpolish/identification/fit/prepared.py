@@ -18,15 +18,8 @@ from robustpolish.identification.observer.kalman import (
     scales_of,
 )
 from robustpolish.identification.observer.missing_force import Smoothed, smooth
-from robustpolish.identification.observer.run import (
-    RecordRun,
-    Runner,
-    Start,
-    StartedPiece,
-    fitted_starts,
-    rest,
-    state_sizes,
-)
+from robustpolish.identification.observer.run import RecordRun, Runner, Start, StartedPiece, rest
+from robustpolish.identification.observer.starts import fitted_starts, state_sizes
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record, least_samples
 from robustpolish.identification.repeats import Repeats, repeats

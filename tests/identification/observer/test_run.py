@@ -4,20 +4,12 @@ import xarray as xr
 
 from robustpolish.identification.fit.prepared import prepare
 from robustpolish.identification.observer.kalman import Level
-from robustpolish.identification.observer.run import (
-    StartedPiece,
-    fitted_start,
-    fitted_starts,
-    free_run,
-    lengths,
-    rest,
-)
+from robustpolish.identification.observer.run import StartedPiece, free_run, rest
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
 from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
 from robustpolish.simulation.run import simulate
-
-PLACE = ("x", "ground")
+from tests.identification.observer.runs import PLACE, case
 
 
 def delayed(samples=400):
@@ -50,48 +42,6 @@ def test_a_part_goes_on_where_the_one_before_ended():
     middle = rest(model).with_vector(whole.states[150])
     later = run.over(StartedPiece(record.part(150, 400), middle)).outputs
     np.testing.assert_allclose(later, whole.outputs[150:], rtol=1e-9, atol=1e-15)
-
-
-def case(effect=None, start=(2e-3, 0.1)):
-    model = MechanicalModel(
-        [Dof("x", 1.0)],
-        [Spring(PLACE, 400.0)],
-        [Damper(PLACE, 0.8)],
-        [Input("F", PLACE)],
-        [Output("x", PLACE)],
-    )
-    if effect:
-        model = model.with_effect(*effect)
-    time = np.arange(1200) * 5e-3
-    force = np.random.default_rng(0).standard_normal(time.size)
-    data = xr.Dataset({"F": ("time", force)}, {"time": time})
-    data["x"] = ("time", 2e-3 * np.ones(time.size))  # decides on the steps, as below
-    x = simulate(model, data, initial_state=start).outputs[:, 0]
-    return model, record_of(model, data.assign(x=("time", x)))
-
-
-@pytest.mark.parametrize("effect", [None, ("cubic_stiffness", PLACE, {"stiffness": 1e7})])
-def test_the_start_is_found_from_rest(effect):
-    model, record = case(effect)
-    run = free_run(model, record)
-    found = fitted_start(run, record, [rest(model)], np.array([1e-3, 0.02]))
-    np.testing.assert_allclose(found.state, [2e-3, 0.1], rtol=1e-3)
-    assert np.max(np.abs(run.errors(StartedPiece(record, found)))) < 1e-6
-
-
-def test_the_best_guess_is_where_the_search_begins():
-    model, record = case(("coulomb_friction", PLACE, {"force": 0.2}))
-    run = free_run(model, record)
-    right, wrong = rest(model).with_vector(np.array([2e-3, 0.1])), rest(model)
-    sizes = np.array([1e-3, 0.02])
-    for guesses in ([wrong, right], [right, wrong]):
-        found = fitted_start(run, record, guesses, sizes)
-        np.testing.assert_allclose(found.state, [2e-3, 0.1], rtol=1e-2)
-
-
-def test_stretches_grow_twofold_up_to_the_whole():
-    assert lengths(30) == [30]
-    assert lengths(8000) == [62, 125, 250, 500, 1000, 2000, 4000, 8000]
 
 
 @pytest.mark.parametrize(
@@ -127,20 +77,3 @@ def test_a_led_run_over_windows_is_led_in_each():
     np.testing.assert_array_equal(run.all_errors(pieces), expected)
     free = free_run(model, record).all_errors(pieces)
     assert np.std(expected) < 0.5 * np.std(free)  # the wrong starts are mended
-
-
-@pytest.mark.parametrize("effect", [None, ("coulomb_friction", PLACE, {"force": 0.2})])
-def test_starts_of_windows_are_those_of_each_alone(effect):
-    model, record = case(effect)
-    run, sizes = free_run(model, record), np.array([1e-3, 0.02])
-    parts = [record.part(*part) for part in ((0, 400), (400, 800), (800, 1200))]
-    pieces = [StartedPiece(part, rest(model)) for part in parts]
-    together = fitted_starts(run, pieces, sizes)
-    for part, found in zip(parts, together, strict=True):
-        (alone,) = fitted_starts(run, [StartedPiece(part, rest(model))], sizes)
-        # the weights of the outputs differ, and one output has but one
-        np.testing.assert_allclose(found.start.state, alone.start.state, rtol=1e-4, atol=1e-8)
-        assert found.record is part
-    assert np.max(np.abs(run.errors(together[0]))) < 2e-5
-    assert fitted_starts(run, [], sizes) == []
-    assert fitted_starts(run, pieces, np.zeros(0)) == pieces

@@ -1,0 +1,108 @@
+"""Starts of runs, improved over their first samples by damped least squares."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robustpolish.arrays import Array
+from robustpolish.identification.observer.run import RecordRun, StartedPiece
+from robustpolish.identification.record import Record
+
+_ROUNDS = 8
+_STEP = 1e-4
+
+
+def closest(
+    run: RecordRun,
+    pieces: Sequence[StartedPiece],
+    samples: int,
+    sizes: Array,
+    weights: Array,
+    settled: float = 1e-6,
+) -> list[StartedPiece]:
+    """Improve the starts of pieces over their first samples, by damped least squares.
+
+    No piece becomes worse. All are run together, each with a damping of its own.
+    """
+    heads = [p.record.part(0, min(samples, p.record.samples)) for p in pieces]
+    vectors = np.array([piece.start.vector for piece in pieces])
+    step, damping = (
+        (1.0, np.zeros(len(pieces))) if run.linear else (_STEP, np.full(len(pieces), 1e-3))
+    )
+
+    def errors(rows: Array, which: Sequence[int]) -> list[Array]:
+        started = [
+            StartedPiece(heads[i], pieces[i].start.with_vector(row))
+            for i, row in zip(which, rows, strict=True)
+        ]
+        marks = np.cumsum([p.record.samples for p in started])[:-1]
+        return [e.ravel() for e in np.split(_errors(run, started, weights), marks)]
+
+    active = list(range(len(pieces)))
+    now = dict(zip(active, errors(vectors, active), strict=True))
+    for _ in range(1 if run.linear else _ROUNDS):
+        if not active:
+            break
+        columns = []
+        for j, size in enumerate(sizes):
+            ahead = vectors[active]
+            ahead[:, j] += step * size
+            columns.append(errors(ahead, active))
+        jacobians = {
+            i: np.column_stack([(column[k] - now[i]) / step for column in columns])
+            for k, i in enumerate(active)
+        }
+        done, waiting = [], active
+        for attempt in range(5):
+            tried = np.array(
+                [
+                    vectors[i]
+                    - _damped_step(jacobians[i], now[i], damping[i] * 10**attempt) * sizes
+                    for i in waiting
+                ]
+            )
+            still = []
+            for i, row, after in zip(waiting, tried, errors(tried, waiting), strict=True):
+                if not after @ after < now[i] @ now[i]:
+                    still.append(i)
+                    continue
+                if after @ after > (1 - settled) * (now[i] @ now[i]):
+                    done.append(i)
+                vectors[i], now[i] = row, after
+                damping[i] *= 10.0 ** (attempt - 1)
+            waiting = still
+            if not waiting:
+                break
+        active = [i for i in active if i not in done and i not in waiting]
+    return [
+        StartedPiece(piece.record, piece.start.with_vector(row))
+        for piece, row in zip(pieces, vectors, strict=True)
+    ]
+
+
+def weights_of(record: Record) -> Array:
+    """Return what makes errors comparable: one over the size of each output."""
+    size = np.std(record.Y, axis=0)
+    return 1 / np.where(size > 0, size, 1.0)
+
+
+def squares(run: RecordRun, piece: StartedPiece, weights: Array) -> float:
+    """Return the sum of the squares of a run's weighted errors."""
+    return float(np.sum(_errors(run, [piece], weights) ** 2))
+
+
+def _errors(run: RecordRun, pieces: Sequence[StartedPiece], weights: Array) -> Array:
+    """Weighted errors of all pieces; a run that diverges has very large ones."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = -run.all_errors(pieces) * weights
+    return np.where(np.isfinite(error), np.clip(error, -1e6, 1e6), 1e6)
+
+
+def _damped_step(jacobian: Array, error: Array, damping: float) -> Array:
+    """Solve for the step; directions that the outputs hardly show are left as they are."""
+    values, vectors = np.linalg.eigh(jacobian.T @ jacobian)
+    seen = values > 1e-12 * max(values[-1], 1e-300)
+    inverse = np.where(seen, 1 / np.where(seen, values + damping * values[-1], 1.0), 0.0)
+    return vectors @ (inverse * (vectors.T @ (jacobian.T @ error)))

@@ -1,0 +1,191 @@
+"""The start from which a run comes closest to a record, found over stretches that grow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from robustpolish.arrays import Array
+from robustpolish.identification.observer.closest import closest, squares, weights_of
+from robustpolish.identification.observer.run import RecordRun, Start, StartedPiece
+from robustpolish.identification.record import Record
+from robustpolish.models.mechanical.data import MechanicalData
+from robustpolish.models.mechanical.ports import dynamic_effects
+
+_SHORTEST = 50
+# Samples of the very first stretches of unknown starts: a spring that stiffens may swing several
+# times over what its linear part takes for one swing.
+_BRIEFEST = 6
+# Times the mean square error with which a start is still tried beside the best, how many are, the
+# relative difference below which two are the same, and the rise over a longer stretch that noise
+# does not make: then the start is lost.
+_RIVAL = 4.0
+_RIVALS = 2
+_SAME = 1e-6
+_LOST = 1.5
+# Relative fall with which the start of a stretch is good enough for the next one.
+_ROUGHLY = 1e-2
+
+
+def fitted_start(run: RecordRun, record: Record, guesses: Sequence[Start], sizes: Array) -> Start:
+    """Find the start from which a free run comes closest to the measured outputs.
+
+    Parameters
+    ----------
+    run : RecordRun
+    record : Record
+        All of it is run over.
+    guesses : sequence of Start
+        Where the search may begin: at the best of them over the first stretch.
+    sizes : ndarray, shape (n,)
+        What matters of each state: see :func:`state_sizes`, or :func:`visible_sizes`.
+
+    Returns
+    -------
+    Start
+    """
+    if not sizes.size:
+        return guesses[0]
+    pieces, weights = [StartedPiece(record, guess) for guess in guesses], weights_of(record)
+    if run.linear:
+        found = fitted_starts(run, pieces, sizes)
+        return min(found, key=lambda piece: squares(run, piece, weights)).start
+    spans = lengths(record.samples)
+    brief = pieces
+    for span in (n for n in (spans[0] // 8, spans[0] // 4, spans[0] // 2) if n >= _BRIEFEST):
+        brief = closest(run, brief, span, sizes, weights, _ROUGHLY)
+    search = _Growing(run, sizes, weights, record.samples)
+    found = search.best_of(search.over([*pieces, *brief], spans[0]), spans[0])
+    for before, span in pairwise(spans):
+        found = search.best_of(search.longer(found, before, span), span)
+    return found[0].start
+
+
+@dataclass
+class _Growing:
+    """A search for the start of one record over stretches that grow.
+
+    Over a stretch twice as long a start may be a wrong phase although it was right over the one
+    before: where runs part, as near chaos, what noise left open has grown too far. Then the
+    stretch grows by less. Where even that loses the record the model is wrong, not the start.
+    """
+
+    run: RecordRun
+    sizes: Array
+    weights: Array
+    longest: int
+    hopeless: bool = False
+
+    def over(self, pieces: Sequence[StartedPiece], span: int) -> list[StartedPiece]:
+        """Return the pieces, their starts improved over a stretch."""
+        settled = 1e-6 if span == self.longest else _ROUGHLY
+        return closest(self.run, pieces, span, self.sizes, self.weights, settled)
+
+    def error(self, piece: StartedPiece, span: int) -> float:
+        """Return the mean square error over a stretch."""
+        head = StartedPiece(piece.record.part(0, min(span, piece.record.samples)), piece.start)
+        return squares(self.run, head, self.weights) / head.record.Y.size
+
+    def best_of(self, pieces: Sequence[StartedPiece], span: int) -> list[StartedPiece]:
+        """Return the best piece first, then others that are nearly as good and not the same."""
+        errors = [self.error(piece, span) for piece in pieces]
+        kept: list[int] = []
+        for i in np.argsort(errors, kind="stable").tolist():
+            near = errors[i] <= _RIVAL * errors[kept[0]] if kept else True
+            if near and all(abs(errors[i] - errors[j]) > _SAME * errors[j] for j in kept):
+                kept.append(i)
+        return [pieces[i] for i in kept[:_RIVALS]]
+
+    def longer(
+        self, pieces: Sequence[StartedPiece], before: int, span: int, halvings: int = 3
+    ) -> list[StartedPiece]:
+        """Return the pieces over a longer stretch, grown in smaller steps if that loses it."""
+        found = self.over(pieces, span)
+        middle = round(np.sqrt(before * span))
+        if (
+            self.hopeless
+            or not before < middle < span
+            or not self._lost(pieces, before, found, span)
+        ):
+            return found
+        if not halvings:
+            self.hopeless = True
+            return found
+        halfway = self.longer(pieces, before, middle, halvings - 1)
+        if self.hopeless:
+            return found
+        return [*self.longer(halfway, middle, span, halvings - 1), *found]
+
+    def _lost(
+        self, pieces: Sequence[StartedPiece], before: int, after: Sequence[StartedPiece], span: int
+    ) -> bool:
+        least = min(self.error(piece, before) for piece in pieces)
+        return min(self.error(piece, span) for piece in after) > _LOST * least
+
+
+def fitted_starts(
+    run: RecordRun, pieces: Sequence[StartedPiece], sizes: Array
+) -> list[StartedPiece]:
+    """Return pieces with the starts from which free runs come closest to the measured outputs.
+
+    For a linear model that is one least-squares problem, over the whole of a piece, as in
+    MATLAB's ``compare``. With effects it is solved by damped Gauss-Newton steps on stretches that
+    grow twofold: errors over a short stretch depend smoothly on the start even where those over a
+    long one do not, and over a long run a wrong start is a wrong phase.
+
+    Parameters
+    ----------
+    run : RecordRun
+    pieces : sequence of StartedPiece
+        With the starts at which the search begins.
+    sizes : ndarray, shape (n,)
+        As of :func:`fitted_start`.
+    """
+    found = list(pieces)
+    if not sizes.size or not found:
+        return found
+    weights = weights_of(max((p.record for p in pieces), key=lambda record: record.samples))
+    longest = max(piece.record.samples for piece in pieces)
+    for samples in [longest] if run.linear else lengths(longest):
+        settled = 1e-6 if samples == longest else _ROUGHLY
+        found = closest(run, found, samples, sizes, weights, settled)
+    return found
+
+
+def lengths(samples: int) -> list[int]:
+    """Return lengths that grow twofold up to the whole."""
+    found = [samples]
+    while found[0] > 2 * _SHORTEST:
+        found.insert(0, found[0] // 2)
+    return found
+
+
+def state_sizes(model: MechanicalData, states: Array) -> Array:
+    """Append the sizes of internal states to those of the free displacements and velocities."""
+    half = len(states) // 2
+    q, v = np.max(states[:half], initial=1e-12), np.max(states[half:], initial=1e-12)
+    sizes: list[float] = []
+    for _, effect in dynamic_effects(model):
+        kind = effect.definition
+        known = kind.state_sizes(effect.values, float(q), float(v))
+        sizes += [size or 1.0 for size in known] if known else [1.0] * kind.states
+    return np.concatenate([states, np.array(sizes, dtype=float)])
+
+
+def visible_sizes(linear: RecordRun, record: Record, start: Start) -> Array:
+    """Return for each state of a linear model what would move its outputs by their own size."""
+    vector = start.vector
+    base = linear.over(StartedPiece(record, start)).outputs
+    size = np.std(record.Y, axis=0)
+    scale = np.ones(vector.size)
+    for i in range(vector.size):
+        moved = vector.copy()
+        moved[i] += 1.0
+        other = linear.over(StartedPiece(record, start.with_vector(moved))).outputs
+        change = np.nan_to_num((other - base) / np.where(size > 0, size, 1.0))
+        largest = float(np.max(np.abs(change)))
+        scale[i] = 1 / largest if largest > 0 else 1.0
+    return scale

@@ -1,0 +1,34 @@
+import numpy as np
+import pytest
+
+from robustpolish.identification.observer.closest import closest, squares, weights_of
+from robustpolish.identification.observer.run import StartedPiece, free_run, rest
+from tests.identification.observer.runs import PLACE, case
+
+SIZES = np.array([1e-3, 0.02])
+
+
+@pytest.mark.parametrize("effect", [None, ("cubic_stiffness", PLACE, {"stiffness": 1e7})])
+def test_starts_are_improved_over_the_first_samples(effect):
+    model, record = case(effect)
+    run, weights = free_run(model, record), weights_of(record)
+    pieces = [StartedPiece(record, rest(model)), StartedPiece(record.part(300, 900), rest(model))]
+    found = closest(run, pieces, 60, SIZES, weights)
+    np.testing.assert_allclose(found[0].start.state, [2e-3, 0.1], rtol=1e-2)
+    for before, after in zip(pieces, found, strict=True):
+        assert after.record is before.record
+        head = [StartedPiece(p.record.part(0, 60), p.start) for p in (before, after)]
+        assert squares(run, head[1], weights) < 1e-3 * squares(run, head[0], weights)
+
+
+def test_a_start_that_is_right_stays():
+    model, record = case(("cubic_stiffness", PLACE, {"stiffness": 1e7}))
+    right = rest(model).with_vector(np.array([2e-3, 0.1]))
+    run, weights = free_run(model, record), weights_of(record)
+    (found,) = closest(run, [StartedPiece(record, right)], 200, SIZES, weights)
+    np.testing.assert_allclose(found.start.state, [2e-3, 0.1], rtol=1e-6)
+
+
+def test_errors_are_weighed_by_the_size_of_each_output():
+    _, record = case()
+    assert weights_of(record)[0] == pytest.approx(1 / np.std(record.Y[:, 0]))

@@ -1,0 +1,47 @@
+import numpy as np
+import pytest
+
+from robustpolish.identification.observer.run import StartedPiece, free_run, rest
+from robustpolish.identification.observer.starts import fitted_start, fitted_starts, lengths
+from tests.identification.observer.runs import PLACE, case
+
+
+@pytest.mark.parametrize("effect", [None, ("cubic_stiffness", PLACE, {"stiffness": 1e7})])
+def test_the_start_is_found_from_rest(effect):
+    model, record = case(effect)
+    run = free_run(model, record)
+    found = fitted_start(run, record, [rest(model)], np.array([1e-3, 0.02]))
+    np.testing.assert_allclose(found.state, [2e-3, 0.1], rtol=1e-3)
+    assert np.max(np.abs(run.errors(StartedPiece(record, found)))) < 1e-6
+
+
+def test_the_best_guess_is_where_the_search_begins():
+    model, record = case(("coulomb_friction", PLACE, {"force": 0.2}))
+    run = free_run(model, record)
+    right, wrong = rest(model).with_vector(np.array([2e-3, 0.1])), rest(model)
+    sizes = np.array([1e-3, 0.02])
+    for guesses in ([wrong, right], [right, wrong]):
+        found = fitted_start(run, record, guesses, sizes)
+        np.testing.assert_allclose(found.state, [2e-3, 0.1], rtol=1e-2)
+
+
+def test_stretches_grow_twofold_up_to_the_whole():
+    assert lengths(30) == [30]
+    assert lengths(8000) == [62, 125, 250, 500, 1000, 2000, 4000, 8000]
+
+
+@pytest.mark.parametrize("effect", [None, ("coulomb_friction", PLACE, {"force": 0.2})])
+def test_starts_of_windows_are_those_of_each_alone(effect):
+    model, record = case(effect)
+    run, sizes = free_run(model, record), np.array([1e-3, 0.02])
+    parts = [record.part(*part) for part in ((0, 400), (400, 800), (800, 1200))]
+    pieces = [StartedPiece(part, rest(model)) for part in parts]
+    together = fitted_starts(run, pieces, sizes)
+    for part, found in zip(parts, together, strict=True):
+        (alone,) = fitted_starts(run, [StartedPiece(part, rest(model))], sizes)
+        # the weights of the outputs differ, and one output has but one
+        np.testing.assert_allclose(found.start.state, alone.start.state, rtol=1e-4, atol=1e-8)
+        assert found.record is part
+    assert np.max(np.abs(run.errors(together[0]))) < 2e-5
+    assert fitted_starts(run, [], sizes) == []
+    assert fitted_starts(run, pieces, np.zeros(0)) == pieces
