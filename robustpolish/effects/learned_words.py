@@ -119,15 +119,7 @@ def _spring(curve: xr.Dataset) -> list[str]:
         return [*lines, f"It has a dead zone from {low:.3g} to {high:.3g} {length}."]
     middle, ends = _slopes(x, slope)
     told = f"slope {middle:.3g} {unit}/{length} about the middle and {ends:.3g} at the ends"
-    if abs(ends) <= WORDS.flat * abs(middle):
-        lines.append(f"It saturates: {told}.")
-    elif ends > WORDS.harder * middle and ends > 0:
-        lines.append(f"It hardens: {told}.")
-    elif ends < WORDS.softer * middle:
-        lines.append(f"It softens: {told}.")
-    else:
-        lines.append(f"It is nearly straight: {told}.")
-    return lines
+    return [*lines, f"It {_bend(middle, ends, *_OF_SPRINGS)}: {told}."]
 
 
 def _damper(curve: xr.Dataset) -> list[str]:
@@ -148,15 +140,22 @@ def _damper(curve: xr.Dataset) -> list[str]:
     slope = np.gradient(g, v)
     middle, ends = _slopes(v, slope)
     told = f"slope {middle:.3g} {unit}/({length}) about rest and {ends:.3g} at the ends"
+    return [*lines, f"It {_bend(middle, ends, *_OF_DAMPERS)}: {told}."]
+
+
+_OF_SPRINGS = "hardens", "softens", "is nearly straight"
+_OF_DAMPERS = (
+    "grows faster than the velocity", "grows more slowly than the velocity", "is nearly viscous",
+)  # fmt: skip
+
+
+def _bend(middle: float, ends: float, more: str, less: str, straight: str) -> str:
+    """Say what becomes of a slope from the middle to the ends."""
     if abs(ends) <= WORDS.flat * abs(middle):
-        lines.append(f"It saturates: {told}.")
-    elif ends > WORDS.harder * middle and ends > 0:
-        lines.append(f"It grows faster than the velocity: {told}.")
-    elif ends < WORDS.softer * middle:
-        lines.append(f"It grows more slowly than the velocity: {told}.")
-    else:
-        lines.append(f"It is nearly viscous: {told}.")
-    return lines
+        return "saturates"
+    if ends > WORDS.harder * middle and ends > 0:
+        return more
+    return less if ends < WORDS.softer * middle else straight
 
 
 def _symmetry(x: Array, g: Array, what: str) -> list[str]:
