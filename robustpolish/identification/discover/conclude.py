@@ -71,7 +71,7 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
             # a fit to the whole record may leave nothing of what helped on some blocks
             wrong_name = wrong_name or "No effect of the catalogue makes the error fall visibly."
     crowded = _crowded(final.model, len(reference.effects))
-    if crowded or (above and (wrong_name or not added)):
+    if above and (wrong_name or crowded or not added):
         learned = _unknown_law(search, floor)
         if learned is not None:
             final, error = learned.final, _whole_error(learned.model, search, calm)

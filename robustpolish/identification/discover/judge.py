@@ -95,9 +95,14 @@ def undetermined(fitted: Fit, index: int, policy: Policy) -> str | None:
     if effect.definition.domain == "input":
         return None
     errors = errors_from(covariance_of(fitted))
-    lead = next(p.name for p in effect.definition.parameters if p.fitted)
-    error = errors.get(f"effect[{index}].{lead}", 0.0)
-    return None if error < policy.determined * abs(effect.values[lead]) else lead
+    numbers = [p for p in effect.definition.parameters if p.fitted]
+    # of a stop, the gap says where it is and the stiffness whether it is there
+    sizes = [p for p in numbers if p.counts_force]
+    for lead in dict.fromkeys((numbers[0], *sizes[:1])):
+        error = errors.get(f"effect[{index}].{lead.name}", 0.0)
+        if not error < policy.determined * abs(effect.values[lead.name]):
+            return lead.name
+    return None
 
 
 def _within_a_sample(effect: Effect, record: Record) -> str | None:

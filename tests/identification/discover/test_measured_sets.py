@@ -104,7 +104,12 @@ def test_positioning_system(shared):
 
 
 def test_positioning_system_from_the_command_line(shared, tmp_path):
-    """Force in, position out: a plant that integrates, in a closed loop."""
+    """Force in, position out: a plant that integrates, in a closed loop.
+
+    Beside the friction and the offset of its drive a force over the position shows, as powers of
+    it: on the unseen pulses it takes the error from 1.18 to 0.46 mm. So it is expected here, and
+    the limit is that of the whole model.
+    """
     (tmp_path / "drive.toml").write_text("""
         [dof.q]
         mass = 90.0
@@ -129,7 +134,9 @@ def test_positioning_system_from_the_command_line(shared, tmp_path):
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     content = json.loads(found.read_text())
-    assert [e["kind"] for e in content["effects"]] == ["coulomb_friction", "constant_force"]
+    assert [e["kind"] for e in content["effects"]] == [
+        "coulomb_friction", "constant_force", "cubic_stiffness", "quadratic_stiffness",
+    ]  # fmt: skip
     assert any(
         {one["kind"], other["kind"]} == {"constant_force", "coulomb_friction"}
         for one, other in content["indistinguishable"]
@@ -140,7 +147,7 @@ def test_positioning_system_from_the_command_line(shared, tmp_path):
          "--json", str(judged), *units],
     )  # fmt: skip
     assert result.exit_code == 0, result.output
-    assert json.loads(judged.read_text())["outputs"]["qm"]["rmse"] < 1.36e-3
+    assert json.loads(judged.read_text())["outputs"]["qm"]["rmse"] < 0.5e-3
 
 
 def test_friction_damper():
