@@ -97,6 +97,9 @@ def taken(model: MechanicalModel, record: Record, policy: Policy) -> Taken:
             f"The record was {fewer.data.attrs['notes'][-1]}. Errors and noise are those of the "
             "samples that were kept; the numbers of the model hold for every sampling."
         )
+        # told above, with what it means
+        data = fewer.data.assign_attrs(notes=record.data.attrs.get("notes", ()))
+        fewer = replace(fewer, data=data, sets=(data,))
     if fewer.samples > policy.longest and len(record.sets) == 1:
         begin = liveliest(fewer.Y, policy.longest)
         whole = fewer
