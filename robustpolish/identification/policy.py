@@ -266,6 +266,10 @@ class Policy:
         """Return the most steps of a stage: short records can afford more."""
         return self.many_steps if samples < self.long_record else self.few_steps
 
+    def window(self, samples: int) -> int:
+        """Return the samples of a window, for models whose long runs judge nothing."""
+        return max(self.shortest_window, samples // self.windows)
+
     def same(self, held_out: int) -> float:
         """Return the relative difference of errors below which two effects are one to the data."""
         least, most = self.alike

@@ -230,20 +230,27 @@ def long_enough(model: MechanicalModel, record: Record) -> Record:
     return record
 
 
-def liveliest(outputs: Array, length: int) -> int:
-    """Return where the contiguous samples begin in which outputs, each by its size, move most.
+def liveliest(record: Record, most: int) -> Record:
+    """Return the contiguous samples in which outputs, each by its size, move most.
 
     Parameters
     ----------
-    outputs : ndarray, shape (samples, ny)
-    length : int
-        Samples of the part, at most all.
+    record : Record
+        Of several records one is chosen, and a part of it.
+    most : int
+        Samples of the part; all of a record that has no more.
     """
-    size = np.std(outputs, axis=0)
-    power = np.sum((outputs / np.where(size > 0, size, 1.0)) ** 2, axis=1)
-    total = np.concatenate([[0.0], np.cumsum(power)])
-    starts = np.arange(0, len(outputs) - length + 1, max(1, length // 20))
-    return int(starts[np.argmax(total[starts + length] - total[starts])])
+    size = np.std(record.Y, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    found = []
+    for part in record.parts:
+        length = min(part.samples, most)
+        total = np.concatenate([[0.0], np.cumsum(np.sum((part.Y / size) ** 2, axis=1))])
+        starts = np.arange(0, part.samples - length + 1, max(1, length // 20))
+        gathered = total[starts + length] - total[starts]
+        begin = int(starts[np.argmax(gathered)])
+        found.append((float(np.max(gathered)), part.part(begin, begin + length)))
+    return max(found, key=lambda item: item[0])[1]
 
 
 def repetition(inputs: Array, dt: float) -> float | None:

@@ -14,6 +14,11 @@ def test_what_follows_from_another_number_is_derived():
     assert Policy(finalists=40).further_finalists == 10
 
 
+def test_windows_are_a_share_of_the_record_and_no_shorter_than_some_samples():
+    assert POLICY.window(0) == POLICY.shortest_window
+    assert POLICY.window(10_000 * POLICY.windows) == 10_000
+
+
 def test_short_records_can_afford_more_steps():
     assert POLICY.steps(3999) == 15
     assert POLICY.steps(4000) == 7

@@ -202,7 +202,7 @@ def step_runs(diagnosis: Findings, data: Any) -> tuple[StepRun, ...]:
 def _held(model: MechanicalModel, data: xr.Dataset, reproducible: bool) -> Comparison | None:
     """Hold a model against the data as its diagnosis did; None where that cannot be."""
     step, samples = sampling_time(data), data.sizes["time"]
-    window = max(POLICY.shortest_window, samples // POLICY.windows) * step
+    window = POLICY.window(samples) * step
     whole = reproducible and not drifts(model, samples * step)
     try:
         return compare(model, data, window=None if whole else window)

@@ -149,11 +149,10 @@ def _diagnosis(
     def by_output(values: Array) -> dict[str, float]:
         return dict(zip(model.output_names, (values / size).tolist(), strict=True))
 
-    steps = zip(search.steps, errors, strict=True)
-    models = [*(item for _, item in search.steps[:-1]), model]
+    steps = [*search.steps[:-1], (search.steps[-1][0], model)]  # the last one as fitted in the end
     entries = tuple(
         Entry(step, by_output(error), then)
-        for ((step, _), error), then in zip(steps, models, strict=True)
+        for (step, then), error in zip(steps, errors, strict=True)
     )
     left = search.prepared.motion(model, record)
     covariance = covariance_of(final)
@@ -378,9 +377,8 @@ def _wrong_gains(search: Search) -> list[WrongGain]:
         # masses are weighed, springs are known roughly: each may err by itself, their mean hardly
         common = float(np.mean(moved[0]))
         apart = max(float(np.ptp(moved[0])), abs(float(np.mean(moved[1])) - common))
-        if abs(common) < search.policy.gain_least or apart > search.policy.gain_spread * abs(
-            common
-        ):
+        spread = search.policy.gain_spread * abs(common)
+        if abs(common) < search.policy.gain_least or apart > spread:
             continue
         effect = Effect("input_gain", (names[0],), {"gain": float(np.exp(common))})
         outputs = [o.name for o in before.outputs if chain.intersection(o.of)]

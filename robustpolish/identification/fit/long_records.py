@@ -101,8 +101,8 @@ def taken(model: MechanicalModel, record: Record, policy: Policy) -> Taken:
         data = fewer.data.assign_attrs(notes=record.data.attrs.get("notes", ()))
         fewer = replace(fewer, data=data, sets=(data,))
     if fewer.samples > policy.longest and len(record.sets) == 1:
-        begin = liveliest(fewer.Y, policy.longest)
         whole = fewer
+        begin = liveliest(whole, policy.longest).first
         data = whole.data.isel(time=slice(begin, begin + policy.longest))
         fewer = replace(_record(model, data), honest=whole.honest)
         notes.append(

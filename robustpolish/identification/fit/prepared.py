@@ -21,7 +21,7 @@ from robustpolish.identification.observer.missing_force import Smoothed, smooth
 from robustpolish.identification.observer.run import RecordRun, Runner, Start, StartedPiece, rest
 from robustpolish.identification.observer.starts import fitted_starts, state_sizes
 from robustpolish.identification.policy import Policy
-from robustpolish.identification.record import Record, least_samples
+from robustpolish.identification.record import Record, least_samples, liveliest
 from robustpolish.identification.repeats import Repeats, repeats
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid
@@ -134,17 +134,7 @@ class PreparedRecord:
         """The contiguous part of a record that is screened: the liveliest."""
         policy = self.policy
         most = policy.screened if self.motion_sizes.size else policy.screened_imposed
-        size = np.std(self.record.Y, axis=0)
-        found = []
-        for record in self.record.parts:
-            length = min(record.samples, most)
-            power = np.sum((record.Y / size) ** 2, axis=1)
-            total = np.concatenate([[0.0], np.cumsum(power)])
-            starts = np.arange(0, record.samples - length + 1, max(1, length // 20))
-            gathered = total[starts + length] - total[starts]
-            begin = int(starts[np.argmax(gathered)])
-            found.append((float(np.max(gathered)), record.part(begin, begin + length)))
-        return max(found, key=lambda item: item[0])[1]
+        return liveliest(self.record, most)
 
     def runner(self, model: MechanicalModel, level: Level = FREE) -> Runner:
         """Return what runs a model and those that are tried in its place, led at a level."""
@@ -184,7 +174,7 @@ def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedR
         scales = replace(scales, noise=repeated.noise)
     kept, judges = sides(model, record)
     first = max(2 * policy.trial // len(kept), policy.trial // 4, least_samples(model))
-    short = max(policy.shortest_window, record.samples // policy.windows)
+    short = policy.window(record.samples)
     longest = max(part.samples for part in record.parts)
     length = short if drifts(model, longest * record.dt) else longest
 

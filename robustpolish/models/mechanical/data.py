@@ -202,8 +202,8 @@ def replaced(model: Model, changes: Mapping[str, float]) -> Model:
     )
 
 
-_LEFT = 1e-3
 # Least energy, as a share of that without couplings, that a fit leaves every motion.
+_LEFT = 1e-3
 
 
 def share_of_couplings(model: MechanicalData, changes: Mapping[str, float]) -> float:
