@@ -65,6 +65,9 @@ class Policy:
         How many of the best are tried beside each other.
     most_pairs : int
         How many pairs are refitted that free runs ask for.
+    followed : tuple of int
+        How many runners-up of the first turns are followed where the effects found leave more than
+        noise: each costs about as much as the search before it.
     near_error : float
         Times the error left by the largest that another may leave to be refitted as well: a look at
         free runs without a fit is no sharper.
@@ -187,6 +190,7 @@ class Policy:
     most_paired: int = 3
     most_pairs: int = 3
     most_likely: int = 2
+    followed: tuple[int, ...] = (2, 1)
     near_error: float = 1.3
     far: float = 3.0
     alike: tuple[float, float] = (0.003, 0.03)

@@ -73,6 +73,20 @@ def test_dahl_friction_builds_up_and_turns_exponentially_over_the_way():
     np.testing.assert_allclose(sharp[moving], -sliding * np.sign(V[moving]), rtol=1e-2)
 
 
+def test_behind_a_clearance_dahl_friction_is_nothing_over_the_way_through_it():
+    sliding, stiffness, gap = 2.0, 4e5, 2e-4
+    numbers = np.array([sliding, stiffness, gap, CONTEXT["step"]])
+    force = force_along(lookup("dahl_friction"), Motion(TIME, Q[None], V[None], CONTEXT), numbers)
+    back = (np.pi / 80 < TIME) & (3 * np.pi / 80 > TIME)
+    free = TIME[back][abs(force[0, back]) < 1e-9]
+    way = np.ptp(1e-3 * np.sin(40 * free))
+    assert way == pytest.approx(2 * gap, abs=2 * 4e-5)  # a sample covers 0.04 mm at most
+    # beyond it the force builds up as it does without
+    plain = along("dahl_friction", sliding, stiffness)
+    late = back & (Q < -5e-4)
+    np.testing.assert_allclose(force[0, late], plain[late], rtol=1e-3)
+
+
 def test_bouc_wen_loops_that_stiffen_follow_their_formula():
     """With exponent 1 and s = -(beta + gamma) > 0, loading is dz/dx = k (1 + s z / F)."""
     reference, stiffness, beta, gamma = 2.0, 4000.0, 0.2, -0.7

@@ -4,16 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.effects.shapes import Scan
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-    # z is the friction force, p: sliding force, stiffness at reversals, step
+    # z is the friction force, p: sliding force, stiffness at reversals, clearance, step. On its way
+    # through a clearance z grows from -reach to reach, and no force acts. A step may overshoot the
+    # sliding force past it: the force is cut off, and the overshoot slides back.
     size = max(p[0], 1e-300)
-    stiffness = p[1] / max(1.0, p[1] * abs(v[0]) / size * p[2])
-    dz[0] = stiffness * (v[0] - abs(v[0]) * z[0] / size)
-    f[0] = -z[0]
+    reach = p[1] * p[2]
+    if abs(z[0]) < reach:
+        dz[0] = p[1] * v[0]
+        f[0] = 0.0
+    else:
+        force = z[0] - np.sign(z[0]) * reach
+        stiffness = p[1] / max(1.0, p[1] * abs(v[0]) / size * p[3])
+        dz[0] = stiffness * (v[0] - abs(v[0]) * force / size)
+        f[0] = -force
+        if reach > 0.0:
+            f[0] = -min(max(force, -size), size)
 
 
 def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
@@ -39,7 +51,7 @@ KIND = EffectKind(
     gains=_gains,
     state_sizes=_state_sizes,
     states=1,
-    context=("step",),
+    context=("clearance", "step"),
     family="dry friction",
     sharp=True,
     looks_like="Like Coulomb friction, with rounded corners after each reversal: over some way, "

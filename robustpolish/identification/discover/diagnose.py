@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from robustpolish.identification.discover.add_one import add_one
 from robustpolish.identification.discover.conclude import add_wrong_gains, conclude
-from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of
-from robustpolish.identification.discover.judge import chosen, judgement, objection, together
 from robustpolish.identification.discover.own_numbers import refit_own, with_holds
-from robustpolish.identification.discover.passed_over import passed_over
-from robustpolish.identification.discover.search import RefittedEffect, Search
+from robustpolish.identification.discover.search import Search
+from robustpolish.identification.discover.second_look import second_look
 from robustpolish.identification.discover.warned import warned
 from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.fit.long_records import taken
 from robustpolish.identification.fit.prepared import PreparedRecord, prepare
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, over_time, record_of
-from robustpolish.identification.screening.filtered import null_score
-from robustpolish.identification.screening.screen import screen
 from robustpolish.long_calls import same_bits, working
 from robustpolish.models.mechanical import MechanicalModel
 
@@ -99,11 +96,15 @@ def _diagnose(
     model, prepared = fewer.model, prepare(fewer.model, fewer.record, policy)
     say("how inputs act between their samples")
     held = model if fewer.thinned else with_holds(model, prepared)
-    search = _begun(model, held, prepared, say)
-    while search.added < policy.most_effects and _add_one(search):
-        late = None if fewer.thinned else _late_holds(search)
-        if late is not None:
-            search = _begun(model, late, prepared, say)
+
+    def grown(search: Search) -> Search:
+        while search.added < policy.most_effects and add_one(search):
+            late = None if fewer.thinned else _late_holds(search)
+            if late is not None:
+                search = _begun(model, late, prepared, say)
+        return search
+
+    search = second_look(grown(_begun(model, held, prepared, say)), grown)
     # only now: as long as something is missing, a fit bends masses and springs alike
     add_wrong_gains(search)
     found = conclude(search, model)
@@ -145,85 +146,3 @@ def _of_records(prepared: PreparedRecord) -> list[str]:
         blocks = [f"blocks of {name}" for name in held if name in kept]
         said.append(f"Held out to judge: {', '.join([*whole, *blocks])}.")
     return said
-
-
-def _add_one(search: Search) -> bool:
-    """Try to add one effect; return whether one earned its place."""
-    if search.at_floor(search.stage):
-        return False
-    number = search.added + 1
-    for start in _starts(search):
-        search.say(f"screening for effect {number}")
-        screening = search.screening = screen(start, search.prepared)
-        search.say(f"a look at free runs for effect {number}")
-        found = hopeful(screening, search.stage.fit, search.prepared)
-        refits = _refits(search, start, found)
-        refits += _family(refits, start, search)
-        ranked = sorted(refits, key=lambda item: judgement(item.fitted, refits))
-        why = passed_over(screening.candidates, found, refits, search)
-        search.remember(ranked, screening.candidates, number, why)
-        earned = chosen(ranked, search) or together(ranked, found.pairs, search)
-        if earned:
-            search.accept(earned)
-            return True
-        if screening.level.force <= search.policy.silent:
-            break  # no missing force is seen: another start will not show one
-    return False
-
-
-def _family(
-    refits: Sequence[RefittedEffect], start: MechanicalModel, search: Search
-) -> list[RefittedEffect]:
-    """Refit the other kinds of the family of what would be added, at its place.
-
-    Which kind of friction it is shows in runs, once there is friction at all.
-    """
-    assert search.screening is not None
-    before = list(search.reasons), list(search.confusions)
-    ranked = sorted(refits, key=lambda item: judgement(item.fitted, refits))
-    earned = chosen(ranked, search)
-    search.reasons, search.confusions = before
-    if not earned or not earned[0].effect.definition.family or earned[0].constant:
-        return []
-    if search.at_floor(earned[0].fitted):
-        return []  # nothing is left that another kind could explain
-    done = {item.screened.place for item in refits}
-    found = []
-    stage, prepared = search.stage.fit, search.prepared
-    for candidate in rivals_of(earned[0].effect, stage, prepared, search.screening):
-        if candidate.place not in done:
-            search.say(f"refit with {candidate.effect} instead")
-            fitted = search.fitted_with(start, candidate.effect)
-            if fitted is not None:
-                found.append(RefittedEffect(candidate, fitted))
-    return found
-
-
-def _refits(search: Search, start: MechanicalModel, found: Hopeful) -> list[RefittedEffect]:
-    """Refit the candidates that deserve it, as long as it can change anything."""
-    refits: list[RefittedEffect] = []
-    for candidate in [*found.first, *found.further]:
-        explained = any(search.at_floor(item.fitted) for item in refits)
-        if explained and candidate.score < search.policy.near_score * found.first[0].score:
-            continue
-        if candidate in found.further and any(
-            not objection(search.stage, item.fitted, search.prepared) for item in refits
-        ):
-            break
-        search.say(f"refit with {candidate.effect}")
-        fitted = search.fitted_with(start, candidate.effect)
-        if fitted is not None:
-            refits.append(RefittedEffect(candidate, fitted))
-    return refits
-
-
-def _starts(search: Search) -> list[MechanicalModel]:
-    """Return the models from which to screen, the more likely one first.
-
-    A free-run fit bends the model's numbers to what is missing; one that is led by the data
-    leaves that to the free force, but may wander off where the data say little.
-    """
-    if search.stage.model.effects != search.guided.effects:
-        return [search.stage.model]
-    pair = [search.stage.model, search.guided]
-    return sorted(pair, key=lambda model: null_score(model, search.prepared))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,6 +40,23 @@ class RefittedEffect:
         return self.screened.constant
 
 
+class Turn(NamedTuple):
+    """An effect that was added, or two together, and what could have been.
+
+    Attributes
+    ----------
+    before : Search
+        The search as it was.
+    added : tuple of RefittedEffect
+    others : tuple of RefittedEffect
+        What had earned its place too, the best first.
+    """
+
+    before: Search
+    added: tuple[RefittedEffect, ...]
+    others: tuple[RefittedEffect, ...]
+
+
 @dataclass
 class Search:
     """What the search knows so far.
@@ -56,6 +74,8 @@ class Search:
         The refitted model whose fit was led by the data.
     steps : list
         The entries of the ledger to come.
+    turns : list of Turn
+        How it came here.
     """
 
     prepared: PreparedRecord
@@ -69,6 +89,7 @@ class Search:
     confusions: list[Confusion] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
     screening: Screening | None = None
+    turns: list[Turn] = field(default_factory=list)
 
     @property
     def policy(self) -> Policy:
@@ -83,6 +104,12 @@ class Search:
     def at_floor(self, stage: JudgedFit) -> bool:
         """Return whether not even the noise alone would make the error fall visibly."""
         return bool(np.all(stage.error < self.policy.at_floor * self.prepared.scales.noise))
+
+    def copy(self) -> Search:
+        """Return the search as it is, to go on in another way."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        lists: dict[str, Any] = {k: list(v) for k, v in values.items() if isinstance(v, list)}
+        return replace(self, **lists)
 
     def fitted_with(self, model: MechanicalModel, *effects: Effect) -> JudgedFit | None:
         """Return a model with more effects, fitted; None if no fit ended well."""

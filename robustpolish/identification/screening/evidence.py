@@ -109,12 +109,13 @@ def evidence(
     gram, target = C.T @ C, -C.T @ rest
     of: dict[int, list[int]] = {}
     for k, (i, _) in enumerate(tasks):
-        of.setdefault(i, []).append(k)
+        if before[k] > 0:  # some coefficients are for screening only, no number follows from them
+            of.setdefault(i, []).append(k)
     samples = rest.size
 
     def judged(which: tuple[int, ...]) -> Evidence | None:
-        rows = [k for i in which for k in of[i]]
-        if hidden[rows].any():
+        rows = [k for i in which for k in of.get(i, ())]
+        if not all(i in of for i in which) or hidden[rows].any():
             return None
         size = np.sqrt(np.diag(gram)[rows])
         scaled = gram[np.ix_(rows, rows)] / np.outer(size, size)
@@ -123,7 +124,9 @@ def evidence(
         effects = []
         for i in which:
             entry = entries[i]
-            own = c[[rows.index(k) for k in of[i]]]
+            own = np.zeros(len(entry.shape.columns))
+            for k in of[i]:
+                own[tasks[k][1]] = c[rows.index(k)]
             if any(s * v < 0 for s, v in zip(entry.shape.signs, own, strict=True)):
                 return None
             values = dict(entry.shape.values(own))

@@ -44,6 +44,7 @@ class FilteredRecord:
         motion: Smoothed,
     ) -> None:
         self.level, self.policy = level, prepared.policy
+        self.model = model
         self.observer = LinearObserver(model, record.dt, level, prepared.scales)
         forces = known_forces(model, motion.q, motion.v, record.time, record.dt)
         Y = raw_outputs(model, record.Y, record.time)

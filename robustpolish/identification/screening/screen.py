@@ -108,20 +108,27 @@ def screen(
     entries = [c for kind, at in tried_at for c in columns_at(model, kind, at, motion, record)]
     coarse = dict.fromkeys([best_level, *policy.coarse])
     hardly = dict.fromkeys(policy.hardly_led)
-    rough: list[tuple[float, Columns]] = []
-    wide: list[tuple[float, Columns]] = []
+    rough, wide = _Looked(), _Looked()
     for entry in entries:
-        scores = {level: _try(filtered[level], entry, (0,))[0][0] for level in {**coarse, **hardly}}
-        rough.append((min(scores[level] for level in coarse), entry))
-        wide.append((min(scores[level] - nulls[level, 0] for level in hardly), entry))
+        tried = {level: _try(filtered[level], entry, (0,)) for level in {**coarse, **hardly}}
+        rough.add(entry, [(tried[level][0][0], tried[level][1]) for level in coarse])
+        wide.add(
+            entry, [(tried[level][0][0] - nulls[level, 0], tried[level][1]) for level in hardly]
+        )
     found = []
     chosen: dict[int, Columns] = {}
-    _choose(chosen, rough, policy.finalists, 2)
-    _choose(chosen, wide, policy.further_finalists, 1)
+    _choose(chosen, rough.right, policy.finalists, 2)
+    _choose(chosen, wide.right, policy.further_finalists, 1)
+    _choose(chosen, rough.wrong, policy.further_finalists, 1)
     for entry in chosen.values():
         tried = {level: _try(f, entry, policy.noise_orders) for level, f in filtered.items()}
+        right = {level: t for level, t in tried.items() if not _pulls_wrong(entry, t[1])}
         score, level = min(
-            ((score, level) for level, (scores, _) in tried.items() for score in scores.values()),
+            (
+                (score, level)
+                for level, (scores, _) in (right or tried).items()
+                for score in scores.values()
+            ),
             key=lambda o: o[0],
         )
         odds = (null - score) / 2
@@ -139,7 +146,7 @@ def _try(
     if not np.isfinite(raw).all():
         return bad, np.full(len(raw), np.nan)
     rest, c = f.residual(f.weighted(raw))
-    if not np.isfinite(c).all() or not entry.shape.valid(c):
+    if not np.isfinite(c).all() or not entry.shape.valid(c) or too_heavy(entry, c, f.model):
         return bad, c
     samples = len(f.errors)
     scores = f.scores(rest, len(c), orders)
@@ -153,24 +160,69 @@ def _try(
     return scores, c
 
 
+class _Looked:
+    """What a first look found: shapes that pull the right way somewhere, and those that never do.
+
+    A shape that pulls the wrong way may well fit best of all shapes of its effect: the place of the
+    best right one is not to be taken by it.
+    """
+
+    def __init__(self) -> None:
+        self.right: list[tuple[float, Columns]] = []
+        self.wrong: list[tuple[float, Columns]] = []
+
+    def add(self, entry: Columns, tried: Sequence[tuple[float, Array]]) -> None:
+        """Add a shape with its scores and coefficients at some levels."""
+        right = [score for score, c in tried if not _pulls_wrong(entry, c)]
+        where = self.right if right else self.wrong
+        where.append((min(right or [score for score, _ in tried]), entry))
+
+
+def _pulls_wrong(entry: Columns, c: Array) -> bool:
+    return any(s * v < 0 for s, v in zip(entry.shape.signs, c, strict=True))
+
+
+def too_heavy(entry: Columns, c: Array, model: MechanicalModel) -> bool:
+    """Return whether a mass that an effect attaches would outweigh all that it is attached to.
+
+    A mass that hardly moves turns its spring into one to ground, which another effect is.
+    """
+    names = [p.name for p in entry.kind.parameters if p.dimension == "M"]
+    if not names:
+        return False
+    values = entry.shape.values(c)
+    turning = {dof.name: dof.rotational for dof in model.dofs}
+    most = sum(dof.mass for dof in model.dofs if dof.rotational == turning[entry.at[0]])
+    return any(abs(values[name]) > most for name in names)
+
+
 def _choose(
     chosen: dict[int, Columns], scored: list[tuple[float, Columns]], most: int, shapes: int
 ) -> None:
-    """Add the best shapes of each effect and place, the best places first."""
-    seen: dict[tuple[str, tuple[str, ...]], int] = {}
+    """Add the best shapes of each effect and place, the best places first, no two much alike."""
+    seen: dict[tuple[str, tuple[str, ...]], list[Columns]] = {}
     for score, entry in sorted(scored, key=lambda item: item[0]):
         key = (entry.kind.kind, entry.at)
-        full = key not in seen and len(seen) >= most
-        if seen.get(key, 0) >= shapes or full or not np.isfinite(score):
+        full = len(seen) >= most if key not in seen else len(seen[key]) >= shapes
+        if full or not np.isfinite(score) or any(_alike(entry, s) for s in seen.get(key, [])):
             continue
-        seen[key] = seen.get(key, 0) + 1
+        seen.setdefault(key, []).append(entry)
         chosen[id(entry)] = entry
+
+
+_ALIKE = 0.95
+"""Cosine of two shapes from which the second would tell nothing that the first does not."""
+
+
+def _alike(one: Columns, other: Columns) -> bool:
+    a, b = one.shape.columns[0].ravel(), other.shape.columns[0].ravel()
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return abs(float(a @ b)) > _ALIKE * size
 
 
 def _candidate(entry: Columns, score: float, c: Array, f: FilteredRecord) -> ScreenedEffect:
     """Return an entry at one level, with the coefficients that it has there."""
-    signs = zip(entry.shape.signs, c, strict=True)
-    remark = "its force has the wrong sign" if any(s * v < 0 for s, v in signs) else ""
+    remark = "its force has the wrong sign" if _pulls_wrong(entry, c) else ""
     values = dict(entry.shape.values(c)) if np.isfinite(c).all() else {}
     for name, value in values.items():
         parameter = entry.kind.parameter(name)

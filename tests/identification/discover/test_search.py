@@ -67,6 +67,16 @@ def test_two_that_earned_their_places_together_are_two_steps(search):
     assert search.reasons == []
 
 
+def test_a_copy_goes_its_own_way(search):
+    cubic = refitted(rig(), "cubic_stiffness", PLACE, {"stiffness": 3.0}, 2.0)
+    other = search.copy()
+    other.accept([cubic])
+    other.reasons.append("why")
+    assert (search.added, other.added) == (0, 1)
+    assert len(other.steps) == len(search.steps) + 1
+    assert search.reasons == []
+
+
 def test_what_was_tried_is_remembered_the_best_first(search):
     cubic = refitted(rig(), "cubic_stiffness", PLACE, {"stiffness": 3.0}, 2.0, score=80.0)
     screened = [

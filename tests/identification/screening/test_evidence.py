@@ -28,7 +28,19 @@ def decay(force, samples=2000, noise=0.0, start=0.1):
     return xr.Dataset({"x": ("time", x)}, {"time": time})
 
 
-def looked_at(model, data, kinds=KINDS, span=None):
+def with_resonator(mass, stiffness, damping, samples=2000):
+    """The oscillator of 400 N/m, let go with another one on it, seen by a fine integration."""
+    time = np.arange(samples) / RATE
+
+    def rhs(t, s):
+        pull = stiffness * (s[2] - s[0]) + damping * (s[3] - s[1])
+        return [s[1], -400 * s[0] - s[1] + pull, s[3], -pull / mass]
+
+    x = solve_ivp(rhs, (0, time[-1]), [0.1, 0, 0, 0], t_eval=time, rtol=1e-9, atol=1e-12).y[0]
+    return xr.Dataset({"x": ("time", x)}, {"time": time})
+
+
+def looked_at(model, data, kinds=KINDS, span=None, at=PLACE):
     """Singles and pairs by what runs over windows of a refitted model say."""
     prepared = prepared_of(model, data)
     stage = refit_own(model, prepared).stage
@@ -36,7 +48,7 @@ def looked_at(model, data, kinds=KINDS, span=None):
     entries = [
         entry
         for name in kinds
-        for entry in columns_at(stage.model, lookup(name), PLACE, motion, prepared.screened)
+        for entry in columns_at(stage.model, lookup(name), at, motion, prepared.screened)
     ]
     span = span or prepared.spans(prepared.trial, 2)[-1] // 2
     return evidence(stage.fit, prepared, entries, span)
@@ -92,6 +104,18 @@ def test_a_force_that_pushes_is_no_friction():
     model = oscillator(inputs=[], damping=2.0)
     singles, _ = looked_at(model, decay(lambda q, v: 0.05 * np.tanh(v / 2e-3)), span=400)
     assert all(e.effects[0].kind != "coulomb_friction" for e in singles)
+
+
+def test_a_resonator_is_seen_near_its_frequency():
+    """Its second coefficient is for screening only: no number of it follows from that."""
+    data = with_resonator(0.05, 0.05 * (2 * np.pi * 5) ** 2, 0.05)
+    singles, _ = looked_at(oscillator(inputs=[]), data, ["attached_resonator"], at=("x",))
+    (found,) = singles
+    values = found.effects[0].values
+    frequency = np.sqrt(values["stiffness"] / values["mass"]) / (2 * np.pi)
+    assert frequency == pytest.approx(5, rel=0.1)
+    assert 0 < values["mass"] < 0.2
+    assert np.isfinite(found.odds)
 
 
 def test_no_entries_no_evidence():

@@ -1,13 +1,15 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect
+from robustpolish.effects import Effect, lookup
 from robustpolish.identification.observer.kalman import FREE
 from robustpolish.identification.policy import POLICY, Policy
-from robustpolish.identification.screening.screen import screen
+from robustpolish.identification.screening.candidates import columns_at
+from robustpolish.identification.screening.screen import screen, too_heavy
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import prepared_of
-from tests.identification.oscillators import PLACE, of_rig, rig
+from tests.identification.oscillators import PLACE, of_rig, oscillator, rig
+from tests.identification.screening.test_evidence import with_resonator
 
 DATA = of_rig(2000, noise=1.0)
 X, V = DATA["x"].values, DATA["v"].values
@@ -54,6 +56,38 @@ def test_a_force_of_the_wrong_sign_is_not_sensible():
     (other,) = screened(8.0 * np.sign(V), Effect("coulomb_friction", PLACE)).candidates
     assert other.sensible
     assert other.effect.values["force"] == pytest.approx(8.0, rel=0.05)
+
+
+def test_shapes_of_the_wrong_sign_do_not_take_the_place_of_the_right_one():
+    """A resonator of negative mass, far below all motion, is a spring to ground."""
+    model = oscillator(stiffness=430.0, inputs=[])
+    data = with_resonator(0.05, 0.05 * (2 * np.pi * 5) ** 2, 0.05)
+    allowed = [Effect("attached_resonator", "x")]
+    (found,) = screen(model, prepared_of(model, data), allowed).candidates
+    assert found.sensible
+    frequency = np.sqrt(found.effect.values["stiffness"] / found.effect.values["mass"])
+    assert frequency / (2 * np.pi) == pytest.approx(5, rel=0.15)
+
+
+def test_what_is_attached_weighs_no_more_than_the_machine():
+    model = oscillator(inputs=[])
+    prepared = prepared_of(model, with_resonator(0.05, 0.05 * (2 * np.pi * 5) ** 2, 0.05))
+    motion = prepared.motion(model, prepared.screened)
+    (entry, *_) = columns_at(model, lookup("attached_resonator"), ("x",), motion, prepared.screened)
+    assert not too_heavy(entry, np.array([0.9, 0.0]), model)
+    assert too_heavy(entry, np.array([1.1, 0.0]), model)
+    (cubic, *_) = columns_at(model, lookup("cubic_stiffness"), PLACE, motion, prepared.screened)
+    assert not too_heavy(cubic, np.array([1e9]), model)
+
+
+def test_of_two_shapes_much_alike_one_is_enough():
+    model = oscillator(inputs=[])
+    data = with_resonator(0.05, 0.05 * (2 * np.pi * 5) ** 2, 0.05)
+    found = screen(model, prepared_of(model, data), [Effect("attached_resonator", "x")])
+    shapes = [f.shape.columns[0].ravel() for f in found.finalists]
+    cosines = np.corrcoef(shapes) - np.eye(len(shapes))
+    assert len(shapes) > 1
+    assert np.max(np.abs(cosines)) < 0.96
 
 
 def test_scaling_the_data_down_is_paid_for():

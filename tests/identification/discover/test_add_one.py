@@ -1,0 +1,35 @@
+"""One turn of a search, on data with a cubic spring."""
+
+import pytest
+
+from robustpolish.identification.discover.add_one import add_one
+from tests.hidden_effects.cases import Case, model_of, one, records
+from tests.identification.discover.searches import judged, search_of
+
+PLACE = ("x", "ground")
+
+
+@pytest.fixture
+def search():
+    case = Case("cubic", one(), [("cubic_stiffness", PLACE, [4e6])], drive=8.0, samples=1500)
+    return search_of(model_of(case), records(case)[0][0])
+
+
+def test_what_earns_its_place_is_added_and_what_came_close_is_kept(search):
+    before = search.stage
+    assert add_one(search)
+    assert [e.kind for e in search.stage.model.effects] == ["cubic_stiffness"]
+    (turn,) = search.turns
+    assert turn.before.stage is before
+    assert turn.before.added == 0
+    assert [item.fitted for item in turn.added] == [search.stage]
+    assert turn.added[0] not in turn.others
+    assert all(item.fitted.error < before.error for item in turn.others)
+    assert {c.step for c in search.candidates} == {1}
+
+
+def test_at_the_floor_nothing_is_looked_for(search):
+    search.stage = judged(search.stage.model, search.prepared.scales.noise)
+    assert not add_one(search)
+    assert not search.turns
+    assert not search.candidates

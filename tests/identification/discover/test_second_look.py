@@ -1,0 +1,102 @@
+"""What came close is followed where more than noise is left, and the needless goes."""
+
+from dataclasses import replace
+
+import pytest
+
+from robustpolish.identification.discover.search import Search, Turn
+from robustpolish.identification.discover.second_look import second_look
+from tests.identification.discover.searches import judged, refitted, search_of
+from tests.identification.oscillators import PLACE, of_rig, rig
+
+CUBIC = ("cubic_stiffness", PLACE, {"stiffness": 3.0})
+DRAG = ("quadratic_damping", PLACE, {"coefficient": 3.0})
+STRIBECK = ("stribeck_friction", PLACE, {"force": 3.0, "static_force": 4.0, "velocity": 0.5})
+COULOMB = ("coulomb_friction", PLACE, {"force": 3.0})
+
+
+@pytest.fixture
+def begun():
+    found = search_of(rig(), of_rig(noise=1.0))
+    return replace(found, stage=judged(found.reference, 100.0))
+
+
+def went(search, added, *others):
+    """The search after a turn in which one effect was added and others had earned it too."""
+    after = search.copy()
+    after.accept([added])
+    after.turns.append(Turn(search.copy(), (added,), others))
+    return after
+
+
+def growing(left):
+    """Going on leaves so much, by the kind of the effect that was added first."""
+    followed = []
+
+    def grow(search):
+        first = search.stage.model.effects[0].kind
+        followed.append(first)
+        search.stage = judged(search.stage.model, left[first])
+        return search
+
+    return grow, followed
+
+
+def test_a_runner_up_that_leaves_visibly_less_takes_the_place(begun):
+    added, other = refitted(rig(), *CUBIC, 20.0), refitted(rig(), *DRAG, 21.0)
+    search = went(begun, added, other)
+    grow, followed = growing({"quadratic_damping": 10.0})
+    found = second_look(search, grow)
+    assert followed == ["quadratic_damping"]
+    assert [e.kind for e in found.stage.model.effects] == ["quadratic_damping"]
+    assert [name for name, _ in found.steps[2:]] == ["quadratic_damping"]
+    assert [e.kind for e in search.stage.model.effects] == ["cubic_stiffness"]
+
+
+def test_one_that_leaves_as_much_does_not(begun):
+    search = went(begun, refitted(rig(), *CUBIC, 20.0), refitted(rig(), *DRAG, 21.0))
+    grow, _ = growing({"quadratic_damping": 18.5})
+    assert second_look(search, grow) is search
+
+
+def test_an_effect_more_has_to_be_worth_it(begun):
+    search = went(begun, refitted(rig(), *CUBIC, 20.0), refitted(rig(), *DRAG, 21.0))
+
+    def grow(other):
+        more = other.stage.model.with_effect(*COULOMB)
+        other.stage = judged(more, 15.0)
+        other.steps.append(("coulomb_friction", more))
+        return other
+
+    assert second_look(search, grow) is search
+
+
+def test_where_only_noise_is_left_nothing_is_followed(begun):
+    (noise,) = begun.prepared.scales.noise
+    search = went(begun, refitted(rig(), *CUBIC, noise), refitted(rig(), *DRAG, 1.1 * noise))
+    grow, followed = growing({"quadratic_damping": 0.1 * noise})
+    assert second_look(search, grow) is search
+    assert not followed
+
+
+def test_the_simplest_of_a_family_stands_for_it(begun):
+    others = [refitted(rig(), *STRIBECK, 21.0), refitted(rig(), *COULOMB, 22.0)]
+    drag = refitted(rig(), *DRAG, 23.0)
+    search = went(begun, refitted(rig(), *CUBIC, 20.0), *others, drag)
+    grow, followed = growing(dict.fromkeys(["coulomb_friction", "quadratic_damping"], 20.0))
+    second_look(search, grow)
+    assert followed == ["coulomb_friction", "quadratic_damping"]
+
+
+@pytest.mark.parametrize(("left", "kept"), [(10.5, ["quadratic_damping"]), (20.0, None)])
+def test_what_the_others_explain_as_well_goes(begun, monkeypatch, left, kept):
+    cubic = refitted(rig(), *CUBIC, 20.0)
+    drag = refitted(cubic.fitted.model, *DRAG, 10.0)
+    search = went(went(begun, cubic), drag)
+    monkeypatch.setattr(Search, "fitted_with", lambda self, model: judged(model, left))
+    found = second_look(search, lambda other: other)
+    kinds = [e.kind for e in found.stage.model.effects]
+    assert kinds == (kept or ["cubic_stiffness", "quadratic_damping"])
+    assert [name for name, _ in found.steps[2:]] == kinds
+    assert found.steps[-1][1] is found.stage.model
+    assert bool(found.reasons) == bool(kept)
