@@ -29,6 +29,7 @@ def add_one(search: Search) -> bool:
         why = passed_over(screening.candidates, found, refits, search)
         search.remember(ranked, screening.candidates, number, why)
         others = [r for r in ranked if not objection(search.stage, r.fitted, search.prepared)]
+        near = _helpful(ranked, search)
         before = search.copy()
         earned = chosen(ranked, search) or together(ranked, found.pairs, search)
         if earned:
@@ -36,9 +37,20 @@ def add_one(search: Search) -> bool:
             others = [item for item in others if item not in earned]
             search.turns.append(Turn(before, tuple(earned), tuple(others)))
             return True
+        search.turns = [turn for turn in search.turns if turn.added]
+        search.turns.append(Turn(before, (), tuple(near)))
         if screening.level.force <= search.policy.silent:
             break  # no missing force is seen: another start will not show one
     return False
+
+
+def _helpful(ranked: Sequence[RefittedEffect], search: Search) -> list[RefittedEffect]:
+    """Return what makes the error fall, if not enough to be added: another may hide what it does.
+
+    A constant hides nothing but constants, and these are tried beside each other anyway.
+    """
+    here = judgement(search.stage, ranked)
+    return [r for r in ranked if judgement(r.fitted, ranked) < here and not r.constant]
 
 
 def _family(

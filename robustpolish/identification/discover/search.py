@@ -41,7 +41,7 @@ class RefittedEffect:
 
 
 class Turn(NamedTuple):
-    """An effect that was added, or two together, and what could have been.
+    """An effect that was added, or two together, or none, and what could have been.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Turn(NamedTuple):
         The search as it was.
     added : tuple of RefittedEffect
     others : tuple of RefittedEffect
-        What had earned its place too, the best first.
+        What had earned its place too, the best first; where nothing was added, what helped a bit.
     """
 
     before: Search

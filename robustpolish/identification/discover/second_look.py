@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robustpolish.identification.discover.judge import judgement
+from robustpolish.identification.discover.judge import judgement, objection
 from robustpolish.identification.discover.search import RefittedEffect, Search, Turn
 from robustpolish.identification.fit.homotopy import JudgedFit
 
@@ -27,45 +27,62 @@ def second_look(search: Search, grow: Callable[[Search], Search]) -> Search:
     grow : callable
         Goes on with a search until nothing more earns its place.
     """
-    if search.added and not search.at_floor(search.stage):
-        for turn, item in _runners_up(search):
-            search.say(f"{item.effect} in place of {turn.added[0].effect}")
-            other = turn.before.copy()
-            other.accept([item])
-            other = grow(other)
-            if _worth(other, search) < _worth(search, other) + np.log(1 - search.policy.together):
-                search = other
-            if search.at_floor(search.stage):
-                break
-    return _without_the_needless(search)
+    search = _without_the_needless(search)
+    for turn, item in _runners_up(search):
+        if search.at_floor(search.stage):
+            break
+        instead = f" in place of {turn.added[0].effect}" if turn.added else ", to see what follows"
+        search.say(f"{item.effect}{instead}")
+        other = turn.before.copy()
+        other.accept([item])
+        other = _without_the_needless(grow(other), last=not turn.added)
+        least = _worth(search, other) + np.log(1 - search.policy.together)
+        if _worth(other, search) < least and _sound(other):
+            search = other
+    return search
 
 
 def _runners_up(search: Search) -> list[tuple[Turn, RefittedEffect]]:
-    """Return what is followed instead: what came closest at the first turns.
+    """Return what is followed: what came closest when the search ended, and at the first turns.
 
     Of a family at one place the simplest kind stands for all but the one that was added.
     """
     found = []
-    for turn, most in zip(search.turns, search.policy.followed, strict=False):
+    ended = [turn for turn in search.turns if not turn.added]
+    turns = [*ended, *(turn for turn in search.turns if turn.added)]
+    most = [*[search.policy.followed[0]] * len(ended), *search.policy.followed]
+    for turn, count in zip(turns, most, strict=False):
         seen: dict[tuple[object, ...], RefittedEffect] = {}
         for item in sorted(turn.others, key=lambda item: item.size):
             kind = item.effect.definition
             seen.setdefault((kind.family or kind.kind, item.effect.at), item)
         different = [item for item in turn.others if item in seen.values()]
-        found += [(turn, item) for item in different[:most]]
+        found += [(turn, item) for item in different[:count]]
     return found
+
+
+def _sound(search: Search) -> bool:
+    """Return whether the data determine every effect, and none is absurd, beside the others."""
+    effects = search.stage.model.effects
+    return not any(
+        objection(search.linear, search.stage, search.prepared, place)
+        for place in range(len(search.reference.effects), len(effects))
+    )
 
 
 def _worth(search: Search, other: Search) -> float:
     """Return what counts: the held-out error, and what each effect has to make it fall."""
     error = judgement(search.stage, [other.stage])
-    return error - search.added * float(np.log(1 - search.policy.visible_fall))
+    return error - search.added * float(np.log(1 - search.policy.together))
 
 
-def _without_the_needless(search: Search) -> Search:
-    """Return the search without effects that do not earn their place beside those after them."""
+def _without_the_needless(search: Search, last: bool = False) -> Search:
+    """Return the search without effects that do not earn their place beside the others.
+
+    The last one has just earned it, unless it was added on trial.
+    """
     first = len(search.reference.effects)
-    for at in reversed(range(first, len(search.stage.model.effects) - 1)):
+    for at in reversed(range(first, len(search.stage.model.effects) - (not last))):
         effects = search.stage.model.effects
         rest = replace(search.stage.model, effects=(*effects[:at], *effects[at + 1 :]))
         without = search.fitted_with(rest)

@@ -151,8 +151,23 @@ class PreparedRecord:
     def with_fitted_starts(
         self, run: RecordRun, pieces: Sequence[StartedPiece]
     ) -> list[StartedPiece]:
-        """Return the pieces with the starts from which a model runs closest to them."""
-        return fitted_starts(run, pieces, self.sizes(run.model))
+        """Return the pieces with the starts from which a model runs closest to them.
+
+        The smoothed motion may be far off, as of accelerometers with coloured noise; what suits the
+        linear part is tried beside it.
+        """
+        sizes = self.sizes(run.model)
+        if run.linear or not sizes.size:
+            return fitted_starts(run, pieces, sizes)
+        linear = run.model.without_effects()
+        none = rest(linear).internal
+        bare = [StartedPiece(p.record, Start(p.start.state, none)) for p in pieces]
+        straight = fitted_starts(self.runner(linear).run(linear), bare, self.motion_sizes)
+        others = [
+            StartedPiece(piece.record, Start(other.start.state, piece.start.internal))
+            for piece, other in zip(pieces, straight, strict=True)
+        ]
+        return fitted_starts(run, pieces, sizes, others)
 
 
 def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedRecord:

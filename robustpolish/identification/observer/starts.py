@@ -26,6 +26,8 @@ _RIVAL = 4.0
 _RIVALS = 2
 _SAME = 1e-6
 _LOST = 1.5
+# Stretches over which a second start is tried beside the first.
+_BESIDE = 2
 # Relative fall with which the start of a stretch is good enough for the next one.
 _ROUGHLY = 1e-2
 
@@ -86,8 +88,8 @@ class _Growing:
 
     def error(self, piece: StartedPiece, span: int) -> float:
         """Return the mean square error over a stretch."""
-        head = StartedPiece(piece.record.part(0, min(span, piece.record.samples)), piece.start)
-        return squares(self.run, head, self.weights) / head.record.Y.size
+        count = min(span, piece.record.samples) * piece.record.Y.shape[1]
+        return _over(self.run, piece, span, self.weights) / count
 
     def best_of(self, pieces: Sequence[StartedPiece], span: int) -> list[StartedPiece]:
         """Return the best piece first, then others that are nearly as good and not the same."""
@@ -127,7 +129,10 @@ class _Growing:
 
 
 def fitted_starts(
-    run: RecordRun, pieces: Sequence[StartedPiece], sizes: Array
+    run: RecordRun,
+    pieces: Sequence[StartedPiece],
+    sizes: Array,
+    others: Sequence[StartedPiece] = (),
 ) -> list[StartedPiece]:
     """Return pieces with the starts from which free runs come closest to the measured outputs.
 
@@ -143,16 +148,30 @@ def fitted_starts(
         With the starts at which the search begins.
     sizes : ndarray, shape (n,)
         As of :func:`fitted_start`.
+    others : sequence of StartedPiece, optional
+        The same pieces with other starts, which are tried beside those over the first stretches.
     """
     found = list(pieces)
     if not sizes.size or not found:
         return found
     weights = weights_of(max((p.record for p in pieces), key=lambda record: record.samples))
     longest = max(piece.record.samples for piece in pieces)
-    for samples in [longest] if run.linear else lengths(longest):
+    for i, samples in enumerate([longest] if run.linear else lengths(longest)):
         settled = 1e-6 if samples == longest else _ROUGHLY
         found = closest(run, found, samples, sizes, weights, settled)
+        if others and i < _BESIDE:
+            others = closest(run, others, samples, sizes, weights, settled)
+        if others and (i + 1 == _BESIDE or samples == longest):
+            pairs = zip(found, others, strict=True)
+            found = [min(pair, key=lambda p: _over(run, p, samples, weights)) for pair in pairs]
+            others = ()
     return found
+
+
+def _over(run: RecordRun, piece: StartedPiece, samples: int, weights: Array) -> float:
+    """Return the squares over the first samples of a piece."""
+    head = piece.record.part(0, min(samples, piece.record.samples))
+    return squares(run, StartedPiece(head, piece.start), weights)
 
 
 def lengths(samples: int) -> list[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -62,7 +63,9 @@ class Screening:
     candidates : tuple of ScreenedEffect
         By their odds, the sensible ones first.
     finalists : tuple of Columns
-        The shapes of the likeliest, and of those that are large, for a look at free runs.
+        The shapes of the likeliest, and of those that are large, for a look at free runs; and all
+        that have one shape only, for where the smoothed motion is poor (accelerometers with
+        coloured noise) it names none.
     level : Level
         At which the model is likeliest without any.
     """
@@ -134,7 +137,9 @@ def screen(
         odds = (null - score) / 2
         found.append(_candidate(entry, odds, tried[level][1], filtered[level]))
     found.sort(key=lambda c: (-c.sensible, -c.score))
-    return Screening(_best_of_each(found), tuple(chosen.values()), best_level)
+    shapes = Counter((entry.kind.kind, entry.at) for entry in entries)
+    plain = [e for e in entries if id(e) not in chosen and shapes[e.kind.kind, e.at] == 1]
+    return Screening(_best_of_each(found), (*chosen.values(), *plain), best_level)
 
 
 def _try(

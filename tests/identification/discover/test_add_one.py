@@ -33,3 +33,16 @@ def test_at_the_floor_nothing_is_looked_for(search):
     assert not add_one(search)
     assert not search.turns
     assert not search.candidates
+
+
+def test_where_nothing_earns_its_place_what_helped_is_kept(search, monkeypatch):
+    monkeypatch.setattr(
+        "robustpolish.identification.discover.add_one.chosen", lambda ranked, search: []
+    )
+    monkeypatch.setattr("robustpolish.identification.discover.add_one.together", lambda *given: [])
+    assert not add_one(search)
+    (turn,) = search.turns
+    assert not turn.added
+    assert turn.others[0].effect.kind == "cubic_stiffness"
+    assert all(item.fitted.error < search.stage.error for item in turn.others)
+    assert not any(item.constant for item in turn.others)

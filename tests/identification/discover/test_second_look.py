@@ -16,9 +16,11 @@ COULOMB = ("coulomb_friction", PLACE, {"force": 3.0})
 
 
 @pytest.fixture
-def begun():
+def begun(monkeypatch):
     found = search_of(rig(), of_rig(noise=1.0))
-    return replace(found, stage=judged(found.reference, 100.0))
+    monkeypatch.setattr(Search, "fitted_with", lambda self, model: judged(model, 100.0))
+    own = judged(found.reference, 100.0)
+    return replace(found, stage=own, linear=own)
 
 
 def went(search, added, *others):
@@ -64,7 +66,7 @@ def test_an_effect_more_has_to_be_worth_it(begun):
 
     def grow(other):
         more = other.stage.model.with_effect(*COULOMB)
-        other.stage = judged(more, 15.0)
+        other.stage = judged(more, 17.0)
         other.steps.append(("coulomb_friction", more))
         return other
 
@@ -86,6 +88,32 @@ def test_the_simplest_of_a_family_stands_for_it(begun):
     grow, followed = growing(dict.fromkeys(["coulomb_friction", "quadratic_damping"], 20.0))
     second_look(search, grow)
     assert followed == ["coulomb_friction", "quadratic_damping"]
+
+
+def test_what_helps_a_bit_is_followed_where_nothing_earned_its_place(begun):
+    """Two that hide each other: the first is tried to see whether the second shows beside it."""
+    search = begun.copy()
+    search.turns.append(Turn(begun.copy(), (), (refitted(rig(), *DRAG, 95.0),)))
+
+    def grow(other):
+        more = other.stage.model.with_effect(*CUBIC)
+        other.stage = judged(more, 10.0)
+        other.steps.append(("cubic_stiffness", more))
+        return other
+
+    found = second_look(search, grow)
+    assert [e.kind for e in found.stage.model.effects] == ["quadratic_damping", "cubic_stiffness"]
+    assert second_look(search, lambda other: other) is search
+
+
+def test_what_the_data_leave_open_is_not_followed(begun):
+    search = went(begun, refitted(rig(), *CUBIC, 20.0), refitted(rig(), *DRAG, 21.0))
+
+    def grow(other):
+        other.stage = judged(other.stage.model, 1.0, share=0.9)
+        return other
+
+    assert second_look(search, grow) is search
 
 
 @pytest.mark.parametrize(("left", "kept"), [(10.5, ["quadratic_damping"]), (20.0, None)])

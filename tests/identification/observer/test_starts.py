@@ -30,6 +30,19 @@ def test_stretches_grow_twofold_up_to_the_whole():
     assert lengths(8000) == [62, 125, 250, 500, 1000, 2000, 4000, 8000]
 
 
+def test_of_two_starts_the_one_that_comes_closer_is_followed():
+    """A hardening spring from far too large a start stays lost in a wrong phase."""
+    model, record = case(("cubic_stiffness", PLACE, {"stiffness": 1e9}))
+    run, sizes = free_run(model, record), np.array([1e-3, 0.02])
+    lost = [StartedPiece(record, rest(model).with_vector(np.array([-0.02, -1.0])))]
+    near = [StartedPiece(record, rest(model).with_vector(np.array([1.9e-3, 0.11])))]
+    (alone,) = fitted_starts(run, lost, sizes)
+    assert not np.std(run.errors(alone)) < 1e-4
+    for one, other in ((lost, near), (near, lost)):
+        (found,) = fitted_starts(run, one, sizes, other)
+        np.testing.assert_allclose(found.start.state, [2e-3, 0.1], rtol=1e-2)
+
+
 @pytest.mark.parametrize("effect", [None, ("coulomb_friction", PLACE, {"force": 0.2})])
 def test_starts_of_windows_are_those_of_each_alone(effect):
     model, record = case(effect)
