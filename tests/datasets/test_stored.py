@@ -14,9 +14,13 @@ TESTS = [(1, 1.5), (0.5, 0.5), (1, 1), (1, 0.5), (0.5, 1)]
 
 def test_each_file_has_its_licence_beside_it():
     folder = files("robustpolish.datasets") / "files"
-    for name in ("magnetic_beam", "friction_damper"):
-        assert (folder / f"{name}.npz").is_file()
-        assert "icense" in (folder / f"{name}.LICENSE.txt").read_text()
+    records = sorted(path.name for path in folder.iterdir() if path.name.endswith(".npz"))
+    assert len(records) == 4
+    for name in records:
+        licence = (folder / name.replace(".npz", ".LICENSE.txt")).read_text()
+        assert licence.startswith(name)
+        assert "icense" in licence
+        assert "https://github.com/" in licence
 
 
 @pytest.mark.shared
@@ -32,6 +36,23 @@ def test_the_records_are_those_that_were_measured(shared):
         test = rp.datasets.friction_damper(frequency, amplitude)
         for mine, theirs, step in (("x", "x_m", 2e-6), ("v", "v_mps", 1e-5), ("F", "F_N", 1.0)):
             assert np.max(np.abs(test[mine].values - original[theirs].values)) < 0.51 * step
+
+
+@pytest.mark.shared
+def test_the_rounded_ones_are_within_single_precision(shared):
+    pieces = {
+        "pendulum_decay/train.csv": rp.datasets.pendulum_decay(),
+        "pendulum_decay/test.csv": rp.datasets.pendulum_decay("rest"),
+        "mr_damper_0v/train.csv": rp.datasets.mr_damper().isel(time=slice(0, 940)),
+        "mr_damper_0v/test.csv": rp.datasets.mr_damper().isel(time=slice(940, None)),
+    }
+    for path, own in pieces.items():
+        original = read_measurement(shared / "data/real" / path)
+        assert set(own) == set(original)
+        for name in own:
+            np.testing.assert_allclose(own[name].values, original[name].values, rtol=1e-7)
+            assert own[name].attrs["units"] == original[name].attrs["units"]
+        assert float(own["time"][1] - own["time"][0]) == pytest.approx(0.01)
 
 
 def test_columns_stand_over_time_with_their_units():
