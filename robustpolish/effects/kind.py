@@ -227,6 +227,9 @@ class EffectKind:
         input) or as it is shown (of an output). Every effect on an input or output needs it.
         The signal has to enter linearly, plus a constant; of an output also sample by sample,
         so that it can be taken out of measured data again.
+    between_samples : bool
+        Of an effect on an input: whether only what acts between the samples changes. Outputs that
+        an input reaches at once, such as accelerations, see the sample itself.
     linear_signal : callable, optional
         ``linear_signal(values)`` gives the factor and the delay in s that a linear model keeps
         of `on_signal`; by default its answer to a step, and no delay.
@@ -283,6 +286,7 @@ class EffectKind:
     parameters: tuple[Parameter, ...]
     law: Law | None = None
     on_signal: SignalChange | None = None
+    between_samples: bool = False
     linear_signal: Callable[[Values], tuple[float, float]] | None = None
     linear_in: tuple[str | tuple[str, ...], ...] = ()
     scan: tuple[Scan, ...] = ()

@@ -25,7 +25,7 @@ from robustpolish.measurements import (
 )
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import Input, Output
-from robustpolish.simulation.signals import signals
+from robustpolish.simulation.signals import at_samples, raw_outputs, signals
 from robustpolish.validation import described, invalid
 
 _REPEATS = 0.98
@@ -120,8 +120,20 @@ class Record:
 
         See :func:`robustpolish.simulation.signals.signals`; those of this part are ``own`` of it.
         """
-        each = [signals(model, data) for data in self.sets]
-        return each[0] if len(each) == 1 else np.concatenate(each)
+        return np.concatenate([signals(model, data) for data in self.sets])
+
+    def at_samples(self, model: MechanicalModel) -> Array | None:
+        """Return what a model's signals are at the samples less what acts between them.
+
+        See :func:`robustpolish.simulation.signals.at_samples`; over all records, as `signals`.
+        """
+        each = [at_samples(model, data) for data in self.sets]
+        return None if each[0] is None else np.concatenate(each)  # type: ignore[arg-type]
+
+    def raw_outputs(self, model: MechanicalModel) -> Array:
+        """Return the measured outputs as a model without effects on signals shows them."""
+        Y, beside = raw_outputs(model, self.Y, self.time), self.at_samples(model)
+        return Y if beside is None else Y - self.own(beside) @ model.matrices.first_order()[3].T
 
 
 def record_of(model: MechanicalModel, data: Any) -> Record:

@@ -14,7 +14,7 @@ from robustpolish.arrays import Array
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import DISPLACEMENT
 from robustpolish.simulation.kernel import run_pieces, run_steps
-from robustpolish.simulation.signals import measured, raw_outputs, signals
+from robustpolish.simulation.signals import at_samples, measured, raw_outputs, signals
 from robustpolish.simulation.step import Ahead
 from robustpolish.simulation.system import NonlinearSystem, build_system, needed_substeps
 from robustpolish.validation import matrix
@@ -63,6 +63,7 @@ class Stepper:
         led_by: Array | None = None,
         gain: Array | None = None,
         keep: bool = True,
+        at_samples: Array | None = None,
     ) -> NonlinearResponse:
         """Return outputs as the sensors show them, states and internal states.
 
@@ -79,6 +80,8 @@ class Stepper:
             sample; a free run by default.
         keep : bool, optional
             Whether states are kept; otherwise they have no samples.
+        at_samples : ndarray, shape (samples, signals), optional
+            See :func:`robustpolish.simulation.signals.at_samples`.
 
         Returns
         -------
@@ -86,7 +89,8 @@ class Stepper:
         """
         system = self.system
         ny = len(system.C)
-        Y = np.zeros((1, ny)) if led_by is None else raw_outputs(self.model, led_by, time)
+        seen = 0.0 if at_samples is None else at_samples @ system.D.T
+        Y = np.zeros((1, ny)) if led_by is None else raw_outputs(self.model, led_by, time) - seen
         K = np.zeros((system.states, ny)) if gain is None else gain
         outputs, states, inner = run_steps(
             self.matrices, (system.C, system.D, system.H), system.addresses,
@@ -94,7 +98,7 @@ class Stepper:
             np.ascontiguousarray(state), np.ascontiguousarray(internal), time[0], self.step,
             self.substeps, keep,
         )  # fmt: skip
-        return NonlinearResponse(measured(self.model, outputs, time), states, inner)
+        return NonlinearResponse(measured(self.model, outputs + seen, time), states, inner)
 
     def over_pieces(
         self,
@@ -104,6 +108,7 @@ class Stepper:
         time: Array,
         marks: NDArray[np.int64],
         keep: bool = False,
+        at_samples: Array | None = None,
     ) -> NonlinearResponse:
         """Return what :meth:`over` does freely, of pieces that follow each other in the arrays.
 
@@ -118,6 +123,7 @@ class Stepper:
             Where pieces begin and end.
         keep : bool, optional
             Whether states are kept; otherwise they have no samples.
+        at_samples : ndarray, shape (samples, signals), optional
 
         Returns
         -------
@@ -130,7 +136,8 @@ class Stepper:
             np.ascontiguousarray(starts), np.ascontiguousarray(internal),
             np.ascontiguousarray(time[marks[:-1]]), marks, self.step, self.substeps, keep,
         )  # fmt: skip
-        return NonlinearResponse(measured(self.model, outputs, time), states, inner)
+        seen = 0.0 if at_samples is None else at_samples @ system.D.T
+        return NonlinearResponse(measured(self.model, outputs + seen, time), states, inner)
 
 
 def simulate(
@@ -184,7 +191,8 @@ def simulate(
     stepper = Stepper(model, build_system(model, dt / n), dt, n)
     s0 = _state("initial_state", initial_state, stepper.system.states)
     z0 = _state("internal_state", internal_state, stepper.system.internal)
-    return stepper.over(signals(model, data), s0, z0, time)
+    beside = at_samples(model, data)
+    return stepper.over(signals(model, data), s0, z0, time, at_samples=beside)
 
 
 def _state(argument: str, value: ArrayLike | None, size: int) -> Array:

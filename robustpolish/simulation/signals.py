@@ -16,7 +16,7 @@ from robustpolish.validation import described, invalid
 _LEFT_OVER = 1e-6
 
 
-def signals(model: MechanicalData, data: xr.Dataset) -> Array:
+def signals(model: MechanicalData, data: xr.Dataset, between: bool = True) -> Array:
     """Return the columns of `MechanicalMatrices.signals`, effects on inputs applied.
 
     Parameters
@@ -24,6 +24,8 @@ def signals(model: MechanicalData, data: xr.Dataset) -> Array:
     model : MechanicalData
     data : xarray.Dataset
         Holds every input over ``time``.
+    between : bool, optional
+        Whether what acts between the samples is wanted, or the samples themselves.
 
     Returns
     -------
@@ -50,10 +52,32 @@ def signals(model: MechanicalData, data: xr.Dataset) -> Array:
             columns.append(CubicSpline(time, data[signal.source].values)(time, order))
     W = np.column_stack(columns) if columns else np.zeros((time.size, 0))
     for effect in _on(model, "input"):
+        if effect.definition.between_samples and not between:
+            continue
         for j, (name, source) in enumerate(zip(m.signals, m.sources, strict=True)):
             if source == effect.at[0]:
                 W[:, j] = _changed(effect, W[:, j], time, derivative=name != source)
     return np.ascontiguousarray(W)
+
+
+def at_samples(model: MechanicalData, data: xr.Dataset) -> Array | None:
+    """Return what signals are at the samples less what acts between them, None if that is one.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    data : xarray.Dataset
+        As of :func:`signals`.
+
+    Returns
+    -------
+    ndarray, shape (samples, signals), or None
+        Times D it belongs to the outputs: an accelerometer sees a held force as it is, not its
+        linear interpolation.
+    """
+    if not any(effect.definition.between_samples for effect in _on(model, "input")):
+        return None
+    return signals(model, data, between=False) - signals(model, data)
 
 
 def _changed(effect: Effect, signal: Array, time: Array, derivative: bool) -> Array:

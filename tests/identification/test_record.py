@@ -13,7 +13,7 @@ from robustpolish.identification.record import (
     record_of,
     repetition,
 )
-from robustpolish.models import Dof, Input, Spring
+from robustpolish.models import Dof, Input, Output, Spring
 from tests.identification.oscillators import PLACE, RATE, of_rig, oscillator, record, rig
 
 
@@ -189,3 +189,17 @@ def test_frequency_responses_are_refused_where_signals_over_time_are_needed():
     response = oscillator().frequency_response(np.geomspace(1, 10, 20))
     with pytest.raises(InvalidInputError, match=r"compare .* and refit take frequency responses"):
         over_time(response)
+
+
+def test_outputs_are_freed_of_what_sensors_and_holds_add():
+    model = oscillator(outputs=[Output("x", PLACE, "acceleration")])
+    model = model.with_effect("sensor_offset", "x", {"offset": 2.0})
+    held = model.with_effect("input_hold", "F", {"order": 0.0})
+    shown = record()["x"].values
+    found = record_of(model, record().assign(x=("time", shown, {"units": "m/s^2"})))
+    np.testing.assert_allclose(found.raw_outputs(model), found.Y - 2.0)
+    assert found.at_samples(model) is None
+    beside = found.at_samples(held)
+    np.testing.assert_allclose(found.raw_outputs(held), found.Y - 2.0 - beside / held.dofs[0].mass)
+    part = found.part(100, 200)
+    np.testing.assert_allclose(part.raw_outputs(held), found.raw_outputs(held)[100:200])

@@ -1,13 +1,18 @@
 """Runs of models with effects over samples."""
 
+from dataclasses import replace
+
+import control
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.interpolate import CubicSpline
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
 from robustpolish.simulation import linear_response, simulate_model
 from robustpolish.simulation.run import Stepper
+from robustpolish.simulation.signals import at_samples, signals
 from robustpolish.simulation.system import build_system
 
 GROUND = ("x", "ground")
@@ -51,6 +56,46 @@ def test_states_are_kept_on_request():
     short = run_of(oscillator()).over(FORCE[:, None], np.zeros(2), np.zeros(0), TIME, keep=False)
     assert short.outputs.shape == (600, 1)
     assert short.states.shape == (0, 2)
+
+
+@pytest.mark.parametrize("order", [0.0, 3.0])
+def test_an_accelerometer_sees_a_held_force_as_it_is(order):
+    """As in discrete time: y[k] = C x[k] + D u[k], whatever the input does between the samples."""
+    outputs = [rp.Output("a", GROUND, "acceleration"), rp.Output("x", GROUND)]
+    model = replace(oscillator(), outputs=outputs)
+    step = 4e-3
+    time = np.arange(3000) * step
+    lines = 2 * np.pi * np.geomspace(0.5, 30, 40)
+    force = np.sin(np.multiply.outer(time, lines) + np.arange(40)).sum(axis=1)
+    data = xr.Dataset({"F": ("time", force)}, coords={"time": time})
+    held = model.with_effect("input_hold", "F", {"order": order})
+    seen = simulate_model(held, data).outputs
+    if order == 0.0:
+        sampled = control.c2d(model.state_space(), step, "zoh")
+        exact = control.forced_response(sampled, time, force).outputs.T
+    else:  # smooth: interpolated by a spline, fifty times as fine
+        fine = np.arange(50 * 2999 + 1) * step / 50
+        smooth = CubicSpline(time, force)(fine)
+        exact = linear_response(model.state_space(), fine, smooth[:, None]).outputs[::50]
+    error = np.std(seen - exact, axis=0) / np.std(exact, axis=0)
+    assert np.all(error[:2] < 2e-3)
+    # of a linear interpolation neither is right
+    plain = np.std(simulate_model(model, data).outputs - exact, axis=0) / np.std(exact, axis=0)
+    assert plain[0] > 5 * error[0]
+
+
+def test_a_led_run_of_a_held_force_predicts_what_was_measured():
+    model = replace(oscillator(), outputs=[rp.Output("a", GROUND, "acceleration")])
+    held = model.with_effect("input_hold", "F", {"order": 0.0})
+    rough = np.random.default_rng(0).standard_normal(TIME.size)
+    data = xr.Dataset({"F": ("time", rough)}, coords={"time": TIME})
+    shown = simulate_model(held, data).outputs
+    inputs, beside = signals(held, data), at_samples(held, data)
+    led = run_of(held).over(
+        inputs, np.zeros(2), np.zeros(0), TIME, shown, np.array([[1e-5], [0.0]]),
+        at_samples=beside,
+    )  # fmt: skip
+    np.testing.assert_allclose(led.outputs, shown, atol=1e-12)
 
 
 def test_a_start_of_another_size_is_refused():

@@ -9,7 +9,7 @@ from robustpolish.effects import EffectKind, Parameter, register
 from robustpolish.effects import effect as effect_module
 from robustpolish.errors import InvalidInputError
 from robustpolish.simulation import simulate_model
-from robustpolish.simulation.signals import measured, raw_outputs, signals
+from robustpolish.simulation.signals import at_samples, measured, raw_outputs, signals
 
 GROUND = ("x", "ground")
 TIME = np.arange(400) * 1e-3
@@ -144,6 +144,17 @@ def test_a_sensor_that_bends_its_signal_is_simulated_but_not_taken_out(catalogue
     assert np.max(np.abs(measured(model, 10 * Y, TIME))) < 0.5
     with pytest.raises(InvalidInputError, match=r"saturation\.on_signal"):
         raw_outputs(model, Y, TIME)
+
+
+def test_what_acts_between_the_samples_is_not_what_is_there():
+    data = push("F")
+    plain, delayed = oscillator(), oscillator().with_effect("input_gain", "F", {"gain": 2.0})
+    assert at_samples(plain, data) is None
+    assert at_samples(delayed, data) is None
+    held = delayed.with_effect("input_hold", "F", {"order": 0.0})
+    force = 2.0 * data["F"].values[:, None]
+    np.testing.assert_allclose(signals(held, data, between=False), force)
+    np.testing.assert_allclose(at_samples(held, data) + signals(held, data), force)
 
 
 def test_a_missing_column_is_named():

@@ -45,6 +45,7 @@ KIND = EffectKind(
         ),
     ),
     on_signal=_on_signal,
+    between_samples=True,
     looks_like="Half a sample of delay (order 0), or an error that grows with the square of the "
     "frequency (order 3).",
     checks=("Whether the input was written by a controller (held) or measured (smooth).",),

@@ -22,7 +22,6 @@ from robustpolish.models.mechanical.ports import (
     port_rows,
 )
 from robustpolish.simulation.run import NonlinearResponse
-from robustpolish.simulation.signals import raw_outputs
 
 _START = 3.0
 # Levels of a model that may be nearly right, to predict with and to see the motion.
@@ -153,7 +152,7 @@ def _smooth(
     """Smooth one record, or a contiguous part of one."""
     level, seen = following(model, record, scales, amplitude, levels)
     W, time = record.own(record.signals(model)), record.time
-    Y = raw_outputs(model, record.Y, time)
+    Y = record.raw_outputs(model)
     observer = LinearObserver(model, record.dt, level, scales)
     sizes = _start_sizes(model, scales, amplitude)
     q, v = motion_of(model, seen.states, W)

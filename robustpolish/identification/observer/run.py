@@ -82,7 +82,7 @@ class Runner:
         self.substeps = needed_substeps(model, dt, amplitude)
         self._leak = None if level.free or scales is None else scales.leak
         self._moves_inputs = any(e.definition.domain == "input" for e in model.effects)
-        self._inputs: tuple[tuple[object, object], Array] | None = None
+        self._signals: tuple[tuple[object, object], Array, Array | None] | None = None
         self.gain: Gain | None = None
         if self._leak is not None and scales is not None:
             self.gain = observer_gain(self._system(model), dt, level, scales)
@@ -97,11 +97,22 @@ class Runner:
 
     def inputs(self, model: MechanicalModel, record: Record) -> Array:
         """Return the model's input signals over a record, shape (samples, signals)."""
+        return record.own(self._known(model, record)[1])
+
+    def at_samples(self, model: MechanicalModel, records: Sequence[Record]) -> Array | None:
+        """Return what the signals are at the samples of records less what acts between them."""
+        known = [(record, self._known(model, record)[2]) for record in records]
+        found = [record.own(beside) for record, beside in known if beside is not None]
+        return np.concatenate(found) if found else None
+
+    def _known(
+        self, model: MechanicalModel, record: Record
+    ) -> tuple[tuple[object, object], Array, Array | None]:
         key = (record.sets, model if self._moves_inputs else None)
-        known = self._inputs
+        known = self._signals
         if known is None or any(a is not b for a, b in zip(known[0], key, strict=True)):
-            known = self._inputs = (key, record.signals(model))
-        return record.own(known[1])
+            known = self._signals = (key, record.signals(model), record.at_samples(model))
+        return known
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,11 +146,9 @@ class RecordRun:
         state = np.zeros(self.run.system.states)
         state[: start.state.size] = start.state
         inputs = self.runner.inputs(self.model, record)
-        if gain is None:
-            return self.run.over(inputs, state, start.internal, record.time, keep=keep)
-        return self.run.over(
-            inputs, state, start.internal, record.time, record.Y, gain.filter, keep
-        )
+        beside = self.runner.at_samples(self.model, [record])
+        led = (None, None) if gain is None else (record.Y, gain.filter)
+        return self.run.over(inputs, state, start.internal, record.time, *led, keep, beside)
 
     def over_all(self, pieces: Sequence[StartedPiece], keep: bool = False) -> NonlinearResponse:
         """Return what the model predicts for several pieces, one after the other in the arrays."""
@@ -156,6 +165,7 @@ class RecordRun:
             np.concatenate([p.record.time for p in pieces]),
             np.cumsum([0, *(p.record.samples for p in pieces)]),
             keep,
+            self.runner.at_samples(self.model, [p.record for p in pieces]),
         )
 
     def all_errors(self, pieces: Sequence[StartedPiece]) -> Array:

@@ -18,7 +18,6 @@ from robustpolish.identification.record import Record
 from robustpolish.identification.screening.candidates import Columns
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_row
-from robustpolish.simulation.signals import raw_outputs
 
 
 class FilteredRecord:
@@ -47,7 +46,7 @@ class FilteredRecord:
         self.model = model
         self.observer = LinearObserver(model, record.dt, level, prepared.scales)
         forces = known_forces(model, motion.q, motion.v, record.time, record.dt)
-        Y = raw_outputs(model, record.Y, record.time)
+        Y = record.raw_outputs(model)
         _, errors = self.observer.innovations(Y, motion.inputs, forces)
         self.errors = errors
         self.sigma = np.ones(errors.shape[1])
