@@ -58,9 +58,9 @@ class Policy:
     near_best, near_score : float
         Share of the best odds below which a candidate is no rival, and below which it is none to
         one that explains everything: a refit costs seconds.
-    most_likely, most_large, most_further : int
-        Refits of the likeliest, of the largest in free runs over windows of each length, and of
-        further ones where all of these fail.
+    most_likely, most_large, most_further, most_elsewhere : int
+        Refits of the likeliest, of the largest in free runs over windows of each length, of
+        further ones where all of these fail, and of what would be added at other places.
     most_paired : int
         How many of the best are tried beside each other.
     most_pairs : int
@@ -187,6 +187,7 @@ class Policy:
     near_score: float = 0.6
     most_large: int = 3
     most_further: int = 4
+    most_elsewhere: int = 2
     most_paired: int = 3
     most_pairs: int = 3
     most_likely: int = 2

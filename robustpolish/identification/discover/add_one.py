@@ -24,7 +24,7 @@ def add_one(search: Search) -> bool:
         search.say(f"a look at free runs for effect {number}")
         found = hopeful(screening, search.stage.fit, search.prepared)
         refits = _refits(search, start, found)
-        refits += _family(refits, start, search)
+        refits += _instead(refits, found, start, search)
         ranked = sorted(refits, key=lambda item: judgement(item.fitted, refits))
         why = passed_over(screening.candidates, found, refits, search)
         search.remember(ranked, screening.candidates, number, why)
@@ -53,32 +53,35 @@ def _helpful(ranked: Sequence[RefittedEffect], search: Search) -> list[RefittedE
     return [r for r in ranked if judgement(r.fitted, ranked) < here and not r.constant]
 
 
-def _family(
-    refits: Sequence[RefittedEffect], start: MechanicalModel, search: Search
+def _instead(
+    refits: Sequence[RefittedEffect], found: Hopeful, start: MechanicalModel, search: Search
 ) -> list[RefittedEffect]:
-    """Refit the other kinds of the family of what would be added, at its place.
+    """Refit what could stand for the effect that would be added: elsewhere, or another kind there.
 
-    Which kind of friction it is shows in runs, once there is friction at all.
+    Of which kind a friction is shows in runs, once there is friction at all; and where it is, an
+    effect that explains everything may hide.
     """
     assert search.screening is not None
     before = list(search.reasons), list(search.confusions)
     ranked = sorted(refits, key=lambda item: judgement(item.fitted, refits))
     earned = chosen(ranked, search)
     search.reasons, search.confusions = before
-    if not earned or not earned[0].effect.definition.family or earned[0].constant:
+    if not earned or earned[0].constant:
         return []
-    if search.at_floor(earned[0].fitted):
-        return []  # nothing is left that another kind could explain
+    effect, policy, prepared = earned[0].effect, search.policy, search.prepared
+    candidates = found.elsewhere(effect, policy.near_error)[: policy.most_elsewhere]
+    # at the floor nothing is left that another kind could explain
+    if effect.definition.family and not search.at_floor(earned[0].fitted):
+        candidates += rivals_of(effect, search.stage.fit, prepared, search.screening)
     done = {item.screened.place for item in refits}
-    found = []
-    stage, prepared = search.stage.fit, search.prepared
-    for candidate in rivals_of(earned[0].effect, stage, prepared, search.screening):
+    tried = []
+    for candidate in candidates:
         if candidate.place not in done:
             search.say(f"refit with {candidate.effect} instead")
             fitted = search.fitted_with(start, candidate.effect)
             if fitted is not None:
-                found.append(RefittedEffect(candidate, fitted))
-    return found
+                tried.append(RefittedEffect(candidate, fitted))
+    return tried
 
 
 def _refits(search: Search, start: MechanicalModel, found: Hopeful) -> list[RefittedEffect]:

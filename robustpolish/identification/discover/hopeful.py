@@ -23,11 +23,22 @@ class Hopeful(NamedTuple):
         Single effects, the likeliest first; the further ones if none of the first earns its place.
     pairs : list of tuple of ScreenedEffect
         Two effects that would help together far more than alone.
+    seen : list of ScreenedEffect
+        All single effects that the look at free runs could judge, the largest first.
     """
 
     first: list[ScreenedEffect]
     further: list[ScreenedEffect]
     pairs: list[tuple[ScreenedEffect, ...]]
+    seen: list[ScreenedEffect]
+
+    def elsewhere(self, effect: Effect, near: float) -> list[ScreenedEffect]:
+        """Return an effect at other places where it would leave at most `near` times as much."""
+        alike = [c for c in self.seen if c.effect.kind == effect.kind]
+        here = next((c for c in alike if c.effect.at == effect.at), None)
+        if here is None:
+            return []
+        return [c for c in alike if c is not here and 1 - c.fall < near * (1 - here.fall)]
 
 
 def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopeful:
@@ -45,6 +56,7 @@ def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopef
     good = [c for c in good if not _line(c.effect, stage, prepared)]
     first: list[ScreenedEffect] = []
     pairs: list[tuple[ScreenedEffect, ...]] = []
+    seen: list[ScreenedEffect] = []
     for span in _spans(prepared):
         singles, couples = (
             [e for e in found if not any(_line(effect, stage, prepared) for effect in e.effects)]
@@ -52,13 +64,16 @@ def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopef
         )
         _add_singles(first, singles, screening, prepared)
         pairs += _pairs(singles, couples, screening, prepared)
+        seen += [_screened(found, 0, screening) for found in singles]
     taken = {c.place for c in first}
     likely = [c for c in good if c.score > policy.near_best * good[0].score]
     first += [c for c in likely[: policy.most_likely] if c.place not in taken]
     taken = {c.place for c in first}
     further = [c for c in good if c.place not in taken][: policy.most_further]
     unique = {tuple(sorted(c.place for c in pair)): pair for pair in reversed(pairs)}
-    return Hopeful(first, further, list(unique.values())[: policy.most_pairs])
+    largest = {c.place: c for c in sorted(seen, key=lambda c: c.fall)}
+    by_size = sorted(largest.values(), key=lambda c: -c.fall)
+    return Hopeful(first, further, list(unique.values())[: policy.most_pairs], by_size)
 
 
 def _line(effect: Effect, stage: Fit, prepared: PreparedRecord) -> bool:

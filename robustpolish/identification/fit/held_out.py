@@ -14,6 +14,8 @@ from robustpolish.models.mechanical import MechanicalModel
 _MARKS = (0.0, 0.4, 0.55, 0.85, 1.0)
 _MARKS_OF_DECAYS = (0.0, 0.35, 0.65, 0.9, 1.0)
 
+_UNEVEN = 0.15
+"""Share of the motion by which it may be ahead of the time in a record that moves steadily."""
 _AS_MUCH = 2.0
 """Times the amplitude up to which records move alike: a cubic spring does four times as much."""
 
@@ -43,7 +45,7 @@ def sides(model: MechanicalModel, record: Record) -> tuple[list[Record], list[Re
             if held:
                 (judges if i in held else kept).append(part)
                 continue
-            a, b, c, d, e = _blocks(model, part, by_motion=len(record.parts) > 1)
+            a, b, c, d, e = _blocks(model, part, several=len(record.parts) > 1)
             kept += [part.part(a, b), part.part(c, d)]
             judges += [part.part(b, c), part.part(d, e)]
     return sorted(kept, key=lambda part: part.first), sorted(judges, key=lambda part: part.first)
@@ -80,18 +82,20 @@ def _whole_judges(group: Sequence[Record]) -> list[int]:
     return held
 
 
-def _blocks(model: MechanicalModel, part: Record, by_motion: bool) -> list[int]:
+def _blocks(model: MechanicalModel, part: Record, several: bool) -> list[int]:
     """Return where the blocks of a record begin, and its end.
 
-    Of one record they are shares of its time. Several are likely to be blows, in whose long quiet
-    ends nothing could be judged: of those they are shares of the motion.
+    They are shares of its time where it moves steadily, and of one free decay, whose end shows what
+    is small. In the long quiet ends of blows nothing could be judged, and a sweep passes its
+    resonances in a moment, where alone a stop may be met: of those they are shares of the motion.
     """
     marks = _MARKS if model.inputs else _MARKS_OF_DECAYS
     of_time = [round(part.samples * mark) for mark in marks]
-    if not by_motion:
-        return of_time
     away = np.abs(part.Y - part.Y.mean(axis=0))
     motion = np.cumsum(np.sum(away / np.maximum(away.max(axis=0), 1e-300), axis=1))
+    uneven = np.max(np.abs(motion / motion[-1] - np.linspace(0, 1, motion.size))) > _UNEVEN
+    if not several and not (model.inputs and uneven):
+        return of_time
     inner = np.searchsorted(motion, np.array(marks[1:-1]) * motion[-1])
     found = [0, *inner.tolist(), part.samples]
     enough = np.min(np.diff(found)) >= least_samples(model)

@@ -32,7 +32,7 @@ PLACE_OF_DRAG = ("quadratic_damping", PLACE)
 
 
 def why(search, candidates, first, further, refits):
-    return passed_over(candidates, Hopeful(first, further, []), refits, search)
+    return passed_over(candidates, Hopeful(first, further, [], []), refits, search)
 
 
 def test_odds_below_the_bar_are_told_with_both_numbers(search):

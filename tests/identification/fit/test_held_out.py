@@ -68,7 +68,26 @@ def test_two_records_are_cut_by_their_motion():
     for part, judge in zip(kept, judges, strict=True):
         assert judge.follows(part)
     assert np.std(judges[0].Y) > 0.3 * np.std(x)
-    assert ranges(sides_of(model, blow)[1]) == [(1200, 1650), (2550, 3000)]
+    alone = sides_of(model, blow)[1]
+    assert [(a.first, a.samples) for a in alone] == [(b.first, b.samples) for b in judges[:2]]
+
+
+def test_a_sweep_is_judged_where_it_passes_its_resonance():
+    model, time = oscillator(damping=0.5), np.arange(6000) / RATE
+    force = np.sin(2 * np.pi * (1.0 + 0.5 * time) * time)
+    data = xr.Dataset({"F": ("time", force)}, {"time": time})
+    x = simulate(model, data).outputs[:, 0]
+    kept, judges = sides_of(model, data.assign(x=("time", x)))
+    for some in (kept, judges):
+        assert max(np.max(np.abs(part.Y)) for part in some) > 0.5 * np.max(np.abs(x))
+
+
+def test_a_free_decay_is_cut_by_time():
+    """Its end is quiet, and shows alone what is small there."""
+    time = np.arange(3000) / RATE
+    x = np.exp(-time) * np.cos(20 * time)
+    judges = sides_of(oscillator(inputs=[]), xr.Dataset({"x": ("time", x)}, {"time": time}))[1]
+    assert ranges(judges) == [(1050, 1950), (2700, 3000)]
     steady = sides_of(oscillator(), [loud(1), loud(3)])[1]
     assert ranges(steady)[0] == pytest.approx((400, 550), abs=120)
 
