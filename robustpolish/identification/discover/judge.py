@@ -41,7 +41,7 @@ def chosen(refits: Sequence[RefittedEffect], search: Search) -> list[RefittedEff
     here = judgement(earned.fitted, refits)
     for item in refits:
         apart = judgement(item.fitted, refits) - here
-        if item.screened is not earned.screened and apart < _tolerance(search):
+        if item.screened is not earned.screened and apart < tolerance(search):
             pair = (each.fitted.model.effects[-1] for each in (earned, item))  # as fitted
             search.confusions.append(confused(*pair))
     return [earned]
@@ -166,7 +166,7 @@ def _unbeaten(refits: Sequence[RefittedEffect], search: Search) -> list[Refitted
     return [item for item in refits if item not in beaten]
 
 
-def _tolerance(search: Search) -> float:
+def tolerance(search: Search) -> float:
     """Return the relative difference of errors below which two effects are one to this data."""
     return search.policy.same(sum(p.record.samples for p in search.prepared.held_out))
 
@@ -175,7 +175,7 @@ def _in_turn(ranked: Sequence[RefittedEffect], search: Search) -> list[RefittedE
     """Return the candidates by error; among equals the one with the fewest parameters first."""
     if not ranked:
         return []
-    limit = judgement(ranked[0].fitted, ranked) + _tolerance(search)
+    limit = judgement(ranked[0].fitted, ranked) + tolerance(search)
     joined = connected(search.reference)
 
     def order(item: RefittedEffect) -> tuple[bool, int, bool, float]:

@@ -8,13 +8,16 @@ to do beside the others goes.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
 from robustpolish.identification.discover.judge import judgement, objection
+from robustpolish.identification.discover.reconsider import (
+    renamed,
+    retold,
+    without_the_needless,
+)
 from robustpolish.identification.discover.search import RefittedEffect, Search, Turn
-from robustpolish.identification.fit.homotopy import JudgedFit
 
 
 def second_look(search: Search, grow: Callable[[Search], Search]) -> Search:
@@ -27,7 +30,7 @@ def second_look(search: Search, grow: Callable[[Search], Search]) -> Search:
     grow : callable
         Goes on with a search until nothing more earns its place.
     """
-    search = _without_the_needless(search)
+    search = without_the_needless(search)
     for turn, item in _runners_up(search):
         if search.at_floor(search.stage):
             break
@@ -35,11 +38,11 @@ def second_look(search: Search, grow: Callable[[Search], Search]) -> Search:
         search.say(f"{item.effect}{instead}")
         other = turn.before.copy()
         other.accept([item])
-        other = _without_the_needless(grow(other), last=not turn.added)
+        other = without_the_needless(grow(other), last=not turn.added)
         least = _worth(search, other) + np.log(1 - search.policy.together)
         if _worth(other, search) < least and _sound(other):
             search = other
-    return search
+    return retold(renamed(search))
 
 
 def _runners_up(search: Search) -> list[tuple[Turn, RefittedEffect]]:
@@ -74,29 +77,3 @@ def _worth(search: Search, other: Search) -> float:
     """Return what counts: the held-out error, and what each effect has to make it fall."""
     error = judgement(search.stage, [other.stage])
     return error - search.added * float(np.log(1 - search.policy.together))
-
-
-def _without_the_needless(search: Search, last: bool = False) -> Search:
-    """Return the search without effects that do not earn their place beside the others.
-
-    The last one has just earned it, unless it was added on trial.
-    """
-    first = len(search.reference.effects)
-    for at in reversed(range(first, len(search.stage.model.effects) - (not last))):
-        effects = search.stage.model.effects
-        rest = replace(search.stage.model, effects=(*effects[:at], *effects[at + 1 :]))
-        without = search.fitted_with(rest)
-        if without is not None and _as_good(without, search):
-            search.stage = without
-            del search.steps[2 + at - first]
-            search.steps[-1] = (search.steps[-1][0], without.model)
-            search.reasons.append(f"{effects[at]} was not kept: the others explain as much.")
-    return search
-
-
-def _as_good(without: JudgedFit, search: Search) -> bool:
-    """Return whether a model leaves no output visibly more than that of the search."""
-    stage, few = search.stage, 1 - search.policy.visible_fall
-    if stage.reproducible and without.reproducible:
-        return bool(np.all(stage.free > few * without.free))
-    return bool(np.all(stage.short > few * without.short))
