@@ -276,6 +276,10 @@ class EffectKind:
         Kinds of one family are rivals: a place has one of them at most.
     sharp : bool
         Whether the force has corners or jumps, so that steps have to be short.
+    turns_over : str
+        Of dry friction: the parameter that is the speed over which it turns over. Where the step of
+        a run cannot resolve that, bodies rest until the force gives way, see
+        ``simulation/dry_friction.py``. Needs the context ``"mobility"``.
     looks_like, checks, references
         What it does to the residual, what to check on the machine, sources.
     """
@@ -302,6 +306,7 @@ class EffectKind:
     over: tuple[str, ...] = ()
     family: str = ""
     sharp: bool = False
+    turns_over: str = ""
     looks_like: str = ""
     checks: tuple[str, ...] = ()
     references: tuple[str, ...] = ()

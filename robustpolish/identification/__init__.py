@@ -2,8 +2,6 @@
 
 from robustpolish.identification.compare.compare import compare as compare
 from robustpolish.identification.compare.comparison import Comparison as Comparison
-from robustpolish.identification.compare.comparison import OutputError as OutputError
-from robustpolish.identification.compare.comparison import RecordError as RecordError
 from robustpolish.identification.compare.steps import StepRun as StepRun
 from robustpolish.identification.compare.steps import step_runs as step_runs
 from robustpolish.identification.discover.diagnose import diagnose as diagnose
@@ -13,6 +11,8 @@ from robustpolish.identification.experiments.told import ToldApart as ToldApart
 from robustpolish.identification.findings.diagnosis import Diagnosis as Diagnosis
 from robustpolish.identification.findings.force_map import ForceMap as ForceMap
 from robustpolish.identification.findings.ledger import Ledger as Ledger
+from robustpolish.identification.findings.record_error import OutputError as OutputError
+from robustpolish.identification.findings.record_error import RecordError as RecordError
 from robustpolish.identification.findings.refitted import Refit as Refit
 from robustpolish.identification.frequency.amplitudes import (
     AmplitudeDependence as AmplitudeDependence,

@@ -6,18 +6,139 @@ import numba
 import numpy as np
 
 from robustpolish.effects import call_law
+from robustpolish.simulation.dry_friction import LEAST, friction_over_step
+
+_SWEEPS = 20
+# Share of its limit to which frictions that hold each other are found, and below which speed, as a
+# share of what friction does in a step, a body rests.
+_HELD = 1e-6
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _force(laws, layout, p, t, motion, at, ports, z, f, dz, i):  # type: ignore[no-untyped-def]
+    """Evaluate one law."""
+    port, state, own = layout[i, 0], layout[i, 2], layout[i, 4]
+    q = at + port
+    call_law(laws[i], t, motion, q, motion, q + ports, z, state, p, own, f, port, dz, state)
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _forces(laws, layout, p, t, motion, at, ports, z, f, dz):  # type: ignore[no-untyped-def]
     """Evaluate all laws at motions that begin at an entry: displacements, then velocities.
 
-    `layout` rows: port, ports, state, states, parameter, parameters.
+    `layout` rows: port, ports, state, states, parameter, parameters, whether it is dry friction.
     """
     for i in range(len(laws)):
         port, state, own = layout[i, 0], layout[i, 2], layout[i, 4]
         q = at + port
         call_law(laws[i], t, motion, q, motion, q + ports, z, state, p, own, f, port, dz, state)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _limits(laws, layout, p, t, motion, at, ports, z, f, dz, dry, forward, backward):  # type: ignore[no-untyped-def]
+    """Evaluate the frictions on bodies that begin to slide, in either direction."""
+    for d in range(len(dry)):
+        v = at + ports + layout[dry[d], 0]
+        kept = motion[v]
+        motion[v] = LEAST
+        _force(laws, layout, p, t, motion, at, ports, z, f, dz, dry[d])
+        forward[d] = f[layout[dry[d], 0]]
+        motion[v] = -LEAST
+        _force(laws, layout, p, t, motion, at, ports, z, f, dz, dry[d])
+        backward[d] = f[layout[dry[d], 0]]
+        motion[v] = kept
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _slide_on(motion, ports, layout, dry, v0):  # type: ignore[no-untyped-def]
+    """Let bodies that slide slide on, until it is known where in the step they stop."""
+    for d in range(len(dry)):
+        v = ports + layout[dry[d], 0]
+        if v0[d] > 0.0:
+            motion[v] = max(motion[v], LEAST)
+        elif v0[d] < 0.0:
+            motion[v] = min(motion[v], -LEAST)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _hold(f, layout, dry, v0, held):  # type: ignore[no-untyped-def]
+    """Set the frictions of bodies at rest to what held them last."""
+    for d in range(len(dry)):
+        if v0[d] == 0.0:
+            f[layout[dry[d], 0]] = held[d]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _at_end(ahead, out, x, n, column):  # type: ignore[no-untyped-def]
+    """Return a motion at the end of a step, `out` beginning with the next state."""
+    total = 0.0
+    for c in range(n):
+        total += ahead[c, column] * out[c]
+    signals = (x.size - n) // 2
+    for c in range(signals):
+        total += ahead[n + c, column] * x[n + signals + c]
+    return total
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _impulses(m, layout, dry, n, ports):  # type: ignore[no-untyped-def]
+    """Return what constant and tilted frictions do to the state, and to the sliding velocities."""
+    ahead, first, middle, last = m[0], m[4], m[5], m[6]
+    push, tilt = np.empty((len(dry), n)), np.empty((len(dry), n))
+    by_push, by_tilt = np.zeros((len(dry), len(dry))), np.zeros((len(dry), len(dry)))
+    for d in range(len(dry)):
+        port = layout[dry[d], 0]
+        for r in range(n):
+            push[d, r] = first[port, r] + 2 * middle[port, r] + last[port, r]
+            tilt[d, r] = (last[port, r] - first[port, r]) / 2
+        for e in range(len(dry)):
+            column = n + ports + layout[dry[e], 0]
+            for r in range(n):
+                by_push[d, e] += push[d, r] * ahead[r, column]
+                by_tilt[d, e] += tilt[d, r] * ahead[r, column]
+    return push, tilt, by_push, by_tilt
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _hold_at_start(ahead, layout, dry, out, x, ports, by_push, ends, slow, held):  # type: ignore[no-untyped-def]
+    """Set below which speeds bodies rest, and what holds those that rest at first."""
+    n = len(out) - 6 * ports
+    for d in range(len(dry)):
+        slow[d] = _HELD * by_push[d, d] * (ends[1][d] - ends[0][d])
+        column = n + ports + layout[dry[d], 0]
+        gained = _at_end(ahead, out, x, n, column) - out[column]
+        held[d] = min(max(-gained / by_push[d, d], ends[0][d]), ends[1][d])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _settle(out, v0, v1, mean, push, tilt, by_push, by_tilt, ends, slow, last, held):  # type: ignore[no-untyped-def]
+    """Put into the next state what frictions do that stop, turn round or hold within a step.
+
+    On entry `mean` holds what acted on it so far, and `v1` the velocities that came of it. What
+    several frictions do follows from what the others do: they are gone through again and again.
+    """
+    now, before, change = mean.copy(), last.copy(), np.zeros(len(mean))
+    for _ in range(_SWEEPS):
+        worst = 0.0
+        for d in range(len(mean)):
+            free = v1[d] - by_push[d, d] * mean[d]
+            new, tilted, last[d] = friction_over_step(
+                v0[d], free, by_push[d, d], now[d], ends[0][d], ends[1][d]
+            )
+            more, turned = new - mean[d], tilted - change[d]
+            for r in range(push.shape[1]):
+                out[r] += push[d, r] * more + tilt[d, r] * turned
+            for e in range(len(mean)):
+                v1[e] += by_push[d, e] * more + by_tilt[d, e] * turned
+            mean[d], change[d] = new, tilted
+            slow[d] = _HELD * by_push[d, d] * (ends[1][d] - ends[0][d])
+            worst = max(worst, abs(more) - _HELD * (ends[1][d] - ends[0][d]))
+        if worst <= 0.0:
+            break
+    for d in range(len(mean)):
+        # what holds a body is known in the middle of steps: half a step on, half the rise is added
+        more = (last[d] - before[d]) / 2 if v0[d] == 0.0 else 0.0
+        held[d] = min(max(last[d] + more, ends[0][d]), ends[1][d])
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -43,6 +164,12 @@ def run_steps(m, output, laws, layout, p, W, Y, K, s0, z0, t0, dt, substeps, kee
     d0, da, db, dc = np.zeros(nz), np.zeros(nz), np.zeros(nz), np.zeros(nz)
     e = np.empty(ny)
     h = dt / substeps
+    dry = np.flatnonzero(layout[:, 6])
+    any_dry = len(dry) > 0
+    push, tilt, by_push, by_tilt = _impulses(m, layout, dry, n, ports)
+    v0, slow, held = np.zeros(len(dry)), np.zeros(len(dry)), np.zeros(len(dry))
+    v1, mean, mid = np.empty(len(dry)), np.empty(len(dry)), np.zeros(len(dry))
+    ends = np.empty(len(dry)), np.empty(len(dry))
     for k in range(samples):
         later = min(k + 1, samples - 1)
         for j in range(substeps):
@@ -58,6 +185,16 @@ def run_steps(m, output, laws, layout, p, W, Y, K, s0, z0, t0, dt, substeps, kee
                     for r in range(rows):
                         out[r] += ahead[c, r] * x[c]
                 _forces(laws, layout, p, t, out, n, ports, z, f0, d0)
+                if any_dry:
+                    if k == 0 and j == 0 and turn == 0:
+                        _limits(laws, layout, p, t, out, n, ports, z, fa, da, dry, *ends)
+                        _hold_at_start(ahead, layout, dry, out, x, ports, by_push, ends, slow, held)
+                        mid[:] = held
+                    for d in range(len(dry)):
+                        v0[d] = out[n + ports + layout[dry[d], 0]]
+                        if abs(v0[d]) <= slow[d]:
+                            v0[d] = 0.0
+                    _hold(f0, layout, dry, v0, held)
                 if j > 0 or turn > 0:
                     break
                 for i in range(ny):
@@ -92,7 +229,11 @@ def run_steps(m, output, laws, layout, p, W, Y, K, s0, z0, t0, dt, substeps, kee
                     now[r] = total
                 for i in range(nz):
                     zs[i] = z[i] + h / 2 * d0[i]
+                if any_dry:
+                    _slide_on(now, ports, layout, dry, v0)
                 _forces(laws, layout, p, t + h / 2, now, 0, ports, zs, fa, da)
+                if any_dry:
+                    _hold(fa, layout, dry, v0, held)
                 for r in range(motions):
                     total = out[at + r]
                     for i in range(ports):
@@ -100,7 +241,11 @@ def run_steps(m, output, laws, layout, p, W, Y, K, s0, z0, t0, dt, substeps, kee
                     now[r] = total
                 for i in range(nz):
                     zs[i] = z[i] + h / 2 * da[i]
+                if any_dry:
+                    _slide_on(now, ports, layout, dry, v0)
                 _forces(laws, layout, p, t + h / 2, now, 0, ports, zs, fb, db)
+                if any_dry:
+                    _hold(fb, layout, dry, v0, held)
                 at += motions
                 for r in range(motions):
                     total = out[at + r]
@@ -109,13 +254,40 @@ def run_steps(m, output, laws, layout, p, W, Y, K, s0, z0, t0, dt, substeps, kee
                     now[r] = total
                 for i in range(nz):
                     zs[i] = z[i] + h * db[i]
+                if any_dry:
+                    _slide_on(now, ports, layout, dry, v0)
                 _forces(laws, layout, p, t + h, now, 0, ports, zs, fc, dc)
+                if any_dry:
+                    _hold(fc, layout, dry, v0, held)
                 for i in range(ports):
                     both = fa[i] + fb[i]
                     for r in range(n):
                         out[r] += first[i, r] * f0[i] + middle[i, r] * both + last[i, r] * fc[i]
                 for i in range(nz):
                     z[i] += h / 6 * (d0[i] + 2 * da[i] + 2 * db[i] + dc[i])
+                if any_dry:
+                    stops = False
+                    for d in range(len(dry)):
+                        port = layout[dry[d], 0]
+                        v1[d] = _at_end(ahead, out, x, n, n + ports + port)
+                        mean[d] = (f0[port] + 2 * (fa[port] + fb[port]) + fc[port]) / 6
+                        stops = stops or not v0[d] * v1[d] > 0.0
+                    if stops:
+                        _limits(laws, layout, p, t + h, now, 0, ports, zs, fc, dc, dry, *ends)
+                        _settle(
+                            out,
+                            v0,
+                            v1,
+                            mean,
+                            push,
+                            tilt,
+                            by_push,
+                            by_tilt,
+                            ends,
+                            slow,
+                            mid,
+                            held,
+                        )
             for r in range(n):
                 x[r] = out[r]
         total = 0.0

@@ -160,7 +160,8 @@ def simulate(
     internal_state : array_like, shape (nz,), optional
         Internal states of the effects; zero by default.
     substeps : int, optional
-        Steps per sample; chosen from the effects' stiffness by default.
+        Steps per sample; chosen from the effects' stiffness at the amplitude by default, that of
+        a first run if no displacement is measured.
 
     Returns
     -------
@@ -187,12 +188,21 @@ def simulate(
     """
     time = np.asarray(data["time"].values, dtype=float)
     dt = (time[-1] - time[0]) / max(time.size - 1, 1)
-    n = substeps or needed_substeps(model, dt, _output_amplitudes(model, data))
-    stepper = Stepper(model, build_system(model, dt / n), dt, n)
-    s0 = _state("initial_state", initial_state, stepper.system.states)
-    z0 = _state("internal_state", internal_state, stepper.system.internal)
-    beside = at_samples(model, data)
-    return stepper.over(signals(model, data), s0, z0, time, at_samples=beside)
+
+    def stepped(n: int) -> NonlinearResponse:
+        stepper = Stepper(model, build_system(model, dt / n), dt, n)
+        s0 = _state("initial_state", initial_state, stepper.system.states)
+        z0 = _state("internal_state", internal_state, stepper.system.internal)
+        beside = at_samples(model, data)
+        return stepper.over(signals(model, data), s0, z0, time, at_samples=beside)
+
+    amplitude = _output_amplitudes(model, data)
+    n = substeps or needed_substeps(model, dt, amplitude)
+    found = stepped(n)
+    if substeps is None and amplitude == 0:
+        needed = needed_substeps(model, dt, _state_amplitude(model, found))
+        found = found if needed == n else stepped(needed)
+    return found
 
 
 def _state(argument: str, value: ArrayLike | None, size: int) -> Array:
@@ -209,3 +219,10 @@ def _output_amplitudes(model: MechanicalData, data: xr.Dataset) -> float:
         if o.name in data and o.quantity == DISPLACEMENT
     ]
     return max(shown, default=0.0)
+
+
+def _state_amplitude(model: MechanicalData, run: NonlinearResponse) -> float:
+    """Return the largest displacement amplitude of a run, 0 if it diverges."""
+    moved = np.abs(run.states[:, : len(model.free)])
+    finite = moved.size > 0 and bool(np.isfinite(moved).all())
+    return float(np.max(np.percentile(moved, 99, axis=0))) if finite else 0.0

@@ -80,9 +80,14 @@ def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
     layout, values = [], []
     port = state = parameter = 0
     for effect in effects:
-        kind = effect.definition
-        p = [*effect.values.values(), *context_values(model, effect, step)]
-        layout.append((port, kind.ports, state, kind.states, parameter, len(p)))
+        kind, known = effect.definition, effect.values
+        context = context_values(model, effect, step)
+        dry = kind.turns_over != "" and _too_sharp(effect, context)
+        if dry:
+            known = {**known, kind.turns_over: 0.0}
+            context = [0.0] * len(context)
+        p = [*known.values(), *context]
+        layout.append((port, kind.ports, state, kind.states, parameter, len(p), dry))
         values += p
         port, state, parameter = port + kind.ports, state + kind.states, parameter + len(p)
     A, B, C, D = (np.ascontiguousarray(M) for M in model.matrices.first_order())
@@ -95,10 +100,18 @@ def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
         H=np.ascontiguousarray(H),
         motion=tuple(np.ascontiguousarray(part) for part in motion),  # type: ignore[arg-type]
         effects=tuple(effects),
-        layout=np.array(layout, dtype=np.int64).reshape(-1, 6),
+        layout=np.array(layout, dtype=np.int64).reshape(-1, 7),
         values=np.array(values, dtype=float),
         internal=state,
     )
+
+
+def _too_sharp(effect: Effect, context: list[float]) -> bool:
+    """Return whether a step cannot resolve how a dry friction turns over: then it is ideal."""
+    kind = effect.definition
+    forces = [abs(effect.values[p.name]) for p in kind.parameters if p.dimension == "F"]
+    resolved = max(forces) * context[kind.context.index("mobility")]
+    return effect.values[kind.turns_over] < resolved
 
 
 def needed_substeps(model: MechanicalData, dt: float, amplitude: float) -> int:

@@ -37,6 +37,11 @@ def test_the_numbers_come_out_and_the_model_is_saved(folder, data):
     ratio = found["spring[0].stiffness"]["value"] / found["dof.x.mass"]["value"]
     assert ratio == pytest.approx(4e4, rel=1e-3)
     assert found["spring[0].stiffness"]["unit"] == "N/m"
+    assert len(content["records"]) == len(data)
+    for each in content["records"].values():
+        assert 0.009 < each["nrmse"]["x"] < 0.03
+        assert each["reproducible"]
+    assert ("Record by record" in result.output) == (len(data) > 1)
     assert 0.009 < content["nrmse"]["x"] < (0.011 if len(data) == 1 else 0.02)
     assert "fit 98.9" in run(folder, command=compare, model="fitted.toml").output
     assert run(folder, "--save", saved, data=data).exit_code == 2  # it exists

@@ -9,6 +9,7 @@ import robustpolish as rp
 from robustpolish.simulation import simulate_model
 
 _QUANTITIES = ("displacement", "velocity", "acceleration")
+_STEPS = 64
 _KINDS = ("none", "cubic_stiffness", "coulomb_friction")
 
 
@@ -60,7 +61,9 @@ def drawn(seed, most=9000):
         force = waves.sum(axis=1) / np.sqrt(30) * pull * random.uniform(0.2, 1.0)
         data["F"] = ("time", force, {"units": "N"})
         start = start * (0.3 if random.integers(2) else 0.0)
-    outputs = simulate_model(model, data, initial_state=start).outputs
+    # What judges runs must not share their steps: in the few that a run takes for itself the truth
+    # was off by up to 5 noises where a spring stiffens (seed 212), and only the same few met it.
+    outputs = simulate_model(model, data, initial_state=start, substeps=_STEPS).outputs
     noise = 10 ** random.uniform(-3, -1.5) * np.std(outputs, axis=0)
     seen = outputs + noise * random.standard_normal(outputs.shape)
     for item, values in zip(model.outputs, seen.T, strict=True):

@@ -16,7 +16,7 @@ H = RNG.standard_normal((2, PORTS))
 MOTION = tuple(RNG.standard_normal((PORTS, width)) for width in (N, SIGNALS, N, SIGNALS))
 W = RNG.standard_normal((30, SIGNALS))
 START, MEMORY = RNG.standard_normal(N), np.array([0.3])
-LAYOUT = np.array([[0, 1, 0, 1, 0, 2], [1, 1, 1, 0, 2, 1]])
+LAYOUT = np.array([[0, 1, 0, 1, 0, 2, 0], [1, 1, 1, 0, 2, 1, 0]])
 P = np.array([0.7, 2.0, 0.4])
 
 

@@ -101,3 +101,11 @@ def test_a_led_run_of_a_held_force_predicts_what_was_measured():
 def test_a_start_of_another_size_is_refused():
     with pytest.raises(InvalidInputError, match="initial_state"):
         simulate_model(oscillator(), DATA, initial_state=[1.0])
+
+
+def test_without_a_measured_displacement_the_run_itself_says_how_stiff_it_gets():
+    model = oscillator().with_effect("cubic_stiffness", GROUND, {"stiffness": 1e9})
+    fine = simulate_model(model, DATA, [0.05, 0.0], substeps=64).outputs
+    chosen = simulate_model(model, DATA, [0.05, 0.0]).outputs
+    rough = simulate_model(model, DATA, [0.05, 0.0], substeps=2).outputs
+    assert np.max(np.abs(chosen - fine)) < 0.2 * np.max(np.abs(rough - fine))

@@ -24,12 +24,23 @@ def test_parameters_and_states_of_the_effects_stand_one_after_the_other():
     ports, states = system.layout[:, :2], system.layout[:, 2:4]
     assert ports.tolist() == [[0, 1], [1, 1]]
     assert states.tolist() == [[0, 0], [0, system.internal]]
-    first, count = system.layout[1, 4:]
+    first, count = system.layout[1, 4:6]
     assert system.values[0] == 5.0
     np.testing.assert_array_equal(system.values[first : first + 3], list(resonator.values()))
     assert first + count == system.values.size
     assert len(system.laws) == 2
     np.testing.assert_allclose(system.G, [[0.0, 0.0], [0.5, 0.5]])
+
+
+def test_friction_that_a_step_cannot_resolve_is_ideal():
+    """0.2 N on 2 kg change the speed by 1e-4 m/s in a step of 1 ms."""
+    for width, dry in ((0.0, True), (0.9e-4, True), (1.1e-4, False)):
+        friction = {"force": 0.2, "width": width}
+        system = build_system(PLAIN.with_effect("coulomb_friction", GROUND, friction), 1e-3)
+        assert bool(system.layout[0, 6]) == dry
+        assert system.values[2:].tolist() == ([0.0, 0.0] if dry else [width, 5e-4])
+    cubic = PLAIN.with_effect("cubic_stiffness", GROUND, {"stiffness": 5.0})
+    assert build_system(cubic, 1e-3).layout[0, 6] == 0
 
 
 def test_the_linear_part_is_that_of_the_model():

@@ -35,6 +35,7 @@ KIND = EffectKind(
     gains=_gains,
     family="dry friction",
     sharp=True,
+    turns_over="width",
     context=("mobility",),
     looks_like="A square wave with the sign of the velocity; relatively larger at small "
     "amplitudes, with flat spots at reversals.",

@@ -66,6 +66,7 @@ KIND = EffectKind(
     context=("mobility",),
     family="dry friction",
     sharp=True,
+    turns_over="width",
     looks_like="A square wave with the sign of the velocity and peaks at reversals.",
     checks=(
         "Lubricated guides and seals at low speed; stick-slip at slow feed.",

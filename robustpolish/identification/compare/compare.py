@@ -12,14 +12,10 @@ import pandas as pd
 import xarray as xr
 
 from robustpolish.arrays import Array
-from robustpolish.identification.compare.comparison import (
-    Comparison,
-    OutputError,
-    RecordError,
-)
+from robustpolish.identification.compare.comparison import Comparison
 from robustpolish.identification.compare.horizon import predict
-from robustpolish.identification.compare.output_error import output_error
 from robustpolish.identification.compare.parameter_band import parameter_band
+from robustpolish.identification.compare.record_errors import output_errors, record_errors
 from robustpolish.identification.compare.simulated import Simulated, simulated_record
 from robustpolish.identification.frequency.comparison import (
     FrequencyComparison,
@@ -165,28 +161,15 @@ def compare(
         model=model,
         data=record.data,
         simulated=_dataset(model, simulated, record.data["time"]),
-        outputs=_errors(model, found),
+        outputs=output_errors(model, found),
         method=method,
         span=span,
         starts=np.concatenate([part.starts for part in found]),
         reproducibility=worst.found,
         band=band,
         notes=tuple(notes),
-        records={
-            part.record.name: RecordError(_errors(model, [part]), part.starts, part.found)
-            for part in found
-        },
+        records=record_errors(model, found),
     )
-
-
-def _errors(model: MechanicalModel, found: Sequence[Simulated]) -> dict[str, OutputError]:
-    """Return the errors of each output over records together."""
-    measured = np.concatenate([part.record.Y[part.first :] for part in found])
-    simulated = np.concatenate([part.outputs[part.first :] for part in found])
-    return {
-        item.name: output_error(item.name, model.unit_of(item), measured[:, i], simulated[:, i])
-        for i, item in enumerate(model.outputs)
-    }
 
 
 def _noise_notes(model: MechanicalModel, record: Record) -> list[str]:

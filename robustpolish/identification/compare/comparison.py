@@ -12,82 +12,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robustpolish.display import Card, Displayed, Table
+from robustpolish.identification.findings.record_error import (
+    OutputError,
+    RecordError,
+    nrmse_of,
+    records_content,
+    records_table,
+)
 from robustpolish.identification.observer.reproducibility import Reproducibility
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.plotting import plot_overlay, plot_response
 from robustpolish.validation import one_of
-
-
-@dataclass(frozen=True)
-class OutputError:
-    """The error of one output.
-
-    Attributes
-    ----------
-    name, unit : str
-        Output and its SI unit.
-    nrmse : float
-        Norm of the error over the norm of the measured signal without its mean.
-    rmse : float
-        Root of the mean squared error, in `unit`.
-    band : (float, float)
-        95 % confidence band of `rmse`. It is wide where the error is slow: samples that resemble
-        each other count less.
-    relative : float
-        Norm of the error over the norm of the measured signal with its mean.
-    """
-
-    name: str
-    unit: str
-    nrmse: float
-    rmse: float
-    band: tuple[float, float]
-    relative: float
-
-    @property
-    def fit_percent(self) -> float:
-        """100 (1 - NRMSE), as in MATLAB: 100 is perfect, 0 no better than the mean."""
-        return 100 * (1 - self.nrmse)
-
-    @property
-    def fit_band(self) -> tuple[float, float]:
-        """95 % confidence band of `fit_percent`."""
-        share = self.nrmse / self.rmse if self.rmse else 0.0
-        return 100 * (1 - share * self.band[1]), 100 * (1 - share * self.band[0])
-
-
-def _nrmse(outputs: Mapping[str, OutputError]) -> float:
-    """Return the root of the mean squared NRMSE of outputs."""
-    return float(np.sqrt(np.mean([error.nrmse**2 for error in outputs.values()])))
-
-
-@dataclass(frozen=True, eq=False)
-class RecordError:
-    """The errors of one record, which may be one of several.
-
-    Attributes
-    ----------
-    outputs : dict of str to OutputError
-        Errors by output.
-    starts : ndarray, shape (runs, n)
-        As of :class:`Comparison`.
-    reproducibility : Reproducibility
-        Of the free run over this record.
-    """
-
-    outputs: Mapping[str, OutputError]
-    starts: np.ndarray
-    reproducibility: Reproducibility
-
-    @property
-    def nrmse(self) -> float:
-        """Root of the mean squared NRMSE of the outputs."""
-        return _nrmse(self.outputs)
-
-    @property
-    def fit_percent(self) -> float:
-        """100 (1 - NRMSE) over all outputs."""
-        return 100 * (1 - self.nrmse)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -150,7 +85,7 @@ class Comparison(Displayed):
     @property
     def nrmse(self) -> float:
         """Root of the mean squared NRMSE of the outputs."""
-        return _nrmse(self.outputs)
+        return nrmse_of(self.outputs)
 
     @property
     def fit_percent(self) -> float:
@@ -198,14 +133,7 @@ class Comparison(Displayed):
             "method": self.method,
             "span": self.span,
             "reproducible": self.reproducible,
-            "records": {
-                name: {
-                    "nrmse": {output: error.nrmse for output, error in record.outputs.items()},
-                    "fit_percent": record.fit_percent,
-                    "reproducible": record.reproducibility.reproducible,
-                }
-                for name, record in self.records.items()
-            },
+            "records": records_content(self.records),
             "notes": list(self.notes),
         }
 
@@ -254,12 +182,5 @@ class Comparison(Displayed):
         columns = ("output", "fit [%]", "NRMSE", "RMS error", "95 % from", "to", "unit")
         title = f"Comparison ({how}), fit {self.fit_percent:.2f} %"
         tables = [Table("", columns, rows)]
-        if len(self.records) > 1:
-            each = tuple(
-                (record, error.name, float(f"{error.fit_percent:.2f}"), error.rmse, error.unit)
-                for record, errors in self.records.items()
-                for error in errors.outputs.values()
-            )
-            head = ("record", "output", "fit [%]", "RMS error", "unit")
-            tables.append(Table("Record by record", head, each))
+        tables += records_table(self.records)
         return Card(title, tuple(tables), self.notes)

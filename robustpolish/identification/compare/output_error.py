@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from robustpolish.arrays import Array
-from robustpolish.identification.compare.comparison import OutputError
+from robustpolish.identification.findings.record_error import OutputError
 
 
 def output_error(name: str, unit: str, measured: Array, simulated: Array) -> OutputError:

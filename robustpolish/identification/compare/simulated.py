@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustpolish.arrays import Array
+from robustpolish.identification.compare.fine_run import fine_run
 from robustpolish.identification.compare.horizon import predict
 from robustpolish.identification.observer.missing_force import observed_motion
 from robustpolish.identification.observer.reproducibility import (
@@ -49,11 +50,21 @@ def simulated_record(run: RecordRun, record: Record, method: str, span: float | 
         pieces = [first]
         skip = int(np.argmin(np.isnan(simulated[:, 0])))  # before the first prediction
     else:
-        pieces = _started(run, record, _stretches(run, record, span))
+        stretches = _stretches(run, record, span)
+        pieces, sizes = _started(run, record, stretches)
+        run, pieces = fine_run(
+            run, pieces, sizes, lambda finer: _started(finer, record, stretches)[0]
+        )
         simulated = np.concatenate([run.over(piece).outputs for piece in pieces])
     whole = StartedPiece(record, pieces[0].start)
     found = reproducibility(run, whole, simulated, span, method == "prediction")
     return Simulated(record, simulated, pieces, skip, found)
+
+
+def free_runs(model: MechanicalModel, record: Record) -> list[Simulated]:
+    """Return free runs over each of several records, from starts of their own."""
+    run = free_run(model, record)
+    return [simulated_record(run, part, "free run", None) for part in record.parts]
 
 
 def free_run_error(model: MechanicalModel, record: Record) -> tuple[Array, bool]:
@@ -72,8 +83,7 @@ def free_run_error(model: MechanicalModel, record: Record) -> tuple[Array, bool]
     reproducible : bool
         Whether the runs can be repeated; if not, their error judges nothing.
     """
-    run = free_run(model, record)
-    found = [simulated_record(run, part, "free run", None) for part in record.parts]
+    found = free_runs(model, record)
     with np.errstate(over="ignore", invalid="ignore"):
         left = record.Y - np.concatenate([part.outputs for part in found])
         error = np.sqrt(np.mean(left**2, axis=0))
@@ -83,13 +93,13 @@ def free_run_error(model: MechanicalModel, record: Record) -> tuple[Array, bool]
 
 def _started(
     run: RecordRun, record: Record, stretches: list[tuple[int, int]]
-) -> list[StartedPiece]:
-    """Return stretches of a record with the starts that suit a model best."""
+) -> tuple[list[StartedPiece], Array]:
+    """Return stretches of a record with the starts that suit a model best, and sizes of states."""
     model, still = run.model, rest(run.model)
     observed = None if run.linear else observed_motion(model, record)
     linear = run if run.linear else free_run(model.without_effects(), record)
     unmoved = rest(linear.model)
-    pieces = []
+    pieces, sizes = [], np.zeros(0)
     for first, last in stretches:
         part, guesses = record.part(first, last), [still]
         # the linear part of a model with effects says something over a short stretch only
@@ -102,7 +112,7 @@ def _started(
         if observed is not None:
             guesses.append(observed.start(model, first))
         pieces.append(StartedPiece(part, fitted_start(run, part, guesses, sizes)))
-    return pieces
+    return pieces, sizes
 
 
 def _stretches(run: RecordRun, record: Record, window: float | None) -> list[tuple[int, int]]:

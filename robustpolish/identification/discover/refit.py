@@ -9,7 +9,8 @@ from typing import Any
 import lmfit
 import numpy as np
 
-from robustpolish.identification.compare.simulated import free_run_error
+from robustpolish.identification.compare.record_errors import record_errors
+from robustpolish.identification.compare.simulated import free_run_error, free_runs
 from robustpolish.identification.discover.warned import warned
 from robustpolish.identification.findings.refitted import Refit
 from robustpolish.identification.fit.homotopy import free_rms, homotopy
@@ -104,9 +105,10 @@ def refit(
     with working("Refitting"):
         fits = homotopy(started, prepared, prepared.everything, model, spans, progress=progress)
         best = _no_worse(fits[-2:][::-1], [model, started], prepared)
-    found = _summarised(best, prepared)
+        found = _summarised(best, prepared)
+        records = record_errors(found.model, free_runs(found.model, fewer.record))
     notes = (*fewer.notes, *warned(started, found.model, prepared))
-    return replace(found, model=fewer.as_given(found.model), notes=notes)
+    return replace(found, model=fewer.as_given(found.model), notes=notes, records=records)
 
 
 def _no_worse(

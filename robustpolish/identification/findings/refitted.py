@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import lmfit
@@ -12,6 +12,11 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from robustpolish.display import Card, Displayed, Table
+from robustpolish.identification.findings.record_error import (
+    RecordError,
+    records_content,
+    records_table,
+)
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.plotting import plot_bars
 
@@ -39,6 +44,9 @@ class Refit(Displayed):
     notes : tuple of str
         Remarks of the record, and what looks wrong: numbers that moved by decades, signs, units,
         clipped peaks.
+    records : dict of str to RecordError
+        The errors of each record by its name, of a free run as :func:`robustpolish.compare` has
+        it; none of frequency responses.
 
     Examples
     --------
@@ -61,6 +69,7 @@ class Refit(Displayed):
     stderr: Mapping[str, float]
     covariance: xr.DataArray
     notes: tuple[str, ...] = ()
+    records: Mapping[str, RecordError] = field(default_factory=dict)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the standard error of every parameter relative to its value.
@@ -107,6 +116,7 @@ class Refit(Displayed):
                 for key, error in self.stderr.items()
             },
             "nrmse": dict(self.nrmse),
+            "records": records_content(self.records),
         }
 
     def _card(self) -> Card:
@@ -117,8 +127,5 @@ class Refit(Displayed):
         )
         columns = ("parameter", "value", "standard error", "unit", "determined")
         errors = tuple(self.nrmse.items())
-        return Card(
-            "Refit",
-            (Table("", columns, rows), Table("", ("output", "NRMSE"), errors)),
-            self.notes,
-        )
+        tables = (Table("", columns, rows), Table("", ("output", "NRMSE"), errors))
+        return Card("Refit", (*tables, *records_table(self.records)), self.notes)

@@ -20,6 +20,8 @@ from robustpolish.models.mechanical.data import share_of_couplings
 
 _STEP = 1e-5
 _START_STEP = 1e-4
+# Derivatives beyond it come from a run that diverges; squares of what is below can be added up.
+_ENDLESS = 1e100
 # Relative fall of the cost below which a fit stops.
 SETTLED = 1e-3
 # Enough to see the scatter, few enough to be long against the memory of residuals.
@@ -134,6 +136,31 @@ class Residuals:
         """Return the prediction errors, in the outputs' units."""
         return self.run_at(x).all_errors(self.started(starts))
 
+    def better_starts(
+        self, x: Array, starts: tuple[Array, Array], after: Array, sigma: Array
+    ) -> tuple[Array, Array]:
+        """Return for each piece the better of two starts, and the errors of all.
+
+        Where friction holds a body in some short piece, its start says nothing to first order, and
+        a step far beyond that would spoil what the step does for all others.
+
+        Parameters
+        ----------
+        x : ndarray, shape (p,)
+        starts : two ndarrays, shape (pieces, n)
+            As they were, and moved.
+        after : ndarray, shape (samples, ny)
+            Errors from the moved ones.
+        sigma : ndarray, shape (ny,)
+        """
+        before = self.errors(x, starts[0])
+        with np.errstate(over="ignore", invalid="ignore"):
+            both = [np.sum((e / sigma) ** 2, axis=1) for e in (before, after)]
+            stay, moved = (np.add.reduceat(square, self.offsets[:-1]) for square in both)
+        move = moved <= stay  # not a number where a run diverges
+        each = np.repeat(move, np.diff(self.offsets))[:, None]
+        return np.where(move[:, None], starts[1], starts[0]), np.where(each, after, before)
+
     def column(self, x: Array, starts: Array, errors: Array, j: int) -> Array:
         """Return the derivative of the errors to scaled parameter j."""
         h = _STEP * max(abs(x[j]), 1.0)
@@ -199,6 +226,11 @@ def fit(
                 new_starts = starts + moves * residuals.start_sizes
             new_errors = residuals.errors(trial, new_starts)
             new_cost = _cost(residuals, trial, new_errors, sigma)
+            if not new_cost < cost and residuals.start_sizes is not None:
+                new_starts, new_errors = residuals.better_starts(
+                    trial, (starts, new_starts), new_errors, sigma
+                )
+                new_cost = _cost(residuals, trial, new_errors, sigma)
             if new_cost < cost:
                 better = new_cost
                 break
@@ -356,7 +388,8 @@ def _normal(residuals: Residuals, x: Array, starts: Array, errors: Array, sigma:
         else:
             assert run is not None
             found = residuals.start_column(run, starts, errors, j - p)
-        return np.nan_to_num((found / sigma).ravel(), nan=0.0, posinf=0.0, neginf=0.0)
+        found = (found / sigma).ravel()
+        return np.where(np.abs(found) < _ENDLESS, found, 0.0)  # 0 where it is not a number, too
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         columns = np.array(list(pool.map(column, range(p + n)))).reshape(p + n, -1).T

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from robustpolish.arrays import Array
 from robustpolish.identification.observer.kalman import white_noise
@@ -17,6 +18,8 @@ from robustpolish.identification.record import Record
 
 _TINY = 1e-6
 _DIRECTIONS = 3
+# Samples over which runs have to stay apart.
+_LASTS = 3
 # Share of an output's size below which a change matters to nobody, however quiet the sensor.
 _VISIBLE = 1e-3
 
@@ -118,7 +121,11 @@ def _divergence(outputs: Array) -> int | None:
 
 
 def _largest_change(run: RecordRun, piece: StartedPiece, size: Array) -> Array:
-    """Largest change of an output at each sample, as a share of its size, over a few directions."""
+    """Largest change of an output, as a share of its size, over a few directions.
+
+    What lasts less than three samples does not count: where friction turns round, an acceleration
+    jumps, and which sample is the first after the jump decides no more.
+    """
     base = run.over(piece, keep=True)
     every = np.hstack([base.states, base.internal])
     typical = np.std(every, axis=0)
@@ -132,7 +139,12 @@ def _largest_change(run: RecordRun, piece: StartedPiece, size: Array) -> Array:
         other = run.over(StartedPiece(piece.record, moved)).outputs
         with np.errstate(invalid="ignore", over="ignore"):
             change = np.maximum(change, np.max(np.abs(other - base.outputs) / size, axis=1))
-    return change
+    if change.size < _LASTS:
+        return change
+    held = np.pad(change, (_LASTS - 1, 0), mode="reflect")
+    held = np.pad(held, (0, _LASTS - 1), mode="edge")
+    least = np.min(sliding_window_view(held, _LASTS), axis=1)
+    return np.max(sliding_window_view(least, _LASTS), axis=1)
 
 
 def _drift_note(run: RecordRun, record: Record) -> str:

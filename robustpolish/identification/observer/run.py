@@ -68,6 +68,8 @@ class Runner:
         Free by default.
     scales : Scales, optional
         Needed for every level but the free one.
+    substeps : int, optional
+        Steps per sample; as many as the amplitude asks for by default.
     """
 
     def __init__(
@@ -77,9 +79,10 @@ class Runner:
         amplitude: float,
         level: Level = FREE,
         scales: Scales | None = None,
+        substeps: int | None = None,
     ) -> None:
         self.dt, self.level = dt, level
-        self.substeps = needed_substeps(model, dt, amplitude)
+        self.substeps = substeps or needed_substeps(model, dt, amplitude)
         self._leak = None if level.free or scales is None else scales.leak
         self._moves_inputs = any(e.definition.domain == "input" for e in model.effects)
         self._signals: tuple[tuple[object, object], Array, Array | None] | None = None
@@ -127,6 +130,11 @@ class RecordRun:
     def linear(self) -> bool:
         """Whether no effect makes a force."""
         return not self.run.system.effects
+
+    def finer(self) -> RecordRun:
+        """Return the free run of the model in steps half as long."""
+        runner = self.runner
+        return Runner(self.model, runner.dt, 0.0, substeps=2 * runner.substeps).run(self.model)
 
     def over(self, piece: StartedPiece, keep: bool = False) -> NonlinearResponse:
         """Return what the model predicts for a piece of record.

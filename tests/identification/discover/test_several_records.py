@@ -59,6 +59,22 @@ def test_together_they_determine_what_each_leaves_open(blows):
     assert large.stderr[friction] > 10 * both.stderr[friction]
 
 
+def test_a_refit_tells_the_error_of_each_as_a_comparison_does(blows):
+    given = {name: blows[name] for name in ("small", "large")}
+    fitted = rp.refit(machine(), given)
+    held = rp.compare(fitted.model, given).records
+    assert list(fitted.records) == ["small", "large"]
+    for name, errors in fitted.records.items():
+        assert errors.outputs["x"].rmse == pytest.approx(held[name].outputs["x"].rmse, rel=1e-9)
+        assert fitted.to_dict()["records"][name]["fit_percent"] == errors.fit_percent
+    shown = repr(fitted)
+    assert "Record by record" in shown
+    assert any(line.split()[:2] == ["large", "x"] for line in shown.splitlines())
+    alone = rp.refit(machine(), blows["small"])
+    assert list(alone.records) == ["record 1"]
+    assert "Record by record" not in repr(alone)
+
+
 @pytest.mark.slow
 def test_they_name_both_effects_and_the_noise(blows, tmp_path):
     diagnosis = rp.diagnose(machine(), blows)

@@ -3,6 +3,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.signal import lfilter
 
 from robustpolish.identification.fit.homotopy import homotopy
@@ -17,11 +18,18 @@ from robustpolish.identification.fit.least_squares import (
 )
 from robustpolish.identification.fit.parameters import FreeParameter
 from robustpolish.identification.fit.prepared import prepare
-from robustpolish.identification.observer.run import Runner, Start, StartedPiece, rest
+from robustpolish.identification.observer.run import (
+    Runner,
+    Start,
+    StartedPiece,
+    free_run,
+    rest,
+)
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
+from robustpolish.simulation import simulate_model
 from tests.hidden_effects.cases import Case, model_of, one, records
-from tests.identification.oscillators import PLACE, of_rig, oscillator, record, rig
+from tests.identification.oscillators import PLACE, RATE, of_rig, oscillator, record, rig
 
 STIFFNESS, DAMPING = "spring[0].stiffness", "damper[0].damping"
 NOISE = 2.0
@@ -254,3 +262,43 @@ def test_scores_of_blocks_see_what_a_wrong_model_does():
     expected = 20 * np.var(blocks, ddof=1) / float(seen @ seen) ** 2
     assert wider == pytest.approx(expected, rel=0.02)
     assert wider > 100 * plain
+
+
+def test_each_piece_keeps_the_better_of_two_starts():
+    model, held = oscillator(), record_of(oscillator(), record(1200))
+    true = free_run(model, held).over(StartedPiece(held, rest(model)), keep=True).states
+    pieces = [
+        StartedPiece(held.part(k, k + 400), Start(true[k], np.zeros(0))) for k in (0, 400, 800)
+    ]
+    residuals = Residuals(model, pieces, Runner(model, held.dt, 1.0), [], np.ones(2))
+    right = np.array([piece.start.vector for piece in pieces])
+    before, after = right.copy(), right.copy()
+    before[0] += 1.0
+    after[1] += 1.0
+    after[2] = np.nan  # a run that diverges
+    given = residuals.errors(np.zeros(0), after)
+    starts, errors = residuals.better_starts(np.zeros(0), (before, after), given, np.ones(1))
+    np.testing.assert_array_equal(starts, right)
+    np.testing.assert_allclose(errors, residuals.errors(np.zeros(0), right), atol=1e-12)
+
+
+def test_pieces_in_which_friction_holds_do_not_stop_the_fit_of_others():
+    """A decay in windows, most of them at rest: their starts say nothing, to first order."""
+    model = oscillator(damping=0.5).with_effect("coulomb_friction", PLACE, {"force": 0.4})
+    time = np.arange(3000) / RATE
+    data = xr.Dataset({"F": ("time", np.zeros(time.size))}, {"time": time})
+    true = simulate_model(model, data, [0.02, 0.0], substeps=16)
+    random = np.random.default_rng(0)
+    noise = 2e-5 * random.standard_normal(time.size)
+    held = record_of(model, data.assign(x=("time", true.outputs[:, 0] + noise)))
+    wrong = model.with_parameters({"effect[0].force": 0.6})
+    starts = true.states + [2e-5, 4e-4] * random.standard_normal(true.states.shape)
+    pieces = [
+        StartedPiece(held.part(k, k + 60), Start(starts[k], np.zeros(0)))
+        for k in range(0, 3000, 60)
+    ]
+    free = [FreeParameter("effect[0].force", 0.6, 0.6, 0.0, np.inf)]
+    runner, sizes = Runner(wrong, held.dt, 0.02), np.array([0.02, 0.4])
+    found = fit(Residuals(wrong, pieces, runner, free, sizes), 30)
+    assert found.rmse[0] < 3e-5  # 1.6e-4 where all starts move together
+    assert found.model.parameters["effect[0].force"] == pytest.approx(0.4, rel=0.1)

@@ -5,7 +5,16 @@ from robustpolish.identification import compare
 from robustpolish.identification.observer.reproducibility import Reproducibility, reproducibility
 from robustpolish.identification.observer.run import StartedPiece, free_run, rest
 from robustpolish.identification.record import record_of
-from tests.identification.oscillators import RATE, double_well, of_rig, oscillator, record, rig
+from robustpolish.models import Output
+from tests.identification.oscillators import (
+    PLACE,
+    RATE,
+    double_well,
+    of_rig,
+    oscillator,
+    record,
+    rig,
+)
 
 
 def judged(model, data, outputs=None, **options):
@@ -37,6 +46,18 @@ def test_changes_grow_as_the_matrix_exponential_says():
     assert not found.reproducible
     assert f"within {found.diverged_after:.4g} s" in found.reason
     assert judged(model, record(1000), span=0.1).reproducible
+
+
+def test_a_jump_that_comes_a_sample_later_is_no_parting_of_runs():
+    """With friction an acceleration jumps as it turns round; runs in front of and behind agree."""
+    model = oscillator(outputs=[Output("x", PLACE, "acceleration")])
+    model = model.with_effect("coulomb_friction", PLACE, {"force": 0.5})
+    data = record(20000)[["F"]].assign(x=("time", np.zeros(20000)))
+    seen = free_run(model, held := record_of(model, data)).over(StartedPiece(held, rest(model)))
+    data = data.assign(x=("time", seen.outputs[:, 0]))
+    found = judged(model, data)
+    assert found.reproducible
+    assert found.growth < 1000
 
 
 def test_predictions_need_not_hold_from_the_first_sample_on():
