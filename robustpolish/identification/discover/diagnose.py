@@ -8,6 +8,7 @@ from typing import Any
 
 from robustpolish.identification.discover.add_one import add_one
 from robustpolish.identification.discover.conclude import add_wrong_gains, conclude
+from robustpolish.identification.discover.dampings import settle_damping
 from robustpolish.identification.discover.own_numbers import refit_own, with_holds
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.discover.second_look import second_look
@@ -107,6 +108,7 @@ def _diagnose(
     search = second_look(grown(_begun(model, held, prepared, say)), grown)
     # only now: as long as something is missing, a fit bends masses and springs alike
     add_wrong_gains(search)
+    settle_damping(search)
     found = conclude(search, model)
     notes = (*fewer.notes, *warned(model, found.model, prepared))
     return replace(found, model=fewer.as_given(found.model), notes=notes)

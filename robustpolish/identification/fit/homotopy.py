@@ -59,6 +59,7 @@ def homotopy(
     model = with_units_of_force(model, reference)
     for span in spans if model.free else spans[-1:]:  # what is imposed cannot go astray
         free = free_parameters(model, prepared.scales.bandwidth, prepared.policy, reference)
+        free = [number for number in free if number.key not in prepared.held]
         windows = windows_after(model, prepared, pieces, span, kept)
         runner = prepared.runner(model)
         sizes = prepared.sizes(model) if windows[0].start.vector.size else None

@@ -51,6 +51,8 @@ class PreparedRecord:
         Samples of short windows.
     repeats : Repeats or None
         Noise that records show which repeat each other; `scales` holds it too.
+    held : frozenset of str
+        Keys of numbers that fits leave as they are.
     """
 
     record: Record
@@ -66,6 +68,7 @@ class PreparedRecord:
     motion_before: Smoothed
     short: int
     repeats: Repeats | None = None
+    held: frozenset[str] = frozenset()
 
     def spans(self, pieces: Sequence[StartedPiece], growth: int = 2) -> list[int]:
         """Return the lengths of windows that grow from a few swings to whole pieces."""

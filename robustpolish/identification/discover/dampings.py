@@ -1,0 +1,175 @@
+"""Which laws of damping a free decay shows together, by how they fit and by what lies ahead.
+
+Every law of damping takes energy away, and beside a viscous damper whose size is open nearly every
+other one explains most of a decay: a search that adds one effect at a time ends with those that
+came first. Here all sets of laws at a place compete at once, the own damper being one of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from robustpolish.effects import CONSTANT, Effect
+from robustpolish.identification.decays.cut import Cut, cut_decays
+from robustpolish.identification.decays.laws import Laws, damped_places, damping_laws
+from robustpolish.identification.decays.trials import Trials
+from robustpolish.identification.discover.confusion import confused
+from robustpolish.identification.discover.judge import undetermined
+from robustpolish.identification.discover.search import Search
+from robustpolish.identification.findings.findings import Confusion
+from robustpolish.identification.fit.homotopy import homotopy, judged
+from robustpolish.identification.fit.polished import sharpened
+from robustpolish.identification.fit.prepared import with_rest
+from robustpolish.models.mechanical import MechanicalModel
+
+
+def settle_damping(search: Search) -> None:
+    """Give each damped place of free decays the laws that fit it and predict how it goes on.
+
+    Parameters
+    ----------
+    search : Search
+        At its end. It stays as it is where a record is no decay.
+    """
+    prepared, known = search.prepared, len(search.reference.effects)
+    cut = cut_decays(search.reference, prepared.record)
+    whole = len(prepared.everything) == len(prepared.record.parts)  # not judged in windows
+    if cut is None or not search.stage.reproducible or not whole:
+        return
+    for at in damped_places(search.stage.model, known):
+        search.say(f"laws of damping at {', '.join(at)}")
+        trials = _trials(search, search.stage.model, at, cut)
+        good = [laws for laws in trials.possible() if _sound(trials, laws)]
+        if not all(trials.found.effects(laws) for laws in good):
+            continue  # a damper alone does about as well, and nothing else was found
+        if good:
+            chosen = _chosen(trials, good)
+            search.confusions = _alike(search, trials, chosen, good)
+            _tell(search, trials, chosen)
+            _accept(search, _without_idle(search, trials, chosen), chosen)
+
+
+def _trials(search: Search, model: MechanicalModel, at: tuple[str, ...], cut: Cut) -> Trials:
+    prepared = search.prepared
+    motion = prepared.motion(model, prepared.record)
+    laws = damping_laws(model, len(search.reference.effects), at, motion, prepared.record)
+    return Trials(prepared, search.reference, laws, cut)
+
+
+def _sound(trials: Trials, laws: Laws) -> bool:
+    """Return whether the data determine every effect of a set, and its numbers are physical."""
+    fitted, first = trials.fits[laws], trials.found.first
+    return all(
+        not effect.definition.implausible(effect.values)
+        and not undetermined(fitted, first + i, trials.prepared.policy)
+        for i, effect in enumerate(fitted.model.effects[first:])
+        if i < len(trials.found.effects(laws))
+    )
+
+
+def _chosen(trials: Trials, good: list[Laws]) -> Laws:
+    """Return the set of laws that predicts best, of those as good the one with the fewest effects.
+
+    The own damper is known to be there: it goes only where it does harm.
+    """
+    verdict, found = trials.error_ahead, trials.found
+    least = min(verdict(laws) for laws in good)
+    good = [laws for laws in good if verdict(laws) <= least + trials.same]
+    fewest = min(len(found.effects(laws)) for laws in good)
+    good = [laws for laws in good if len(found.effects(laws)) == fewest]
+    best = min(good, key=verdict)
+    damped = [laws for laws in good if not found.held(laws)]
+    kept = min(damped, key=verdict, default=best)
+    return kept if verdict(kept) < verdict(best) + trials.same else best
+
+
+def _without_idle(search: Search, trials: Trials, chosen: Laws) -> Trials:
+    """Return the trials without other effects that these laws leave next to nothing to do.
+
+    Beside the wrong laws of damping something else had to do their work. A constant fits any
+    record a little better; it has to predict.
+    """
+    near, known = -np.log(1 - search.policy.together), len(search.reference.effects)
+    for effect in [e for e in trials.found.model.effects[known:] if e not in trials.found.here]:
+        if effect.definition.acts_on_signals and effect.definition.family != CONSTANT:
+            continue  # a gain stands for numbers that the fit would bend again
+        model = trials.found.model
+        rest = replace(model, effects=tuple(e for e in model.effects if e is not effect))
+        without = _trials(search, rest, trials.found.at, trials.cut)
+        worse = without.error(chosen) - trials.error(chosen)
+        if not np.isfinite(worse) or (worse > near and effect.definition.family != CONSTANT):
+            continue
+        if without.error_ahead(chosen) < trials.error_ahead(chosen) + near:
+            search.reasons.append(f"{effect} was not kept: the damping explains as much.")
+            trials = without
+    return trials
+
+
+def _tell(search: Search, trials: Trials, chosen: Laws) -> None:
+    """Say what the search had found instead."""
+    found = trials.found
+    if chosen == found.found:
+        return
+    before, after = ([e.kind for e in found.effects(laws)] for laws in (found.found, chosen))
+    damper = " and no viscous damper" if found.held(chosen) else ""
+    search.reasons.append(
+        f"At {', '.join(found.at)} {', '.join(after)}{damper} fit the decay and predict its end "
+        f"from its beginning better than {', '.join(before) or 'a viscous damper'}, found one by "
+        "one, or as well with fewer effects."
+    )
+
+
+def _alike(search: Search, trials: Trials, chosen: Laws, good: list[Laws]) -> list[Confusion]:
+    """Return the pairs that data cannot tell apart: of other effects, and of the laws chosen."""
+    kept = {(e.kind, e.at) for e in trials.found.effects(chosen)}
+    gone = {(e.kind, e.at) for e in trials.found.here} - kept
+    pairs = [p for p in search.confusions if (p.first.kind, p.first.at) not in gone]
+    for laws in good:
+        if abs(trials.error_ahead(laws) - trials.error_ahead(chosen)) < trials.same:
+            mine = _fitted(trials, chosen, but=laws)
+            pairs += [
+                confused(one, other) for one in mine for other in _fitted(trials, laws, chosen)
+            ]
+    return list({(p.first.kind, p.first.at, p.second.kind, p.second.at): p for p in pairs}.values())
+
+
+def _fitted(trials: Trials, laws: Laws, but: Laws) -> list[Effect]:
+    """Return the effects of a set of laws, as they were fitted in it, that another has not."""
+    kinds = [effect.kind for effect in trials.found.effects(laws - but)]
+    effects = trials.fits[laws].model.effects[trials.found.first :]
+    return [e for e in effects[: len(trials.found.effects(laws))] if e.kind in kinds]
+
+
+def _accept(search: Search, trials: Trials, chosen: Laws) -> None:
+    """Go on with the model that has a set of laws, and its numbers at their minimum."""
+    found, reference = trials.found, search.reference
+    prepared = replace(search.prepared, held=search.prepared.held | found.held(chosen))
+    fitted = sharpened(trials.fits[chosen], found.model_with(chosen), prepared, reference)
+    before, known = search.stage.model.effects, len(reference.effects)
+    search.prepared, search.stage = prepared, judged(fitted, prepared)
+    effects = fitted.model.effects
+    # steps up to the first effect that is another one stay as they were
+    same = known
+    while same < min(len(before), len(effects)) and _is(before[same], effects[same]):
+        same += 1
+    same = min(same, len(effects) - 1)
+    del search.steps[2 + same - known :]
+    search.steps += [(effects[i].kind, _up_to(search, fitted.model, i))
+                     for i in range(same, len(effects) - 1)]  # fmt: skip
+    search.steps.append((effects[-1].kind, fitted.model))
+
+
+def _is(one: Effect, other: Effect) -> bool:
+    return (one.kind, one.at) == (other.kind, other.at)
+
+
+def _up_to(search: Search, model: MechanicalModel, last: int) -> MechanicalModel:
+    """Return the model with its effects up to one, fitted, the own damper being free again."""
+    prepared = replace(search.prepared, held=frozenset())
+    part = replace(model, effects=model.effects[: last + 1])
+    spans = prepared.spans(prepared.trial, prepared.policy.growth)
+    pieces = with_rest(part, prepared.trial)
+    fits = homotopy(part, prepared, pieces, search.reference, spans)
+    return fits[-1].model if fits else part
