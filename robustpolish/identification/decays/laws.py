@@ -92,6 +92,11 @@ class DampingLaws:
         out = {law.size for i, law in enumerate(self.laws) if i not in laws and law.effect is None}
         return frozenset(out)
 
+    def crowded(self, laws: Laws) -> bool:
+        """Return whether a set has two kinds of dry friction, of which a place has one."""
+        chosen = [self.laws[i].effect for i in laws]
+        return sum(e is not None and e.definition.family == _DRY for e in chosen) > 1
+
     def effects(self, laws: Laws) -> list[Effect]:
         """Return the effects of a set of laws, each with an even share of all that is lost."""
         return [effect for effect, _ in self._sized(laws) if effect is not None]
@@ -162,7 +167,7 @@ def damping_laws(
     places = tuple(i for i in there if i >= known)
     here = [model.effects[i] for i in places]
     taken = {model.effects[i].kind for i in there}
-    dry = any(model.effects[i].definition.family == _DRY for i in there)
+    dry = any(model.effects[i].definition.family == _DRY for i in there if i < known)
     others = [kind for kind in _SIZES if kind not in taken and not (dry and kinds()[kind].family)]
     laws: list[Law] = []
     lost = 0.0

@@ -6,7 +6,7 @@ that of the machine is found out where the motion becomes smaller than any that 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -67,15 +67,22 @@ class Trials:
                 self.ahead[laws] = _log(free_rms(fitted.model, self.prepared, late)[0])
         return self.ahead[laws]
 
-    def possible(self) -> list[Laws]:
+    def possible(self, sound: Callable[[Laws], bool] = lambda laws: True) -> list[Laws]:
         """Return the sets of laws that fit about as well as the best; each has an effect.
 
         What a set cannot fit, visibly, none of its parts can.
+
+        Parameters
+        ----------
+        sound : callable, optional
+            Whether a fitted set can be believed; others are no measure of what fits well.
         """
         policy, laws = self.prepared.policy, range(len(self.found.laws))
         hopeless: set[Laws] = set()
         for size in range(len(laws), 0, -1):
             for some in map(frozenset, combinations(laws, size)):
+                if self.found.crowded(some):
+                    continue
                 more = [some | {i} for i in laws if i not in some]
                 limit = -np.log(1 - policy.visible_fall)
                 if (
@@ -84,8 +91,10 @@ class Trials:
                     or self.error(some) - limit > min(self.errors.values())
                 ):
                     hopeless.add(some)
-        limit = min(self.errors.values()) - np.log(1 - policy.together)
-        return [some for some, error in self.errors.items() if error < limit]
+        believed = {some: error for some, error in self.errors.items()
+                    if some in self.fits and sound(some)}  # fmt: skip
+        limit = min(believed.values(), default=np.inf) - np.log(1 - policy.together)
+        return [some for some, error in believed.items() if error < limit]
 
     def _empty(self, laws: Laws) -> bool:
         """Return whether a set leaves out all effects though there are some."""

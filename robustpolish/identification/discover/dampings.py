@@ -8,6 +8,7 @@ came first. Here all sets of laws at a place compete at once, the own damper bei
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -41,7 +42,7 @@ def settle_damping(search: Search) -> None:
     for at in damped_places(search.stage.model, known):
         search.say(f"laws of damping at {', '.join(at)}")
         trials = _trials(search, search.stage.model, at, cut)
-        good = [laws for laws in trials.possible() if _sound(trials, laws)]
+        good = trials.possible(partial(_sound, trials))
         if not all(trials.found.effects(laws) for laws in good):
             continue  # a damper alone does about as well, and nothing else was found
         if good:
@@ -59,11 +60,16 @@ def _trials(search: Search, model: MechanicalModel, at: tuple[str, ...], cut: Cu
 
 
 def _sound(trials: Trials, laws: Laws) -> bool:
-    """Return whether the data determine every effect of a set, and its numbers are physical."""
+    """Return whether the data determine every effect of a set, and its numbers are physical.
+
+    Friction whose memory the data leave open is friction without.
+    """
     fitted, first = trials.fits[laws], trials.found.first
     return all(
         not effect.definition.implausible(effect.values)
-        and not undetermined(fitted, first + i, trials.prepared.policy)
+        and not undetermined(
+            fitted, first + i, trials.prepared.policy, bool(effect.definition.states)
+        )
         for i, effect in enumerate(fitted.model.effects[first:])
         if i < len(trials.found.effects(laws))
     )

@@ -89,8 +89,11 @@ def objection(
     return f"its {lead} is not determined" if lead else None
 
 
-def undetermined(fitted: Fit, index: int, policy: Policy) -> str | None:
-    """Return the first number of an effect of a fitted model, if the data leave it open."""
+def undetermined(fitted: Fit, index: int, policy: Policy, every: bool = False) -> str | None:
+    """Return the first number of an effect of a fitted model, if the data leave it open.
+
+    With `every`, any of its numbers that the data leave open.
+    """
     effect = fitted.model.effects[index]
     if effect.definition.domain == "input":
         return None
@@ -98,7 +101,7 @@ def undetermined(fitted: Fit, index: int, policy: Policy) -> str | None:
     numbers = [p for p in effect.definition.parameters if p.fitted]
     # of a stop, the gap says where it is and the stiffness whether it is there
     sizes = [p for p in numbers if p.counts_force]
-    for lead in dict.fromkeys((numbers[0], *sizes[:1])):
+    for lead in numbers if every else dict.fromkeys((numbers[0], *sizes[:1])):
         error = errors.get(f"effect[{index}].{lead.name}", 0.0)
         if not error < policy.determined * abs(effect.values[lead.name]):
             return lead.name

@@ -11,7 +11,7 @@ import numpy as np
 from robustpolish.arrays import Array
 from robustpolish.effects import CONSTANT, Effect, kinds
 from robustpolish.identification.fit.prepared import PreparedRecord
-from robustpolish.identification.observer.kalman import Level
+from robustpolish.identification.observer.kalman import FREE, Level
 from robustpolish.identification.screening.candidates import Columns, columns_at, places
 from robustpolish.identification.screening.filtered import FilteredRecord
 from robustpolish.models.mechanical import MechanicalModel
@@ -98,6 +98,9 @@ def screen(
     filtered = {
         level: FilteredRecord(model, prepared, record, level, motion) for level in policy.screening
     }
+    if not all(np.isfinite(f.errors).all() for f in filtered.values()):
+        # along the smoothed motion an effect of the model diverges: nothing can be said beside it
+        return Screening((), (), FREE)
     nulls = {
         (level, order): score
         for level, f in filtered.items()

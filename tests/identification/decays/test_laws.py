@@ -94,12 +94,15 @@ def test_effects_behind_them_stay_behind_and_own_ones_stay(prepared):
     assert "coulomb_friction" not in [law.effect.kind for law in own.laws if law.effect]
 
 
-def test_friction_with_memory_stays_as_it_was_found_and_no_other_dry_friction_joins(prepared):
+def test_friction_with_memory_stays_as_it_was_found_and_competes_with_coulomb_friction(prepared):
     values = {"force": 0.15, "stiffness": 50.0}
     found = laws_of(pendulum().with_effect("elastic_coulomb_friction", AT, values), prepared)
-    assert "coulomb_friction" not in [law.effect.kind for law in found.laws if law.effect]
+    kinds = [law.effect.kind for law in found.laws if law.effect]
+    memory, dry = kinds.index("elastic_coulomb_friction"), kinds.index("coulomb_friction")
+    assert found.crowded(frozenset({memory, dry}))
+    assert not found.crowded(frozenset({memory, kinds.index("quadratic_damping")}))
     assert found.laws[0].effect == Effect("elastic_coulomb_friction", AT, values)
     assert found.laws[0].size == ""
-    joined = found.effects(frozenset({0, 1}))
+    joined = found.effects(frozenset({0, kinds.index("quadratic_damping")}))
     assert joined[0].values == pytest.approx(values)
     assert joined[1].values["coefficient"] > 0

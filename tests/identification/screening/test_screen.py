@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -104,3 +106,14 @@ def test_finalists_are_the_shapes_of_what_has_odds():
     best = found.candidates[0]
     assert found.score(best.effect) == best.score > 100
     assert found.score(Effect("quadratic_damping", PLACE)) == 0.0
+
+
+def test_beside_an_effect_that_diverges_nothing_is_said(monkeypatch):
+    """Along the smoothed motion a law may overflow."""
+    diverged = SimpleNamespace(errors=np.full((10, 1), np.nan))
+    monkeypatch.setattr(
+        "robustpolish.identification.screening.screen.FilteredRecord", lambda *given: diverged
+    )
+    found = screen(rig(), prepared_of(rig(), DATA))
+    assert found.candidates == ()
+    assert found.finalists == ()
