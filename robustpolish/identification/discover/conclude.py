@@ -10,10 +10,10 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.confusion import confused
 from robustpolish.identification.discover.judge import undetermined
 from robustpolish.identification.discover.noise_floor import noise_floor
 from robustpolish.identification.discover.search import Search
+from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.findings.findings import Confusion, FoundEffect, Value
 from robustpolish.identification.findings.ledger import Entry, Ledger

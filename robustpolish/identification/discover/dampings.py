@@ -16,9 +16,9 @@ from robustpolish.effects import CONSTANT, Effect
 from robustpolish.identification.decays.cut import Cut, cut_decays
 from robustpolish.identification.decays.laws import Laws, damped_places, damping_laws
 from robustpolish.identification.decays.trials import Trials
-from robustpolish.identification.discover.confusion import confused
 from robustpolish.identification.discover.judge import undetermined
 from robustpolish.identification.discover.search import Search
+from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.findings.findings import Confusion
 from robustpolish.identification.fit.homotopy import homotopy, judged
 from robustpolish.identification.fit.polished import sharpened

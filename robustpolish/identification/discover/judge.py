@@ -8,8 +8,8 @@ from itertools import combinations
 import numpy as np
 
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.confusion import confused
 from robustpolish.identification.discover.search import RefittedEffect, Search
+from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.fit.homotopy import JudgedFit
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import connected

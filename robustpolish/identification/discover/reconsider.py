@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from robustpolish.effects import CONSTANT
-from robustpolish.identification.discover.confusion import confused
 from robustpolish.identification.discover.hopeful import rivals_of
 from robustpolish.identification.discover.judge import judgement, objection, tolerance
 from robustpolish.identification.discover.search import RefittedEffect, Search
+from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.fit.homotopy import JudgedFit
 
 

@@ -4,8 +4,8 @@ import pytest
 
 from robustpolish.effects import Effect
 from robustpolish.identification.compare.compare import compare
-from robustpolish.identification.discover.confusion import confused
 from robustpolish.identification.discover.dampings import settle_damping
+from robustpolish.identification.findings.confused import confused
 from tests.identification.decays.pendulums import AT, decay, pendulum
 from tests.identification.discover.searches import search_of
 

@@ -7,13 +7,13 @@ import pytest
 
 from robustpolish.effects import Effect
 from robustpolish.identification.discover import reconsider
-from robustpolish.identification.discover.confusion import confused
 from robustpolish.identification.discover.reconsider import (
     renamed,
     retold,
     without_the_needless,
 )
 from robustpolish.identification.discover.search import Search
+from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.screening.screen import ScreenedEffect
 from tests.identification.discover.searches import judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig

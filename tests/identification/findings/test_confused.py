@@ -1,7 +1,7 @@
 import pytest
 
 from robustpolish.effects import Effect, lookup
-from robustpolish.identification.discover.confusion import confused
+from robustpolish.identification.findings.confused import confused
 
 PLACE = ("x", "ground")
 
