@@ -97,10 +97,12 @@ def _without_idle(search: Search, final: Fit, error: Array, calm: bool) -> tuple
     first, at = len(search.reference.effects), len(final.model.effects) - 1
     while at >= first and len(final.model.effects) > first + 1:
         effects = final.model.effects
+        without = None
         if undetermined(final, at, search.policy):
-            without = replace(final.model, effects=(*effects[:at], *effects[at + 1 :]))
-            before = search.stage
-            search.stage = replace(before, fit=replace(final, model=without))
+            rest = replace(final.model, effects=(*effects[:at], *effects[at + 1 :]))
+            without = search.fitted_with(rest)
+        if without is not None:
+            before, search.stage = search.stage, without
             shorter, left = _final_fit(search, search.stage, calm)
             if np.mean(np.log(left / error)) < np.log(1 + search.policy.together):
                 final, error = shorter, left

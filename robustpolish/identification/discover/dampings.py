@@ -16,7 +16,7 @@ from robustpolish.effects import CONSTANT, Effect
 from robustpolish.identification.decays.cut import Cut, cut_decays
 from robustpolish.identification.decays.laws import Laws, damped_places, damping_laws
 from robustpolish.identification.decays.trials import Trials
-from robustpolish.identification.discover.judge import undetermined
+from robustpolish.identification.discover.judge import judgement, undetermined
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.findings.findings import Confusion
@@ -26,19 +26,24 @@ from robustpolish.identification.fit.prepared import with_rest
 from robustpolish.models.mechanical import MechanicalModel
 
 
-def settle_damping(search: Search) -> None:
+def settle_damping(search: Search) -> Search:
     """Give each damped place of free decays the laws that fit it and predict how it goes on.
 
     Parameters
     ----------
     search : Search
-        At its end. It stays as it is where a record is no decay.
+        At its end.
+
+    Returns
+    -------
+    Search
+        As it was where a record is no decay.
     """
     prepared, known = search.prepared, len(search.reference.effects)
     cut = cut_decays(search.reference, prepared.record)
     whole = len(prepared.everything) == len(prepared.record.parts)  # not judged in windows
     if cut is None or not search.stage.reproducible or not whole:
-        return
+        return search
     for at in damped_places(search.stage.model, known):
         search.say(f"laws of damping at {', '.join(at)}")
         trials = _trials(search, search.stage.model, at, cut)
@@ -47,9 +52,22 @@ def settle_damping(search: Search) -> None:
             continue  # a damper alone does about as well, and nothing else was found
         if good:
             chosen = _chosen(trials, good)
-            search.confusions = _alike(search, trials, chosen, good)
-            _tell(search, trials, chosen)
-            _accept(search, _without_idle(search, trials, chosen), chosen)
+            settled = search.copy()
+            settled.confusions = _alike(search, trials, chosen, good)
+            _tell(settled, trials, chosen)
+            _accept(settled, _without_idle(settled, trials, chosen), chosen)
+            search = _not_worse(search, settled)
+    return search
+
+
+def _not_worse(before: Search, after: Search) -> Search:
+    """Return what settles the damping, unless it takes more effects and leaves more when held out.
+
+    A fit of all laws at once may end elsewhere than the one that the search had reached.
+    """
+    worse = judgement(after.stage, [before.stage]) - judgement(before.stage, [after.stage])
+    more = after.added > before.added
+    return before if more and worse > -np.log(1 - before.policy.together) else after
 
 
 def _trials(search: Search, model: MechanicalModel, at: tuple[str, ...], cut: Cut) -> Trials:

@@ -108,7 +108,7 @@ def _diagnose(
     search = second_look(grown(_begun(model, held, prepared, say)), grown)
     # only now: as long as something is missing, a fit bends masses and springs alike
     add_wrong_gains(search)
-    settle_damping(search)
+    search = settle_damping(search)
     found = conclude(search, model)
     notes = (*fewer.notes, *warned(model, found.model, prepared))
     return replace(found, model=fewer.as_given(found.model), notes=notes)

@@ -39,7 +39,7 @@ def settled():
         confused(WRONG[1], WRONG[0]), confused(WRONG[0], Effect("dahl_friction", AT)),
     ]  # fmt: skip
     before = search.stage.model
-    settle_damping(search)
+    search = settle_damping(search)
     return before, search
 
 
@@ -81,7 +81,7 @@ def test_what_is_right_already_stays_and_a_constant_that_does_nothing_goes():
     right = Effect("coulomb_friction", AT, {"force": 0.1})
     idle = Effect("constant_force", ("arm",), {"force": 0.01})
     search = search_with(decay(drag=0.0, viscous=0.04), right, idle)
-    settle_damping(search)
+    search = settle_damping(search)
     assert kinds_of(search) == ["pendulum_gravity", "coulomb_friction"]
     assert search.reasons == [
         f"{search_effect(search, idle)} was not kept: the damping explains as much."
@@ -96,7 +96,7 @@ def search_effect(search, effect):
 
 def test_what_hides_behind_the_damper_is_found_where_no_effect_was():
     search = search_with(decay(drag=0.0, viscous=0.04, noise=5e-3))
-    settle_damping(search)
+    search = settle_damping(search)
     assert kinds_of(search) == ["pendulum_gravity", "coulomb_friction"]
     assert search.stage.model.parameters["effect[1].force"] == pytest.approx(0.15, rel=0.1)
     assert "better than a viscous damper" in search.reasons[-1]
@@ -105,7 +105,7 @@ def test_what_hides_behind_the_damper_is_found_where_no_effect_was():
 def test_nothing_is_named_where_the_damper_does_it_all():
     search = search_with(decay(coulomb=0.0, drag=0.0, viscous=0.15))
     stage, steps = search.stage, list(search.steps)
-    settle_damping(search)
+    search = settle_damping(search)
     assert search.stage is stage
     assert search.steps == steps
     assert search.reasons == []
@@ -114,7 +114,7 @@ def test_nothing_is_named_where_the_damper_does_it_all():
 def test_a_damper_that_is_not_there_ends_near_nothing():
     # what the linear model took for viscous is Coulomb friction and drag
     search = search_with(decay(viscous=0.0), *WRONG)
-    settle_damping(search)
+    search = settle_damping(search)
     assert search.stage.model.parameters["damper[0].damping"] < 2e-3
 
 
@@ -122,7 +122,7 @@ def test_a_record_that_is_no_decay_is_left_alone():
     steady = decay(coulomb=0.0, drag=0.0, viscous=0.02, samples=600)
     search = search_with(steady, WRONG[0])
     stage, steps = search.stage, list(search.steps)
-    settle_damping(search)
+    search = settle_damping(search)
     assert search.stage is stage
     assert search.steps == steps
 
@@ -131,5 +131,5 @@ def test_where_runs_do_not_repeat_nothing_is_settled(settled):
     _, search = settled
     stage = replace(search.stage, reproducible=False)
     other = replace(search, stage=stage)
-    settle_damping(other)
+    other = settle_damping(other)
     assert other.stage is stage
