@@ -44,5 +44,7 @@ def test_a_diagnosis_goes_by_the_policy_that_it_is_given():
     short = data.isel(time=slice(0, 500))
     assert diagnose(model, short).verdict == "missing_effect"
     found = diagnose(model, short, _policy=Policy(most_effects=0))
-    assert found.verdict == "unknown_law"  # no name may be given
+    # no name may be given; whether a curve is learned from so short a record is the laws' business
+    assert found.verdict in {"unknown_law", "unexplained"}
+    assert all(effect.kind.startswith("learned_") for effect in found.effects)
     assert not found.candidates
