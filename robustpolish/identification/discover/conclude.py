@@ -99,8 +99,7 @@ def _without_idle(search: Search, final: Fit, error: Array, calm: bool) -> tuple
         effects = final.model.effects
         without = None
         if undetermined(final, at, search.policy):
-            rest = replace(final.model, effects=(*effects[:at], *effects[at + 1 :]))
-            without = search.fitted_with(rest)
+            without = search.fitted_without(final.model, at)
         if without is not None:
             before, search.stage = search.stage, without
             shorter, left = _final_fit(search, search.stage, calm)

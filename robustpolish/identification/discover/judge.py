@@ -7,6 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
+from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.findings.confused import confused
@@ -69,12 +70,10 @@ def objection(
         Where it stands among the effects of the model; it is the last one by default.
     """
     policy = prepared.policy
-    free = before.reproducible and after.reproducible
-    old, new = (before.free, after.free) if free else (before.short, after.short)
-    fall = 1 - new / old
+    fall = falls(before, after)
     if np.max(fall) < policy.visible_fall:
         return f"the held-out error falls by {100 * max(float(np.max(fall)), 0):.0f} % only"
-    if np.mean(np.log(new / old)) > np.log(1 - policy.together):
+    if np.mean(np.log(1 - fall)) > np.log(1 - policy.together):
         return "one output gains what another loses"
     index = place % len(after.model.effects)
     effect = after.model.effects[index]
@@ -87,6 +86,13 @@ def objection(
         return refused
     lead = undetermined(after.fit, index, policy)
     return f"its {lead} is not determined" if lead else None
+
+
+def falls(before: JudgedFit, after: JudgedFit) -> Array:
+    """Return the share by which each held-out error falls; of short windows unless both repeat."""
+    if before.reproducible and after.reproducible:
+        return 1 - after.free / before.free
+    return 1 - after.short / before.short
 
 
 def undetermined(fitted: Fit, index: int, policy: Policy, every: bool = False) -> str | None:

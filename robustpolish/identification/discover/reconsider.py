@@ -12,7 +12,7 @@ import numpy as np
 
 from robustpolish.effects import CONSTANT
 from robustpolish.identification.discover.hopeful import rivals_of
-from robustpolish.identification.discover.judge import judgement, objection, tolerance
+from robustpolish.identification.discover.judge import falls, judgement, objection, tolerance
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.fit.homotopy import JudgedFit
@@ -30,7 +30,7 @@ def without_the_needless(search: Search, last: bool = False) -> Search:
     """
     first = len(search.reference.effects)
     for at in reversed(range(first, len(search.stage.model.effects) - (not last))):
-        without = _without(search, at)
+        without = search.fitted_without(search.stage.model, at)
         if without is not None and _as_good(without, search):
             effect = search.stage.model.effects[at]
             search = search.copy()
@@ -50,7 +50,7 @@ def renamed(search: Search) -> Search:
         kind = effect.definition
         if not kind.family or kind.family == CONSTANT:
             continue
-        without = _without(search, at)
+        without = search.fitted_without(search.stage.model, at)
         rivals = [] if without is None else _rivals(search, without, at)
         ranked = sorted(rivals, key=lambda item: judgement(item.fitted, rivals))
         for item in ranked:
@@ -98,16 +98,6 @@ def retold(search: Search) -> Search:
     return replace(search, steps=steps, confusions=confusions)
 
 
-def _without(search: Search, at: int) -> JudgedFit | None:
-    """Return the model without one of its effects, fitted anew."""
-    effects = search.stage.model.effects
-    rest = replace(search.stage.model, effects=(*effects[:at], *effects[at + 1 :]))
-    return search.fitted_with(rest)
-
-
 def _as_good(without: JudgedFit, search: Search) -> bool:
     """Return whether a model leaves no output visibly more than that of the search."""
-    stage, few = search.stage, 1 - search.policy.visible_fall
-    if stage.reproducible and without.reproducible:
-        return bool(np.all(stage.free > few * without.free))
-    return bool(np.all(stage.short > few * without.short))
+    return bool(np.max(falls(without, search.stage)) < search.policy.visible_fall)

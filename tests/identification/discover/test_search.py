@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish.effects import Effect
+from robustpolish.identification.discover.search import Search
 from robustpolish.identification.fit.least_squares import standard_errors
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.screening.screen import ScreenedEffect
@@ -65,6 +66,15 @@ def test_two_that_earned_their_places_together_are_two_steps(search):
         ("cubic_stiffness", cubic.fitted.model), ("quadratic_damping", drag.fitted.model),
     ]  # fmt: skip
     assert search.reasons == []
+
+
+def test_a_model_is_fitted_without_one_of_its_effects(search, monkeypatch):
+    monkeypatch.setattr(Search, "fitted_with", lambda self, model: judged(model, 1.0))
+    model = rig().with_effect("cubic_stiffness", PLACE).with_effect("quadratic_damping", PLACE)
+    left = [search.fitted_without(model, at).model.effects for at in (0, 1)]
+    assert [[e.kind for e in effects] for effects in left] == [
+        ["quadratic_damping"], ["cubic_stiffness"],
+    ]  # fmt: skip
 
 
 def test_a_copy_goes_its_own_way(search):
