@@ -4,20 +4,12 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.identification.record import record_of
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
 from robustpolish.simulation.run import simulate
-
-PLACE = ("x", "ground")
+from tests.identification.oscillators import oscillator
 
 
 def case(effect=None, start=(2e-3, 0.1)):
-    model = MechanicalModel(
-        [Dof("x", 1.0)],
-        [Spring(PLACE, 400.0)],
-        [Damper(PLACE, 0.8)],
-        [Input("F", PLACE)],
-        [Output("x", PLACE)],
-    )
+    model = oscillator(damping=0.8)
     if effect:
         model = model.with_effect(*effect)
     time = np.arange(1200) * 5e-3

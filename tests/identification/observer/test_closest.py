@@ -3,7 +3,8 @@ import pytest
 
 from robustpolish.identification.observer.closest import closest, squares, weights_of
 from robustpolish.identification.observer.run import StartedPiece, free_run, rest
-from tests.identification.observer.runs import PLACE, case
+from tests.identification.observer.runs import case
+from tests.identification.oscillators import PLACE
 
 SIZES = np.array([1e-3, 0.02])
 

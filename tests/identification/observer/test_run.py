@@ -7,19 +7,13 @@ from robustpolish.identification.observer.kalman import Level
 from robustpolish.identification.observer.run import StartedPiece, free_run, rest
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
 from robustpolish.simulation.run import simulate
-from tests.identification.observer.runs import PLACE, case
+from tests.identification.observer.runs import case
+from tests.identification.oscillators import PLACE, oscillator
 
 
 def delayed(samples=400):
-    model = MechanicalModel(
-        [Dof("x", 1.0)],
-        [Spring(PLACE, 400.0)],
-        [Damper(PLACE, 0.8)],
-        [Input("F", PLACE)],
-        [Output("x", PLACE)],
-    ).with_effect("input_delay", "F", {"delay": 0.05})
+    model = oscillator(damping=0.8).with_effect("input_delay", "F", {"delay": 0.05})
     time = np.arange(samples) * 5e-3
     force = np.sin(30 * time) + np.random.default_rng(1).standard_normal(samples)
     data = xr.Dataset({"F": ("time", force), "x": ("time", np.zeros(samples))}, {"time": time})

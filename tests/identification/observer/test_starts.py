@@ -3,7 +3,8 @@ import pytest
 
 from robustpolish.identification.observer.run import StartedPiece, free_run, rest
 from robustpolish.identification.observer.starts import fitted_start, fitted_starts, lengths
-from tests.identification.observer.runs import PLACE, case
+from tests.identification.observer.runs import case
+from tests.identification.oscillators import PLACE
 
 
 @pytest.mark.parametrize("effect", [None, ("cubic_stiffness", PLACE, {"stiffness": 1e7})])
