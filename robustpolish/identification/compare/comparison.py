@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.identification.findings.record_error import (
     OutputError,
+    OverOutputs,
     RecordError,
-    nrmse_of,
     records_content,
     records_table,
 )
@@ -26,7 +26,7 @@ from robustpolish.validation import one_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Displayed):
+class Comparison(OverOutputs, Displayed):
     """A model held against data.
 
     Attributes
@@ -81,16 +81,6 @@ class Comparison(Displayed):
     band: xr.Dataset | None = None
     notes: tuple[str, ...] = field(default_factory=tuple)
     records: Mapping[str, RecordError] = field(default_factory=dict)
-
-    @property
-    def nrmse(self) -> float:
-        """Root of the mean squared NRMSE of the outputs."""
-        return nrmse_of(self.outputs)
-
-    @property
-    def fit_percent(self) -> float:
-        """100 (1 - NRMSE) over all outputs."""
-        return 100 * (1 - self.nrmse)
 
     @property
     def reproducible(self) -> bool:

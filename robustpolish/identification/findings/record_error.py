@@ -50,13 +50,24 @@ class OutputError:
         return 100 * (1 - share * self.band[1]), 100 * (1 - share * self.band[0])
 
 
-def nrmse_of(outputs: Mapping[str, OutputError]) -> float:
-    """Return the root of the mean squared NRMSE of outputs."""
-    return float(np.sqrt(np.mean([error.nrmse**2 for error in outputs.values()])))
+class OverOutputs:
+    """What has errors by output, in one figure."""
+
+    outputs: Mapping[str, OutputError]
+
+    @property
+    def nrmse(self) -> float:
+        """Root of the mean squared NRMSE of the outputs."""
+        return float(np.sqrt(np.mean([error.nrmse**2 for error in self.outputs.values()])))
+
+    @property
+    def fit_percent(self) -> float:
+        """100 (1 - NRMSE) over all outputs."""
+        return 100 * (1 - self.nrmse)
 
 
 @dataclass(frozen=True, eq=False)
-class RecordError:
+class RecordError(OverOutputs):
     """The errors of one record, which may be one of several.
 
     Attributes
@@ -72,16 +83,6 @@ class RecordError:
     outputs: Mapping[str, OutputError]
     starts: np.ndarray
     reproducibility: Reproducibility
-
-    @property
-    def nrmse(self) -> float:
-        """Root of the mean squared NRMSE of the outputs."""
-        return nrmse_of(self.outputs)
-
-    @property
-    def fit_percent(self) -> float:
-        """100 (1 - NRMSE) over all outputs."""
-        return 100 * (1 - self.nrmse)
 
 
 def records_table(records: Mapping[str, RecordError]) -> tuple[Table, ...]:
