@@ -18,8 +18,11 @@ from robustpolish.identification.observer.run import RecordRun, Runner, StartedP
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import share_of_couplings
 
-_STEP = 1e-5
-_START_STEP = 1e-4
+# Steps of differences. Where friction with memory or a stop jumps at a sample, errors jump by a
+# little, and a step that spans such jumps sees slopes several times too steep; and along what the
+# data leave open, what a long step errs by looks like knowledge.
+_STEP = 1e-7
+_START_STEP = 1e-7
 # Derivatives beyond it come from a run that diverges; squares of what is below can be added up.
 _ENDLESS = 1e100
 # Relative fall of the cost below which a fit stops.

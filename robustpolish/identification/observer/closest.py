@@ -11,7 +11,7 @@ from robustpolish.identification.observer.run import RecordRun, StartedPiece
 from robustpolish.identification.record import Record
 
 _ROUNDS = 8
-_STEP = 1e-4
+_STEP = 1e-7  # as in fits, short enough not to span the small jumps of errors
 
 
 def closest(
