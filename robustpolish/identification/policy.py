@@ -68,6 +68,8 @@ class Policy:
     followed : tuple of int
         How many runners-up of the first turns are followed where the effects found leave more than
         noise: each costs about as much as the search before it.
+    turnover : float
+        Share of the typical velocity over which a friction turns over, where a fit of it begins.
     near_error : float
         Times the error left by the largest that another may leave to be refitted as well: a look at
         free runs without a fit is no sharper.
@@ -192,6 +194,7 @@ class Policy:
     most_pairs: int = 3
     most_likely: int = 2
     followed: tuple[int, ...] = (2, 1)
+    turnover: float = 0.1
     near_error: float = 1.3
     far: float = 3.0
     alike: tuple[float, float] = (0.003, 0.03)

@@ -8,6 +8,7 @@ from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rival
 from robustpolish.identification.discover.judge import chosen, judgement, objection, together
 from robustpolish.identification.discover.passed_over import passed_over
 from robustpolish.identification.discover.search import RefittedEffect, Search, Turn
+from robustpolish.identification.discover.turnover import rounded_friction
 from robustpolish.identification.screening.filtered import null_score
 from robustpolish.identification.screening.screen import screen
 from robustpolish.models.mechanical import MechanicalModel
@@ -81,7 +82,8 @@ def _instead(
             fitted = search.fitted_with(start, candidate.effect)
             if fitted is not None:
                 tried.append(RefittedEffect(candidate, fitted))
-    return tried
+    here = [item for item in [*refits, *tried] if item.effect.at == effect.at]
+    return tried + rounded_friction(here, start, search)
 
 
 def _refits(search: Search, start: MechanicalModel, found: Hopeful) -> list[RefittedEffect]:

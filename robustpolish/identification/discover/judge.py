@@ -42,7 +42,7 @@ def chosen(refits: Sequence[RefittedEffect], search: Search) -> list[RefittedEff
     here = judgement(earned.fitted, refits)
     for item in refits:
         apart = judgement(item.fitted, refits) - here
-        if item.screened is not earned.screened and apart < tolerance(search):
+        if item.screened.place != earned.screened.place and apart < tolerance(search):
             pair = (each.fitted.model.effects[-1] for each in (earned, item))  # as fitted
             search.confusions.append(confused(*pair))
     return [earned]

@@ -14,6 +14,7 @@ from robustpolish.effects import CONSTANT
 from robustpolish.identification.discover.hopeful import rivals_of
 from robustpolish.identification.discover.judge import falls, judgement, objection, tolerance
 from robustpolish.identification.discover.search import RefittedEffect, Search
+from robustpolish.identification.discover.turnover import rounded_friction
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.fit.homotopy import JudgedFit
 
@@ -79,7 +80,7 @@ def _rivals(search: Search, without: JudgedFit, at: int) -> list[RefittedEffect]
             fitted = search.fitted_with(without.model, candidate.effect)
             if fitted is not None:
                 tried.append(RefittedEffect(candidate, fitted))
-    return tried
+    return tried + rounded_friction(tried, without.model, search)
 
 
 def retold(search: Search) -> Search:

@@ -11,6 +11,7 @@ import numpy as np
 from robustpolish.effects import Effect
 from robustpolish.identification.findings.findings import Confusion, RankedCandidate
 from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy
+from robustpolish.identification.fit.parameters import turns_over_gently
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
@@ -32,7 +33,8 @@ class RefittedEffect:
     @property
     def size(self) -> int:
         """Number of its fitted parameters."""
-        return sum(p.fitted for p in self.effect.definition.parameters)
+        own = sum(p.fitted for p in self.effect.definition.parameters)
+        return own + turns_over_gently(self.effect)
 
     @property
     def constant(self) -> bool:

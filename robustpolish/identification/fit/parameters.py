@@ -128,6 +128,7 @@ def free_parameters(
     bandwidth: float,
     policy: Policy,
     reference: MechanicalModel | None = None,
+    turnovers: bool = True,
 ) -> list[FreeParameter]:
     """Return the parameters of a model that are fitted.
 
@@ -139,8 +140,12 @@ def free_parameters(
     policy : Policy
     reference : MechanicalModel, optional
         The model before any fit, about which the priors are centred.
+    turnovers : bool, optional
+        Whether the speed is fitted over which a dry friction turns over that is no part of the
+        reference and is rounded.
     """
     known = (reference or model).parameters
+    given = len((reference or model).effects)
     moving = {*model.free, *(o.of[0] for o in model.outputs if o.drive)} - set(
         units_of_force(model)
     )
@@ -192,11 +197,20 @@ def free_parameters(
         if item.name in pushing:
             result.append(near(f"input.{item.name}.gain", item.gain, policy.gain_prior))
     for i, effect in enumerate(model.effects):
+        rounded = turnovers and i >= given and turns_over_gently(effect)
         for parameter in effect.definition.parameters:
-            told = parameter.fitted and parameter.name in effect.parameters
+            wanted = parameter.fitted or (
+                rounded and parameter.name == effect.definition.turns_over
+            )
+            told = wanted and parameter.name in effect.parameters
             if told and f"effect[{i}].{parameter.name}" not in contained:
                 result.append(_effect(i, effect, parameter))
     return result
+
+
+def turns_over_gently(effect: Effect) -> bool:
+    """Return whether an effect is dry friction that turns over within some speed, not at once."""
+    return effect.values.get(effect.definition.turns_over, 0.0) > 0.0
 
 
 def within_laws(model: MechanicalModel) -> set[str]:

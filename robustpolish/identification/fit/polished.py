@@ -154,7 +154,7 @@ def residuals_of(
     reference: MechanicalModel,
 ) -> Residuals:
     """Return the residuals of a model's runs over pieces, those numbers free that are not held."""
-    free = free_parameters(model, prepared.scales.bandwidth, prepared.policy, reference)
+    free = free_parameters(model, prepared.scales.bandwidth, prepared.policy, reference, False)
     free = [number for number in free if number.key not in prepared.held]
     sizes = prepared.sizes(model) if pieces[0].start.vector.size else None
     return Residuals(model, pieces, prepared.runner(model), free, sizes)
