@@ -1,7 +1,7 @@
 """Dry friction that turns over within some speed, and not at once.
 
-A friction that is fitted as a jump leaves something at every reversal if it is none, which kinds with
-memory and more numbers take for theirs.
+A friction that is fitted as a jump leaves something at every reversal if it is none, which kinds
+with memory and more numbers take for theirs.
 """
 
 from __future__ import annotations
