@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from robustpolish.effects import CONSTANT
 from robustpolish.identification.discover.hopeful import rivals_of
-from robustpolish.identification.discover.judge import falls, judgement, objection, tolerance
+from robustpolish.identification.discover.judge import (
+    judgement,
+    objection,
+    tolerance,
+    visibly_less,
+)
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.discover.turnover import rounded_friction
 from robustpolish.identification.findings.confused import confused
@@ -101,4 +104,4 @@ def retold(search: Search) -> Search:
 
 def _as_good(without: JudgedFit, search: Search) -> bool:
     """Return whether a model leaves no output visibly more than that of the search."""
-    return bool(np.max(falls(without, search.stage)) < search.policy.visible_fall)
+    return not visibly_less(without, search.stage, search.policy)
