@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of
 from robustpolish.identification.discover.judge import chosen, judgement, objection, together
 from robustpolish.identification.discover.passed_over import passed_over
+from robustpolish.identification.discover.reconsider import rounded_friction
 from robustpolish.identification.discover.search import RefittedEffect, Search, Turn
-from robustpolish.identification.discover.turnover import rounded_friction
 from robustpolish.identification.screening.filtered import null_score
 from robustpolish.identification.screening.screen import screen
 from robustpolish.models.mechanical import MechanicalModel

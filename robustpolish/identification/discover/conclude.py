@@ -11,7 +11,6 @@ import numpy as np
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.judge import undetermined
-from robustpolish.identification.discover.noise_floor import noise_floor
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.findings.diagnosis import Diagnosis
@@ -25,6 +24,7 @@ from robustpolish.identification.laws.free_shape import better_shape
 from robustpolish.identification.laws.learn import Learned, learn
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.residuals.force_maps import force_maps
+from robustpolish.identification.residuals.noise_floor import noise_floor
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import effect_unit, unit_of
 from robustpolish.models.mechanical.parts import FORCE

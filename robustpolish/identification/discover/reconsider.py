@@ -6,9 +6,12 @@ do beside them, or another kind of its family may do it better.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from robustpolish.effects import CONSTANT
+import numpy as np
+
+from robustpolish.effects import CONSTANT, Effect
 from robustpolish.identification.discover.hopeful import rivals_of
 from robustpolish.identification.discover.judge import (
     judgement,
@@ -17,9 +20,12 @@ from robustpolish.identification.discover.judge import (
     visibly_less,
 )
 from robustpolish.identification.discover.search import RefittedEffect, Search
-from robustpolish.identification.discover.turnover import rounded_friction
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.fit.homotopy import JudgedFit
+from robustpolish.identification.fit.least_squares import covariance_of, errors_from
+from robustpolish.identification.fit.parameters import turns_over_gently
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.ports import port_rows
 
 
 def without_the_needless(search: Search, last: bool = False) -> Search:
@@ -86,6 +92,74 @@ def _rivals(search: Search, without: JudgedFit, at: int) -> list[RefittedEffect]
     return tried + rounded_friction(tried, without.model, search)
 
 
+def still_alike(search: Search) -> Search:
+    """Return the search with those pairs that the data cannot tell apart beside all other effects.
+
+    Parameters
+    ----------
+    search : Search
+        At its end. Rivals of the last effect were tried beside all others; what looked alike while
+        something else was missing may be told apart beside it, and two that were found are none.
+    """
+    first = len(search.reference.effects)
+    places = [(effect.kind, effect.at) for effect in search.stage.model.effects]
+    kept = []
+    for pair in search.confusions:
+        one, other = ((effect.kind, effect.at) for effect in (pair.first, pair.second))
+        if one not in places[first:] or other in places[first:]:
+            continue
+        at = places.index(one, first)
+        if at == len(places) - 1 or _does_as_well(search, at, pair.second):
+            kept.append(pair)
+    return search if len(kept) == len(search.confusions) else replace(search, confusions=kept)
+
+
+def rounded_friction(
+    refits: Sequence[RefittedEffect], start: MechanicalModel, search: Search
+) -> list[RefittedEffect]:
+    """Return the best of the dry frictions that jump once more, the speed of its turn being fitted.
+
+    A friction that is fitted as a jump leaves something at every reversal if it is none, which
+    kinds with memory and more numbers take for theirs.
+
+    Parameters
+    ----------
+    refits : sequence of RefittedEffect
+        At one place.
+    start : MechanicalModel
+        The model without any of them.
+    search : Search
+
+    Returns
+    -------
+    list of RefittedEffect
+        One or none: a jump that leaves noise alone is one, and one whose speed the data leave open
+        may as well be.
+    """
+    jumps = [
+        r for r in refits if r.effect.definition.turns_over and not turns_over_gently(r.effect)
+    ]
+    if not jumps:
+        return []
+    best = min(jumps, key=lambda item: judgement(item.fitted, jumps))
+    effect = best.fitted.model.effects[-1]
+    motion = search.prepared.motion(start, search.prepared.screened)
+    speed = float(np.sqrt(np.mean((port_rows(start, effect) @ motion.v)[0] ** 2)))
+    if search.at_floor(best.fitted) or not speed > 0:
+        return []
+    name = effect.definition.turns_over
+    gentle = effect.with_values({**effect.parameters, name: search.policy.turnover * speed})
+    search.say(f"refit with {effect} that turns over gently")
+    fitted = search.fitted_with(start, gentle)
+    if fitted is None:
+        return []
+    index = len(fitted.model.effects) - 1
+    error = errors_from(covariance_of(fitted.fit)).get(f"effect[{index}].{name}", np.inf)
+    if not error < search.policy.determined * fitted.model.effects[index].values[name]:
+        return []
+    return [RefittedEffect(replace(best.screened, effect=gentle), fitted)]
+
+
 def retold(search: Search) -> Search:
     """Return the search with the steps that lead to the effects it has now, one after the other."""
     if search.steps[-1][1] is search.stage.model:
@@ -97,11 +171,21 @@ def retold(search: Search) -> Search:
         steps.append((effects[k - 1].kind, (fitted or search.stage).model))
     if effects:
         steps.append((effects[-1].kind, search.stage.model))
-    places = {(e.kind, e.at) for e in effects}
-    confusions = [c for c in search.confusions if (c.first.kind, c.first.at) in places]
-    return replace(search, steps=steps, confusions=confusions)
+    return replace(search, steps=steps)
 
 
 def _as_good(without: JudgedFit, search: Search) -> bool:
     """Return whether a model leaves no output visibly more than that of the search."""
     return not visibly_less(without, search.stage, search.policy)
+
+
+def _does_as_well(search: Search, at: int, other: Effect) -> bool:
+    """Return whether another effect in place of one leaves as little."""
+    effects = search.stage.model.effects
+    rest = replace(search.stage.model, effects=(*effects[:at], *effects[at + 1 :]))
+    search.say(f"refit with {other} in place of {effects[at]}")
+    fitted = search.fitted_with(rest, other)
+    if fitted is None:
+        return False
+    apart = judgement(fitted, [search.stage]) - judgement(search.stage, [fitted])
+    return apart < tolerance(search)

@@ -15,6 +15,7 @@ from robustpolish.identification.discover.judge import judgement, objection
 from robustpolish.identification.discover.reconsider import (
     renamed,
     retold,
+    still_alike,
     without_the_needless,
 )
 from robustpolish.identification.discover.search import RefittedEffect, Search, Turn
@@ -42,7 +43,7 @@ def second_look(search: Search, grow: Callable[[Search], Search]) -> Search:
         least = _worth(search, other) + np.log(1 - search.policy.together)
         if _worth(other, search) < least and _sound(other):
             search = other
-    return retold(renamed(search))
+    return retold(still_alike(renamed(search)))
 
 
 def _runners_up(search: Search) -> list[tuple[Turn, RefittedEffect]]:

@@ -10,11 +10,16 @@ from robustpolish.identification.discover import reconsider
 from robustpolish.identification.discover.reconsider import (
     renamed,
     retold,
+    rounded_friction,
+    still_alike,
     without_the_needless,
 )
-from robustpolish.identification.discover.search import Search
+from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.findings.confused import confused
+from robustpolish.identification.fit.parameters import free_parameters, turns_over_gently
+from robustpolish.identification.policy import POLICY
 from robustpolish.identification.screening.screen import ScreenedEffect
+from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
 
@@ -88,13 +93,82 @@ def test_steps_are_told_anew_where_effects_changed(monkeypatch):
     changed = search.copy()
     model = rig().with_effect(*CUBIC).with_effect(DAHL.kind, DAHL.at, DAHL.values)
     changed.stage = judged(model, 5.0)
-    changed.confusions.append(confused(Effect(*COULOMB), DAHL))
-    changed.confusions.append(confused(DAHL, Effect(*COULOMB)))
     monkeypatch.setattr(Search, "fitted_with", fitting({frozenset({"cubic_stiffness"}): 20.0}))
     found = retold(changed)
     names = [name for name, _ in found.steps]
     assert names == ["base", "refit", "cubic_stiffness", "dahl_friction"]
     assert [len(item.effects) for _, item in found.steps] == [0, 0, 1, 2]
     assert found.steps[-1][1] is model
-    assert [c.first.kind for c in found.confusions] == ["dahl_friction"]
     assert np.all(found.stage.error == 5.0)
+
+
+@pytest.mark.parametrize(("error", "stays"), [(10.1, True), (20.0, False)])
+def test_what_looked_alike_early_is_asked_again_beside_the_others(monkeypatch, error, stays):
+    search = two(COULOMB)
+    first, last = (Effect(*each) for each in (COULOMB, CUBIC))
+    backlash = Effect("backlash", PLACE, {"gap": 1e-3})
+    search.confusions += [
+        confused(first, DAHL),
+        confused(last, backlash),
+        confused(first, last),
+        confused(DAHL, first),
+    ]
+    errors = {frozenset({"cubic_stiffness", "dahl_friction"}): error}
+    monkeypatch.setattr(Search, "fitted_with", fitting(errors))
+    found = [(p.first.kind, p.second.kind) for p in still_alike(search).confusions]
+    early = [("coulomb_friction", "dahl_friction")] if stays else []
+    assert found == [*early, ("cubic_stiffness", "backlash")]
+    assert len(search.confusions) == 4
+
+
+AXIS, SLIDING = ("x", "ground"), 3.0
+
+
+def tried(width, *kinds):
+    """A search on data with Coulomb friction, and refits of some kinds with what they leave."""
+    effects = [("coulomb_friction", AXIS, [SLIDING, width])]
+    case = Case("friction", one(), effects, drive=10.0, samples=2500, seed=7)
+    search = search_of(model_of(case), records(case)[0][0])
+    refits = []
+    for kind in kinds:
+        effect = Effect(kind, AXIS, {"force": 2.0})
+        fitted = search.fitted_with(search.stage.model, effect)
+        assert fitted is not None
+        refits.append(RefittedEffect(ScreenedEffect(effect, 10.0, 0.1), fitted))
+    return search, refits
+
+
+def test_the_speed_of_a_gentle_turn_is_found():
+    search, refits = tried(0.15, "coulomb_friction")
+    (found,) = rounded_friction(refits, search.stage.model, search)
+    values = found.fitted.model.effects[-1].values
+    assert values["width"] == pytest.approx(0.15, rel=0.1)
+    assert values["force"] == pytest.approx(SLIDING, rel=0.02)
+    assert np.all(found.fitted.error < 0.8 * refits[0].fitted.error)
+    assert found.size == refits[0].size + 1
+    assert found.screened.place == refits[0].screened.place
+
+
+def test_a_jump_that_leaves_noise_alone_stays_one():
+    search, refits = tried(0.002, "coulomb_friction")
+    assert search.at_floor(refits[0].fitted)
+    assert rounded_friction(refits, search.stage.model, search) == []
+
+
+def test_kinds_that_turn_over_by_themselves_are_left_alone():
+    search, _ = tried(0.15)
+    refit = RefittedEffect(ScreenedEffect(Effect("dahl_friction", AXIS), 1.0, 0.1), search.stage)
+    assert rounded_friction([refit], search.stage.model, search) == []
+
+
+@pytest.mark.parametrize(("width", "fitted"), [(0.0, False), (0.1, True)])
+def test_only_a_rounded_friction_that_was_found_has_its_width_fitted(width, fitted):
+    model = model_of(Case("own", one(), []))
+    with_friction = model.with_effect("coulomb_friction", AXIS, {"force": 1.0, "width": width})
+    assert turns_over_gently(with_friction.effects[0]) == fitted
+
+    def keys(reference, *how):
+        return {f.key for f in free_parameters(with_friction, 100.0, POLICY, reference, *how)}
+
+    assert ("effect[0].width" in keys(model)) == fitted
+    assert "effect[0].width" not in keys(model, False) | keys(with_friction)
