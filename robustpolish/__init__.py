@@ -62,6 +62,7 @@ from robustpolish.identification import (
     tell_apart,
 )
 from robustpolish.loading import load
+from robustpolish.loops import LoopAnalysis, LoopRequirements, loop_analysis
 from robustpolish.measurements import (
     decimate,
     estimate_frequency_response,
@@ -135,6 +136,8 @@ __all__ = [
     "LearnedLaw",
     "Ledger",
     "Linearization",
+    "LoopAnalysis",
+    "LoopRequirements",
     "MechanicalModel",
     "MethodComparison",
     "MethodResult",
@@ -179,6 +182,7 @@ __all__ = [
     "is_stabilizable",
     "linearize",
     "load",
+    "loop_analysis",
     "mixed_output_feedback",
     "mixed_state_feedback",
     "modes",

@@ -27,6 +27,7 @@ ROOMS = {
     "brush": "The polishing brush",
     "analysis": "Analysis",
     "synthesis": "Synthesis and certificates",
+    "loops": "Loops: margins, bandwidths, effort",
     "closed_loop": "Closed loop",
     "measurements": "Measurements",
     "datasets": "Measured records",

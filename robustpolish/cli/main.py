@@ -12,6 +12,7 @@ _COMMANDS = {
     "design": "Design a controller, certify it and try it on the brush's disturbance.",
     "modes": "Show the air bearing's modes and damping ratios.",
     "norms": "Show the air bearing's H-infinity and H2 norms without control.",
+    "margins": "Tell what the loop of a saved design is like, and whether it can be built.",
     "brush": "Simulate the brush on its mould and show the forces.",
     "compare": "Compare a mechanical model with a measurement.",
     "refit": "Fit the numbers of a mechanical model to measurements.",

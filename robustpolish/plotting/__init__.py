@@ -27,6 +27,8 @@ from robustpolish.plotting.systems.frequency_response import plot_gains as plot_
 from robustpolish.plotting.systems.frequency_response import (
     plot_over_frequency as plot_over_frequency,
 )
+from robustpolish.plotting.systems.loop_curves import plot_nichols as plot_nichols
+from robustpolish.plotting.systems.loop_curves import plot_nyquist_disks as plot_nyquist_disks
 from robustpolish.plotting.systems.poles import plot_poles as plot_poles
 from robustpolish.plotting.time_series import plot_time_series as plot_time_series
 from robustpolish.plotting.told_apart import plot_distances as plot_distances

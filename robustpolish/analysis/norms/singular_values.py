@@ -10,11 +10,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from robustpolish.analysis.norms.frequency_grid import frequency_grid
 from robustpolish.arrays import Vector
 from robustpolish.exact.realisation import Realisation, realisation, rescaled
 from robustpolish.validation import described, invalid
-
-_BACKGROUND = 400
 
 
 def singular_values(
@@ -82,17 +81,7 @@ def _grid(model: Realisation) -> Vector:
         with np.errstate(divide="ignore"):
             poles = np.log(poles.astype(complex)) / model.step
         highest = math.pi / model.step
-    rates = np.abs(poles)
-    rates = rates[(rates > 0) & np.isfinite(rates)]
-    low, high = (rates.min(), rates.max()) if rates.size else (1.0, 1.0)
-    grid = [np.geomspace(low / 10, min(high * 10, highest), _BACKGROUND)]
-    for pole in poles[np.abs(poles.imag) > 0]:
-        width = abs(pole.real / pole.imag)
-        away = np.geomspace(max(width, 1e-12) / 10, 0.3, 40)
-        grid.append(abs(pole.imag) * np.concatenate([1 - away[::-1], [1.0], 1 + away]))
-    points = np.unique(np.concatenate(grid))
-    points = points[(points > 0) & (points <= highest)]
-    return points * model.time / (2 * math.pi)
+    return frequency_grid(poles, highest) * model.time / (2 * math.pi)
 
 
 def _at(model: Realisation, angle: float) -> Vector:

@@ -1,0 +1,307 @@
+"""What a loop is like: margins, bandwidths, noise, effort, sampling; shown, drawn and told."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, Literal, get_args
+
+import control
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from robustpolish.display import Card, Displayed, Table
+from robustpolish.long_calls import same_bits
+from robustpolish.loops.bandwidth import bandwidths
+from robustpolish.loops.effort import disturbance_effort, given_effort, noise_effort
+from robustpolish.loops.figures import LoopFigures
+from robustpolish.loops.given_loop import loop_of
+from robustpolish.loops.loop import PLACES, Loop, Place
+from robustpolish.loops.margins.all_loops import Where, margins_at_once
+from robustpolish.loops.margins.one_loop import LoopMargins, margins_of
+from robustpolish.loops.pictures import (
+    plot_loop_bode,
+    plot_loop_nichols,
+    plot_loop_nyquist,
+    plot_sigma,
+    plot_steps,
+)
+from robustpolish.loops.requirements import LoopRequirements
+from robustpolish.loops.sampling import sample_rate
+from robustpolish.loops.sensitivities import from_to, sensitivities
+from robustpolish.loops.tables import tables_of
+from robustpolish.loops.words import explain, problems
+from robustpolish.models import GeneralizedPlant
+from robustpolish.synthesis import Design
+from robustpolish.synthesis.certificate.loop_balls import GivenController
+from robustpolish.validation import described, instance_of, invalid, one_of
+
+Kind = Literal["bode", "sigma", "nyquist", "nichols", "step"]
+_MOST_CURVES = 5
+
+
+class LoopAnalysis(LoopFigures, Displayed):
+    """What :func:`loop_analysis` found out.
+
+    Attributes
+    ----------
+    loop : Loop
+        Plant and controller, to be opened anywhere.
+    stability : Stability
+        Of the closed loop; if it is not stable, everything below `output` is empty.
+    input, output : Sensitivities
+        L, S, T, KS and GS at the plant's input and output, with their peaks.
+    margins : tuple of LoopMargins
+        One loop at a time, the others closed: at every control, then at every measurement.
+    at_once : mapping of str to MarginsAtOnce
+        All at once: at the "inputs", the "outputs", and the "inputs and outputs".
+    bandwidths : tuple of LoopBandwidth
+        Of every single loop, and of the largest singular value ("all").
+    noise : tuple of Effort
+        What noise on each measurement makes each control do.
+    effort : tuple of Effort
+        What each disturbance of the plant makes each control do.
+    given : tuple of GivenEffort
+        What each control does under the disturbance that was given.
+    sample_rate : SampleRate or None
+        Sampling that a continuous loop needs; None in discrete time.
+    requirements : LoopRequirements
+        What the words judge by.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> s = control.tf("s")
+    >>> analysis = rp.loop_analysis(1 / (s * (s + 1) * (0.5 * s + 1)), -1)
+    >>> analysis.stable, round(analysis.gain_margin[1], 3), round(analysis.phase_margin, 2)
+    (True, 3.0, 32.61)
+    >>> round(analysis.delay_margin, 4), round(analysis.disk_margin.alpha, 4)
+    (0.7596, 0.5053)
+    >>> print(analysis.explain().split(":")[1].split(",")[0].strip())
+    its disk margin at input u[0] is ±4.49 dB and ±28.4 deg
+    >>> analysis.plot(kind="nyquist").get_xlabel(), sorted(analysis.to_dict())[:2]
+    ('real part of L', ['at_once', 'bandwidths'])
+    >>> [table.caption for table in analysis.tables()][:2]
+    ['Margins, one loop at a time', 'Margins, all at once']
+    """
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What speaks against building the loop, the worst first."""
+        return tuple(problems(self))
+
+    @property
+    def buildable(self) -> bool:
+        """Whether the loop meets its requirements."""
+        return not problems(self)
+
+    def explain(self) -> str:
+        """Say in a paragraph whether the loop can be built, and what limits it.
+
+        Returns
+        -------
+        str
+        """
+        return explain(self)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return the figures as tables: margins, bandwidths, noise, effort, sampling.
+
+        Returns
+        -------
+        tuple of Table
+        """
+        return tables_of(self)
+
+    def plot(
+        self,
+        ax: Axes | str | None = None,
+        *,
+        kind: Kind = "bode",
+        signal: str | None = None,
+        place: Place = "input",
+        of: Literal["S", "T", "KS", "GS"] = "T",
+        duration: float | None = None,
+    ) -> Axes:
+        """Draw the loops.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes or str, optional
+            Where to draw; a new figure by default. A text is taken as `kind`.
+        kind : {"bode", "sigma", "nyquist", "nichols", "step"}, optional
+            "bode", "nyquist" and "nichols" show L of single loops, the latter two with the disk
+            around -1 that each stays out of; "sigma" the largest singular values of S, T, KS
+            and GS; "step" the response of `of` to a unit step.
+        signal : str, optional
+            The control or measurement at which the loop is broken; by default all of `place`, at
+            most five.
+        place : {"input", "output"}, optional
+            Of the plant.
+        of : {"S", "T", "KS", "GS"}, optional
+            What "step" shows; of S and T the single loops.
+        duration : float, optional
+            Of "step", in s; by default four time constants of the slowest pole.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such kind, place or signal, or for the steps of an unstable loop.
+        """
+        if isinstance(ax, str):
+            ax, kind = None, ax  # type: ignore[assignment]
+        one_of("kind", kind, get_args(Kind))
+        one_of("place", place, PLACES)
+        chosen = self._chosen(place, signal)
+        if kind == "sigma":
+            at = getattr(self, chosen[0][0])
+            systems = {name: getattr(at, name) for name in ("S", "T", "KS", "GS")}
+            return plot_sigma(systems, ax, self.loop.rates)
+        if kind == "step":
+            return self._plot_steps(chosen, of, duration, ax)
+        loops = {self.loop.names(where)[i]: self.loop.opened(where, [i]) for where, i in chosen}
+        disks = {m.name: m.disk.alpha for m in self.margins}
+        if kind == "bode":
+            return plot_loop_bode(loops, ax, self.loop.rates)
+        draw = plot_loop_nyquist if kind == "nyquist" else plot_loop_nichols
+        return draw(loops, disks, ax, self.loop.rates)
+
+    def _chosen(self, place: Place, signal: str | None) -> list[tuple[Place, int]]:
+        if signal is None:
+            return [(place, i) for i in range(min(len(self.loop.names(place)), _MOST_CURVES))]
+        for where in PLACES:
+            if signal in self.loop.names(where):
+                return [(where, self.loop.names(where).index(signal))]
+        known = ", ".join([*self.loop.names("input"), *self.loop.names("output")])
+        raise invalid("signal", signal, f"one of {known}", "Check its spelling.")
+
+    def _plot_steps(
+        self, chosen: list[tuple[Place, int]], of: str, duration: float | None, ax: Axes | None
+    ) -> Axes:
+        one_of("of", of, ("S", "T", "KS", "GS"))
+        if not self.stable:
+            shown = described("the steps of an unstable loop")
+            raise invalid("kind", shown, "a stable loop", "Draw kind='nyquist' to see why.")
+        systems: dict[str, control.StateSpace] = {}
+        for where, i in chosen:
+            name = self.loop.names(where)[i]
+            at = getattr(self, where)
+            if of in ("S", "T"):
+                systems[name] = from_to(getattr(at, of), [i], [i])
+            else:
+                systems[of] = getattr(at, of)
+        rates: Any = self.loop.rates
+        slowest = float(np.abs(rates.real).min(initial=math.inf))
+        length = 4 / slowest if 0 < slowest < math.inf else 1.0
+        return plot_steps(systems, length if duration is None else duration, ax)
+
+    def _card(self) -> Card:
+        state = "stable" if self.stable else "NOT stable"
+        verdict = "can be built" if self.buildable else "cannot be built as it is"
+        time = "discrete time" if self.loop.is_discrete else "continuous time"
+        title = f"Loop analysis, {time}: {state}" + (f", {verdict}" if self.stable else "")
+        return Card(title, self.tables(), (self.explain(),))
+
+
+@same_bits
+def loop_analysis(
+    plant: Design | GeneralizedPlant | control.StateSpace | control.TransferFunction,
+    controller: Design | GivenController | None = None,
+    *,
+    disturbance: xr.Dataset | None = None,
+    requirements: LoopRequirements | None = None,
+) -> LoopAnalysis:
+    r"""Find out what a loop is like, whether it can be built, and what limits it.
+
+    The frequencies at which margins are decided are not those of a grid. Gain crossovers are
+    eigenvalues of a Hamiltonian matrix, phase crossovers zeros of L(s) - L(-s), each then
+    solved for by bracketing; peaks are proven norms; the disk margin of several loops is an upper
+    bound with scales whose intervals cover the axis.
+
+    Parameters
+    ----------
+    plant : Design, GeneralizedPlant, control.StateSpace or control.TransferFunction
+        A design alone; or a plant, whose lower block from u to y counts (all of a plain system).
+    controller : control.StateSpace, control.TransferFunction, array_like or Design, optional
+        K in u = K y, shape (nu, ny), with **positive** sign: for a textbook's negative feedback
+        pass -C.
+    disturbance : xarray.Dataset, optional
+        Disturbances of the plant over `time`, by name; those that are not given are zero.
+        Their controls are told in `given`.
+    requirements : LoopRequirements, optional
+        What is asked of a loop that is to be built.
+
+    Returns
+    -------
+    LoopAnalysis
+        Of an unstable loop without margins, and with words that say so.
+
+    Raises
+    ------
+    InvalidInputError
+        If plant and controller do not fit, if one is continuous and the other discrete, or if
+        the loop is not well posed.
+
+    Notes
+    -----
+    Margins: S. Skogestad, I. Postlethwaite, Multivariable Feedback Control, 2nd ed., section 2.4;
+    P. Seiler, A. Packard, P. Gahinet, "An Introduction to Disk Margins", IEEE Control Systems
+    Magazine 40 (2020) 78-95. Delays are exact, exp(-s tau), in every margin.
+
+    Examples
+    --------
+    The spinning satellite: every single loop bears any gain and 90 degrees, both together 0.87 dB.
+
+    >>> import control
+    >>> import numpy as np
+    >>> import robustpolish as rp
+    >>> G = control.ss([[0, 10], [-10, 0]], np.eye(2), [[1, 10], [-10, 1]], 0)
+    >>> analysis = rp.loop_analysis(G, -np.eye(2))
+    >>> [round(m.phase_deg, 3) for m in analysis.margins]
+    [90.0, 90.0, 90.0, 90.0]
+    >>> disk = analysis.at_once["inputs"].disk
+    >>> round(disk.gain_db, 2), round(disk.phase_deg, 2)
+    (0.87, 5.7)
+    """
+    loop = loop_of(plant, controller)
+    asked = LoopRequirements() if requirements is None else requirements
+    remedy = "Pass rp.LoopRequirements(...)."
+    instance_of("requirements", asked, LoopRequirements, "a LoopRequirements", remedy)
+    at = {place: sensitivities(loop, place) for place in PLACES}
+    if not loop.stability:
+        return LoopAnalysis(
+            loop, loop.stability, at["input"], at["output"], (), {}, (), (), (), (), None, asked
+        )
+    singles = tuple(
+        margins_of(loop, place, i) for place in PLACES for i in range(len(loop.names(place)))
+    )
+    at_once = {where: margins_at_once(loop, where) for where in get_args(Where)}
+    widths = bandwidths(loop, singles)
+    found = LoopAnalysis(
+        loop=loop,
+        stability=loop.stability,
+        input=at["input"],
+        output=at["output"],
+        margins=singles,
+        at_once=at_once,
+        bandwidths=widths,
+        noise=noise_effort(loop),
+        effort=disturbance_effort(loop),
+        given=() if disturbance is None else given_effort(loop, disturbance),
+        sample_rate=None,
+        requirements=asked,
+    )
+    return found if loop.is_discrete else _with_rate(found, loop, singles, asked)
+
+
+def _with_rate(
+    found: LoopAnalysis, loop: Loop, singles: tuple[LoopMargins, ...], asked: LoopRequirements
+) -> LoopAnalysis:
+    rate = sample_rate(loop, singles, found.delay_margin, found.bandwidths, asked)
+    return replace(found, sample_rate=rate)

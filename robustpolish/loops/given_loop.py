@@ -1,0 +1,126 @@
+"""The loop that users give: a design, or a plant and a controller of many kinds, checked."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+
+from robustpolish.loops.loop import Loop
+from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.blocks import named_system
+from robustpolish.synthesis import Design
+from robustpolish.synthesis.certificate.loop_balls import GivenController, controller_system
+from robustpolish.validation import described, invalid
+
+
+def loop_of(
+    plant: Design | GeneralizedPlant | control.StateSpace | control.TransferFunction,
+    controller: Design | GivenController | None,
+) -> Loop:
+    """Return the loop of a design, or of a plant and a controller.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no plant, if the controller is missing or does not fit, or if the loop has no
+        solution.
+    """
+    if isinstance(plant, Design):
+        if controller is not None:
+            shown = described("a design and a controller besides")
+            remedy = "Pass design.plant to try another controller on its plant."
+            raise invalid(
+                "controller", shown, "a design alone, or a plant and a controller", remedy
+            )
+        plant, controller = plant.plant, plant.controller
+    whole = _as_plant(plant)
+    if isinstance(controller, Design):
+        controller = controller.controller
+    if controller is None:
+        remedy = "Call loop_analysis(plant, controller), with u = K y."
+        raise invalid("controller", None, "a controller beside the plant", remedy)
+    if whole.nu == 0 or whole.ny == 0:
+        shown = described(f"{whole.nu} controls and {whole.ny} measurements")
+        remedy = "Name measurements= and controls= of the plant."
+        raise invalid("plant", shown, "at least one of each", remedy)
+    _complain_about_states(whole, controller)
+    K = controller_system(whole, controller)
+    if K.nstates and K.dt is not None and K.dt != whole.dt and not _same_step(K.dt, whole.dt):
+        shown = described(f"{_timing(K.dt)} for a plant in {_timing(whole.dt)}")
+        remedy = "Discretise the plant or the controller first, such as with control.c2d."
+        raise invalid("controller", shown, "the same time as the plant", remedy)
+    if (K.noutputs, K.ninputs) != (whole.nu, whole.ny):
+        shown = described(f"{K.ninputs} inputs and {K.noutputs} outputs")
+        expected = f"{whole.ny} inputs (y) and {whole.nu} outputs (u)"
+        remedy = "It leads from the measurements y to the controls u."
+        raise invalid("controller", shown, expected, remedy)
+    loop = Loop(whole, K)
+    if not loop.well_posed():
+        shown = described("a loop matrix I - Dk D22 that is singular")
+        remedy = "Change the controller's feedthrough or the plant's D22."
+        raise invalid("controller", shown, "a well-posed loop", remedy)
+    return loop
+
+
+def _as_plant(plant: Any) -> GeneralizedPlant:
+    if isinstance(plant, GeneralizedPlant):
+        return plant
+    if isinstance(plant, control.TransferFunction):
+        realised = _realised(plant)
+    elif isinstance(plant, control.StateSpace):
+        realised = plant
+    else:
+        raise invalid(
+            "plant",
+            described(type(plant).__name__),
+            "a Design, a GeneralizedPlant, a control.StateSpace or a control.TransferFunction",
+            "Pass what a synthesis returned, or a plant and a controller.",
+        )
+    return GeneralizedPlant(realised, realised.noutputs or 0, realised.ninputs or 0)
+
+
+def _realised(plant: control.TransferFunction) -> control.StateSpace:
+    """Realise a plant as a controller would be: the same checks, of the same shape."""
+    dt = 0 if plant.dt is None else plant.dt
+    p, m = plant.noutputs, plant.ninputs
+    nothing = named_system(
+        (np.zeros((0, 0)), np.zeros((0, p)), np.zeros((m, 0)), np.zeros((m, p))),
+        dt,
+        [f"{name}_in" for name in plant.output_labels],
+        [f"{name}_out" for name in plant.input_labels],
+    )
+    mirror = GeneralizedPlant(nothing, m, p)
+    realised = controller_system(mirror, plant)
+    matrices = realised.A, realised.B, realised.C, realised.D
+    return named_system(
+        matrices, dt, plant.input_labels, plant.output_labels, realised.state_labels
+    )
+
+
+def _complain_about_states(plant: GeneralizedPlant, controller: GivenController) -> None:
+    """Tell a gain of a state feedback, given with a plant that measures something else."""
+    given = controller
+    if isinstance(given, control.StateSpace) and given.nstates == 0:
+        given = given.D
+    if isinstance(given, control.InputOutputSystem | control.LTI):
+        return
+    shape = np.shape(given)
+    if shape == (plant.nu, plant.nx) and plant.nx != plant.ny:
+        shown = described(f"a gain of shape {shape} for {plant.ny} measurements")
+        remedy = "For a state feedback pass plant.with_full_state()."
+        raise invalid("controller", shown, f"a gain of shape ({plant.nu}, {plant.ny})", remedy)
+
+
+def _same_step(one: float | bool, other: float | bool) -> bool:
+    """Tell whether two sampling times agree, one of which may be unspecified."""
+    if one is True or other is True:
+        return bool(one) and bool(other)
+    return bool(np.isclose(float(one), float(other), rtol=1e-9, atol=0.0))
+
+
+def _timing(dt: float | bool | None) -> str:
+    if not dt:
+        return "continuous time"
+    return "discrete time" if dt is True else f"discrete time with a step of {dt:g} s"

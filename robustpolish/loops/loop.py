@@ -1,0 +1,322 @@
+"""Plant and controller as a loop that can be opened anywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import control
+import numpy as np
+import scipy.linalg as sla
+
+from robustpolish.analysis import HinfNorm, Stability, hinf_norm, stability
+from robustpolish.arrays import AnyVector, Matrix
+from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.blocks import named_system
+from robustpolish.synthesis.problem.preflight import NOISE_PREFIX
+
+Place = Literal["input", "output"]
+PLACES: tuple[Place, ...] = ("input", "output")
+PROVEN_STATES = 16
+"""Largest number of states of a loop for which peaks are proven in exact arithmetic."""
+_Matrices = tuple[Matrix, Matrix, Matrix, Matrix]
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A plant from u to y and a controller u = K y, with what lies outside the loop left out.
+
+    Delays that a plant keeps beside its state-space system would enter in :meth:`opened` and
+    :meth:`closed`, from which every response of the room is made: today they are analysed as the
+    plant's ``system`` has them, by their Padé approximation.
+
+    Attributes
+    ----------
+    plant : GeneralizedPlant
+        As given; its lower block is the plant of the loop.
+    controller : control.StateSpace
+        K, with positive sign.
+    """
+
+    plant: GeneralizedPlant
+    controller: control.StateSpace
+
+    @property
+    def approximated_delays(self) -> dict[str, float]:
+        """Delays in s that the plant keeps beside its system, by signal; analysed as Padé's."""
+        return dict(getattr(self.plant, "delays", {}))
+
+    @property
+    def dt(self) -> float | bool:
+        """Sampling time in s; 0 in continuous time."""
+        return self.plant.dt
+
+    @property
+    def is_discrete(self) -> bool:
+        """Whether it is a loop in discrete time."""
+        return self.plant.is_discrete
+
+    def names(self, place: Place) -> tuple[str, ...]:
+        """Return the signals at which the loop can be broken: controls or measurements.
+
+        Parameters
+        ----------
+        place : {"input", "output"}
+
+        Returns
+        -------
+        tuple of str
+        """
+        own = self.plant
+        return own.control_names if place == "input" else own.measurement_names
+
+    def unit(self, name: str) -> str:
+        """Return the unit of a signal if the plant knows it; that of a measured state is its own.
+
+        Parameters
+        ----------
+        name : str
+
+        Returns
+        -------
+        str
+        """
+        units = self.plant.units
+        bare = name.removeprefix(NOISE_PREFIX)
+        return units.get(name) or units.get(bare) or units.get(bare.removeprefix("measured_"), "")
+
+    @cached_property
+    def inside(self) -> tuple[int, ...]:
+        """The plant's states that lie between u and y; weights and the like do not."""
+        own = self.plant
+        moved: Any = _reached(own.A != 0, (own.B2 != 0).any(axis=1))
+        seen = _reached(own.A.T != 0, (own.C2 != 0).any(axis=0))
+        return tuple(int(i) for i in np.flatnonzero(moved & seen))
+
+    @property
+    def outside(self) -> tuple[str, ...]:
+        """Names of the plant's states that no controller of this loop can change."""
+        return tuple(name for i, name in enumerate(self.plant.states) if i not in self.inside)
+
+    @cached_property
+    def outside_stability(self) -> Stability:
+        """Whether these are stable by themselves."""
+        rest = [i for i in range(self.plant.nx) if i not in self.inside]
+        A = self.plant.A[np.ix_(rest, rest)]
+        names = self.outside
+        matrices = (A, np.eye(len(A)), np.eye(len(A)), np.zeros(A.shape))
+        return stability(named_system(matrices, self.dt, names, names, names))
+
+    @cached_property
+    def plant_matrices(self) -> _Matrices:
+        """A, B, C and D from u to y, of the states inside the loop."""
+        own, kept = self.plant, list(self.inside)
+        return own.A[np.ix_(kept, kept)], own.B2[kept], own.C2[:, kept], own.D22
+
+    @cached_property
+    def controller_matrices(self) -> _Matrices:
+        """A, B, C and D of K."""
+        K = self.controller
+        A, B, C, D = (np.asarray(getattr(K, name), dtype=float) for name in "ABCD")
+        n, m, p = K.nstates, K.ninputs, K.noutputs
+        return A.reshape(n, n), B.reshape(n, m), C.reshape(p, n), D.reshape(p, m)
+
+    @cached_property
+    def closed(self) -> control.StateSpace:
+        """From (disturbance at u, noise at y) to (u, y): S and KS above, GS and S below."""
+        (A, B, C, D), (Ak, Bk, Ck, Dk) = self.plant_matrices, self.controller_matrices
+        nu, ny = D.shape[1], D.shape[0]
+        loop = np.eye(nu) - Dk @ D
+        u = np.linalg.solve(loop, np.hstack([Dk @ C, Ck, np.eye(nu), Dk]))
+        n, k = A.shape[0], Ak.shape[0]
+        y = D @ u + np.hstack([C, np.zeros((ny, k + nu)), np.eye(ny)])
+        rows = np.vstack([B @ u, Bk @ y])
+        rows[:n, :n] += A
+        rows[n:, n : n + k] += Ak
+        outer = np.vstack([u, y])
+        names = [*self.names("input"), *self.names("output")]
+        cut = n + k
+        matrices = rows[:, :cut], rows[:, cut:], outer[:, :cut], outer[:, cut:]
+        return named_system(matrices, self.dt, names, names, self._states())
+
+    @cached_property
+    def stability(self) -> Stability:
+        """Whether the closed loop is stable."""
+        return stability(self.closed)
+
+    @cached_property
+    def rates(self) -> AnyVector:
+        """Poles of the closed loop as complex rates in rad/s, those at z = 0 left out."""
+        poles = np.asarray(self.stability.poles, dtype=complex)
+        if not self.is_discrete:
+            return poles
+        step = 1.0 if self.dt is True else float(self.dt)
+        return np.log(poles[poles != 0]) / step
+
+    @cached_property
+    def opposite_stability(self) -> Stability:
+        """Whether the loop with the opposite sign, u = -K y, is stable."""
+        return stability(Loop(self.plant, -self.controller).closed)
+
+    def at(self, place: Place, signals: Sequence[int] | None = None) -> list[int]:
+        """Return where signals of a place stand in :attr:`closed`.
+
+        Parameters
+        ----------
+        place : {"input", "output"}
+        signals : sequence of int, optional
+            All of the place by default.
+
+        Returns
+        -------
+        list of int
+        """
+        first = 0 if place == "input" else self.plant.nu
+        return [first + i for i in (range(len(self.names(place))) if signals is None else signals)]
+
+    def around(
+        self, at: Sequence[int], weight: float = 1.0, less: float = 0.0
+    ) -> control.StateSpace:
+        """Return weight * S - less * 1 at some signals, such as S - T = 2 S - 1.
+
+        Parameters
+        ----------
+        at : sequence of int
+            Positions in :attr:`closed`.
+        weight, less : float, optional
+
+        Returns
+        -------
+        control.StateSpace
+        """
+        closed, at = self.closed, list(at)
+        A, B, C, D = (np.asarray(getattr(closed, name)) for name in "ABCD")
+        own = weight * D[np.ix_(at, at)] - less * np.eye(len(at))
+        names = [closed.input_labels[i] for i in at]
+        matrices = A, B[:, at], weight * C[at], own
+        return named_system(matrices, self.dt, names, names, closed.state_labels)
+
+    def peak(self, at: Sequence[int], weight: float = 1.0, less: float = 0.0) -> HinfNorm:
+        """Return the norm of :meth:`around`, proven if that is affordable, and remember it.
+
+        Parameters
+        ----------
+        at : sequence of int
+        weight, less : float, optional
+
+        Returns
+        -------
+        HinfNorm
+        """
+        key = (*at, weight, less)
+        if key not in self._peaks:
+            self._peaks[key] = norm_of(self.around(at, weight, less))
+        return self._peaks[key]
+
+    def balanced_peak(self, at: Sequence[int]) -> HinfNorm:
+        """Return the norm of S - T, whose inverse is half the disk margin of one loop.
+
+        Parameters
+        ----------
+        at : sequence of int
+
+        Returns
+        -------
+        HinfNorm
+        """
+        return self.peak(at, 2.0, 1.0)
+
+    @cached_property
+    def _peaks(self) -> dict[tuple[float, ...], HinfNorm]:
+        return {}
+
+    @property
+    def side_by_side(self) -> control.StateSpace:
+        """Everything opened: from (u, y) to (-K y, -G u)."""
+        (A, B, C, D), (Ak, Bk, Ck, Dk) = self.plant_matrices, self.controller_matrices
+        nu, ny = D.shape[1], D.shape[0]
+        matrices: Any = (
+            np.asarray(sla.block_diag(A, Ak)),
+            np.asarray(sla.block_diag(B, Bk)),
+            np.vstack(
+                [np.hstack([np.zeros((nu, len(A))), -Ck]), np.hstack([-C, np.zeros((ny, len(Ak)))])]
+            ),
+            np.block([[np.zeros((nu, nu)), -Dk], [-D, np.zeros((ny, ny))]]),
+        )
+        names = [*self.names("input"), *self.names("output")]
+        return named_system(matrices, self.dt, names, names, self._states())
+
+    def opened(self, place: Place, signals: Sequence[int] | None = None) -> control.StateSpace:
+        """Return the loop transfer function where it is broken, the rest being closed.
+
+        Parameters
+        ----------
+        place : {"input", "output"}
+            Of the plant.
+        signals : sequence of int, optional
+            Where it is broken; at all signals of the place by default.
+
+        Returns
+        -------
+        control.StateSpace
+            L with S = 1/(1 + L): -K G or -G K if everything is broken.
+        """
+        names = self.names(place)
+        broken = list(range(len(names)) if signals is None else signals)
+        first, second = self.plant_matrices, self.controller_matrices
+        if place == "output":
+            first, second = second, first
+        matrices = _opened(first, second, broken)
+        labels = [names[i] for i in broken]
+        return named_system(matrices, self.dt, labels, labels, self._states(place))
+
+    def _states(self, place: Place = "input") -> list[str]:
+        """Name the states of plant and controller, in the order in which they are connected."""
+        own = [self.plant.states[i] for i in self.inside]
+        others = [
+            f"{'controller_' if name in own else ''}{name}" for name in self.controller.state_labels
+        ]
+        return [*own, *others] if place == "input" else [*others, *own]
+
+    def well_posed(self) -> bool:
+        """Tell whether the algebraic part of the loop has a solution."""
+        D, Dk = self.plant_matrices[3], self.controller_matrices[3]
+        return bool(np.linalg.cond(np.eye(D.shape[1]) - Dk @ D) < 1 / np.finfo(float).eps)
+
+
+def norm_of(system: control.StateSpace) -> HinfNorm:
+    """Return the H-infinity norm, proven in exact arithmetic if that is affordable."""
+    return hinf_norm(system, exact=(system.nstates or 0) <= PROVEN_STATES)
+
+
+def _reached(edges: Any, start: Any) -> Any:
+    """Return which states can be reached; ``edges[i, j]`` leads from j to i."""
+    found = start.copy()
+    while True:
+        further = found | (edges & found).any(axis=1)
+        if (further == found).all():
+            return found
+        found = further
+
+
+def _opened(first: _Matrices, second: _Matrices, broken: Sequence[int]) -> _Matrices:
+    """Return the negative transfer round the loop from `broken` inputs of `first`."""
+    (A, B, C, D), (Ak, Bk, Ck, Dk) = first, second
+    m, n, k = B.shape[1], A.shape[0], Ak.shape[0]
+    shut = np.eye(m)
+    shut[broken, broken] = 0.0
+    entry = np.eye(m)[:, broken]
+    loop = np.eye(m) - Dk @ D @ shut
+    back: Any = np.linalg.solve(loop, np.hstack([Dk @ C, Ck, Dk @ D @ entry]))
+    u = shut @ back
+    u[:, n + k :] += entry
+    y = D @ u
+    y[:, :n] += C
+    rows = np.vstack([B @ u, Bk @ y])
+    rows[:n, :n] += A
+    rows[n:, n : n + k] += Ak
+    outer = -back[broken]
+    cut = n + k
+    return rows[:, :cut], rows[:, cut:], outer[:, :cut], outer[:, cut:]

@@ -1,0 +1,278 @@
+"""The frequency response of a system, and the exact frequencies at which its gain has a level."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import control
+import numpy as np
+import scipy.linalg as sla
+from scipy.optimize import brentq
+
+from robustpolish.analysis.norms.frequency_grid import frequency_grid
+from robustpolish.analysis.norms.peak_search import cayley, hamiltonian
+from robustpolish.arrays import AnyArray, AnyVector, Array, Vector
+from robustpolish.exact.realisation import Realisation, realisation, rescaled
+
+_BATCH = 1024
+# Up to so many states an elimination at every frequency is quick.
+_ELIMINATED_STATES = 24
+# A logarithm of a gain, or a sine of a phase, that is rounding.
+_NOTHING = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """A system over frequency: its values, and points that show all of it.
+
+    Frequencies are in rad/s; without a sampling time in rad per sample.
+
+    Attributes
+    ----------
+    system : control.StateSpace
+    others : ndarray of complex
+        Further rates in rad/s that the points have to show, such as poles of the closed loop.
+    """
+
+    system: control.StateSpace
+    others: AnyVector = field(default_factory=lambda: np.zeros(0, complex))
+
+    @cached_property
+    def model(self) -> Realisation:
+        """The system in scaled units."""
+        model = realisation("system", self.system)
+        return rescaled(model) if model.states else model
+
+    @property
+    def highest(self) -> float:
+        """The Nyquist frequency in rad/s; infinite in continuous time."""
+        return math.pi / self.model.step if self.model.discrete else math.inf
+
+    def at(self, frequencies: Vector | float) -> AnyArray:
+        """Return the response at frequencies, shape (frequencies, outputs, inputs).
+
+        At a pole on the boundary of stability it is infinite; at infinity it is D.
+        """
+        omega = np.atleast_1d(np.asarray(frequencies, dtype=float))
+        model = self.model
+        values = np.empty((omega.size, *model.D.shape), dtype=complex)
+        for start in range(0, omega.size, _BATCH):
+            part = slice(start, start + _BATCH)
+            values[part] = self._batch(omega[part])
+        with np.errstate(invalid="ignore"):
+            return values * model.gain
+
+    def scalar(self, frequencies: Vector | float) -> AnyVector:
+        """Return the response of a system of one input and one output."""
+        return self.at(frequencies)[:, 0, 0]
+
+    @cached_property
+    def _triangular(self) -> tuple[AnyArray, AnyArray, AnyArray]:
+        """A, B and C with a triangular A, for which a frequency costs no elimination."""
+        model = self.model
+        found: Any = sla.schur(model.A, output="complex")
+        T, Q = found
+        return np.asarray(T), np.asarray(Q.conj().T @ model.B), np.asarray(model.C @ Q)
+
+    def _batch(self, omega: Vector) -> AnyArray:
+        model = self.model
+        D = np.broadcast_to(model.D, (omega.size, *model.D.shape)).astype(complex)
+        finite = np.flatnonzero(np.isfinite(omega))
+        if not model.states or not finite.size:
+            return D
+        s: Any = omega[finite]
+        s = np.exp(1j * s * model.step) if model.discrete else 1j * s / model.time
+        few = model.states <= _ELIMINATED_STATES
+        D[finite] += self._eliminated(s) if few else self._substituted(s)
+        return D
+
+    def _eliminated(self, s: AnyVector) -> AnyArray:
+        """Return C (s - A)^-1 B at every point by elimination, which respects small entries."""
+        model, n = self.model, self.model.states
+        resolvent = np.broadcast_to(-model.A, (s.size, n, n)).astype(complex)
+        resolvent[:, range(n), range(n)] += s[:, None]
+        B = np.broadcast_to(model.B.astype(complex), (s.size, *model.B.shape))
+        try:
+            return model.C @ np.linalg.solve(resolvent, B)
+        except np.linalg.LinAlgError:  # a pole at one of the points
+            if s.size == 1:
+                return np.full((1, *model.D.shape), np.inf, dtype=complex)
+            return np.concatenate([self._eliminated(s[i : i + 1]) for i in range(s.size)])
+
+    def _substituted(self, s: AnyVector) -> AnyArray:
+        """Return the same for many states, whose triangular form costs no elimination."""
+        T, B, C = self._triangular
+        n, m = B.shape
+        inner = np.zeros((n, m * s.size), complex)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            for i in reversed(range(n)):
+                entry = (T[i, i + 1 :] @ inner[i + 1 :]).reshape(m, s.size) + B[i][:, None]
+                inner[i] = (entry / (s - T[i, i])).ravel()
+            values = np.moveaxis((C @ inner).reshape(-1, m, s.size), 2, 0)
+        values[~np.isfinite(values).all(axis=(1, 2))] = np.inf
+        return values
+
+    def sizes(self, frequencies: Vector | float) -> Array:
+        """Return the singular values at frequencies, largest first."""
+        values = self.at(frequencies)
+        if values.shape[1:] == (1, 1):
+            return np.nan_to_num(np.abs(values[:, :, 0]), nan=np.inf, posinf=np.inf)
+        known = np.isfinite(values).all(axis=(1, 2))
+        found = np.full((len(values), min(self.model.D.shape)), np.inf)
+        found[known] = np.linalg.svd(values[known], compute_uv=False)
+        return found
+
+    @cached_property
+    def rates(self) -> AnyVector:
+        """Poles and, with one input and output, zeros as complex rates in rad/s."""
+        model = self.model
+        if not model.states:
+            return self.others
+        found: Any = [np.linalg.eigvals(model.A).astype(complex)]
+        if model.D.shape == (1, 1):
+            found.append(_zeros(model.A, model.B, model.C, model.D))
+        rates = np.concatenate(found)
+        if model.discrete:
+            return np.concatenate([np.log(rates[rates != 0]) / model.step, self.others])
+        return np.concatenate([rates * model.time, self.others])
+
+    @cached_property
+    def grid(self) -> Vector:
+        """Frequencies from far below the slowest to far above the fastest rate."""
+        grid = frequency_grid(self.rates, self.highest)
+        return grid[np.isfinite(grid)]
+
+    def level_crossings(self, level: float) -> list[float]:
+        """Return all frequencies at which the largest singular value has a level.
+
+        Those of the Hamiltonian matrix's eigenvalues that lie near the axis join the grid, so
+        that a crossing cannot hide between its points; each is then solved for by bracketing.
+        """
+
+        def excess(omega: Vector | float) -> Vector:
+            with np.errstate(divide="ignore"):
+                return np.log(self.sizes(omega)[:, 0] / level)
+
+        return roots(excess, [self.grid, self.level_hints(level)], self.highest)
+
+    def phase_crossings(self) -> list[float]:
+        """Return all frequencies above 0 at which a scalar response is real and negative."""
+
+        def sine(omega: Vector | float) -> Vector:
+            values: Any = self.scalar(omega)
+            with np.errstate(invalid="ignore"):
+                return np.nan_to_num(np.where(np.isfinite(values), values.imag / abs(values), 0))
+
+        found = roots(sine, [self.grid, self._phase_hints()], self.highest)
+        # The sign also changes where a pole or zero on the axis turns the phase.
+        return [
+            omega
+            for omega in found
+            if abs(sine(omega)[0]) < 1e-6 and self.scalar(omega)[0].real < 0
+        ]
+
+    @cached_property
+    def _continuous(self) -> Realisation | None:
+        """The system by z = (1 + s)/(1 - s), with a pole at z = -1 out of reach."""
+        try:
+            model = cayley(self.model)
+        except (np.linalg.LinAlgError, ValueError, RuntimeWarning):
+            return None
+        return model if np.isfinite(model.A).all() else None
+
+    def _back(self, values: Any) -> Vector:
+        """Return the rad/s of eigenvalues in scaled units, by height and by size."""
+        heights: Any = np.concatenate([np.abs(values.imag), np.abs(values)])
+        heights = heights[np.isfinite(heights) & (heights > 0)]
+        if self.model.discrete:
+            return 2 * np.arctan(heights) / self.model.step
+        return heights * self.model.time
+
+    def level_hints(self, level: float) -> Vector:
+        """Return the frequencies at which a singular value may have a level."""
+        model = self._continuous
+        if model is None or not model.states:
+            return np.zeros(0)
+        H = hamiltonian(model, level / self.model.gain)
+        if H is None or not np.isfinite(H).all():
+            # The level is that of D: move it a little, and look for the crossings beside it.
+            H = hamiltonian(model, level / self.model.gain * (1 + 1e-7))
+        if H is None or not np.isfinite(H).all():
+            return np.zeros(0)
+        return self._back(np.linalg.eigvals(H).astype(complex))
+
+    def _phase_hints(self) -> Vector:
+        """Return where L(s) - L(-s), which is twice the imaginary part, has its zeros."""
+        model = self._continuous
+        if model is None or not model.states:
+            return np.zeros(0)
+        A: Any = sla.block_diag(model.A, -model.A)
+        B, C = np.vstack([model.B, model.B]), np.hstack([model.C, model.C])
+        return self._back(_zeros(A, B, C, np.zeros((1, 1))))
+
+
+def roots(
+    function: Callable[[Any], Vector], points: list[Vector], highest: float = math.inf
+) -> list[float]:
+    """Return where a function of frequency changes its sign, or just touches zero.
+
+    Parameters
+    ----------
+    function : callable
+        Takes frequencies in rad/s; what is below 1e-12 in size counts as zero.
+    points : list of ndarray
+        Where to look; the middles between them are looked at besides.
+    highest : float, optional
+        No point lies above it.
+
+    Returns
+    -------
+    list of float
+        Rising.
+    """
+    all_points = np.concatenate(points)
+    all_points = all_points[(all_points > 0) & (all_points <= highest)]
+    if not all_points.size:
+        all_points = np.ones(1)
+    # A root at the outermost point needs a neighbour on either side.
+    outer = np.array([all_points.min() / 10, min(10 * all_points.max(), highest)])
+    all_points = np.unique(np.concatenate([all_points, outer]))
+    all_points = all_points[all_points <= highest]
+    middles = np.sqrt(all_points[1:]) * np.sqrt(all_points[:-1])
+    omega = np.unique(np.concatenate([all_points, middles]))
+    values = function(omega)
+    flat = np.abs(values) <= _NOTHING
+    found: list[float] = []
+    strict = np.flatnonzero(~flat & ~np.isnan(values))
+    if flat.all():  # zero everywhere
+        return [float(omega[0]), float(omega[-1])]
+    for i, j in itertools.pairwise(strict):
+        if (values[i] > 0) != (values[j] > 0):
+            found.append(_bracketed(function, float(omega[i]), float(omega[j])))
+        elif j > i + 1:  # it only touches, or stays at, zero
+            found += sorted({float(omega[i + 1]), float(omega[j - 1])})
+    return found
+
+
+def _bracketed(function: Callable[[Any], Vector], low: float, high: float) -> float:
+    def one(omega: float) -> float:
+        return float(np.clip(function(omega)[0], -1e300, 1e300))
+
+    return float(brentq(one, low, high, xtol=1e-15 * high, rtol=1e-14))  # type: ignore[arg-type]
+
+
+def _zeros(A: Array, B: Array, C: Array, D: Array) -> AnyVector:
+    """Return the finite zeros of a system of one input and one output."""
+    n = A.shape[0]
+    M = np.block([[A, B], [C, D]])
+    N = np.zeros(M.shape)
+    N[:n, :n] = np.eye(n)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        zeros = np.asarray(sla.eigvals(M, N))
+    size = max(float(np.linalg.norm(A)), 1e-300)
+    return zeros[np.isfinite(zeros) & (np.abs(zeros) < 1e6 * size)]

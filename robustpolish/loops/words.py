@@ -1,0 +1,326 @@
+"""Can this loop be built, and what limits it: the figures in a paragraph."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.ticker import EngFormatter
+
+from robustpolish.loops.figures import LoopFigures
+from robustpolish.loops.margins.disk import decibel
+
+
+def problems(found: LoopFigures) -> list[str]:
+    """Return what speaks against building the loop, the worst first; nothing if it can be built."""
+    if not found.stable:
+        return [_unstable(found)]
+    asked, told = found.requirements, []
+    told += _delays(found)
+    rate = found.sample_rate
+    if rate is not None and rate.needed_hz > asked.sample_rate_hz:
+        wanted = (
+            f"it needs sampling at {_quantity(rate.needed_hz, 'Hz')} ({rate.limited_by})"
+            if math.isfinite(rate.needed_hz)
+            else "no sampling is fast enough for it"
+        )
+        told.append(f"{wanted}, where {_quantity(asked.sample_rate_hz, 'Hz')} can be bought")
+    dt = found.loop.dt
+    if found.loop.is_discrete and dt is not True and 1 / float(dt) > asked.sample_rate_hz:
+        told.append(
+            f"it is sampled at {_quantity(1 / float(dt), 'Hz')}, where "
+            f"{_quantity(asked.sample_rate_hz, 'Hz')} can be bought"
+        )
+    weak = [m for m in found.margins if m.disk.alpha < asked.disk]
+    if weak:
+        worst = min(weak, key=lambda m: m.disk.alpha)
+        told.append(
+            f"its disk margin at {worst.place} {worst.name} is "
+            f"{_disk(worst.disk)}, below {asked.disk_gain_db:g} dB and {asked.disk_phase_deg:g} deg"
+        )
+    weak_together = [
+        m
+        for where, m in found.at_once.items()
+        if where != "inputs and outputs"
+        and len(m.signals) > 1
+        and m.disk.alpha < asked.disk_at_once
+    ]
+    if weak_together:
+        worst = min(weak_together, key=lambda m: m.disk.alpha)
+        told.append(
+            f"its disk margin at all {worst.where} at once is {_disk(worst.disk)}, below "
+            f"{asked.at_once_gain_db:g} dB"
+        )
+    near = [m for m in found.margins if m.modulus < asked.modulus and m not in weak]
+    if near:
+        worst = min(near, key=lambda m: m.modulus)
+        told.append(
+            f"its Nyquist curve at {worst.place} {worst.name} comes within {worst.modulus:.3g} "
+            f"of -1, where {asked.modulus:g} is asked"
+        )
+    return told
+
+
+def explain(found: LoopFigures) -> str:
+    """Say in a paragraph whether the loop can be built, and what limits it."""
+    against = problems(found)
+    if not found.stable:
+        return f"This loop cannot be built: {against[0]}. There are no margins."
+    sentences = [_verdict(against), _margins(found), _at_once(found), _where(found)]
+    sentences += [_sampling(found), _sensors(found), _noise(found), _effort(found)]
+    sentences += _conditional(found)
+    sentences += [_outside(found), _approximated(found)]
+    return " ".join(filter(None, sentences))
+
+
+def _unstable(found: LoopFigures) -> str:
+    loop = found.loop
+    text = f"the closed loop is not stable ({found.stability.reason})"
+    if loop.opposite_stability:
+        text += "; with the opposite sign it would be, so pass -K: here u = K y"
+    return text
+
+
+def _verdict(against: list[str]) -> str:
+    if not against:
+        return "This loop can be built."
+    return f"This loop cannot be built as it is: {'; '.join(against)}."
+
+
+def _delays(found: LoopFigures) -> list[str]:
+    asked, margin = found.requirements, found.delay_margin
+    if found.loop.dt is True:  # without a sampling time, seconds mean nothing
+        return []
+    if found.loop.is_discrete:
+        total = asked.delay_s
+        what = f"a chain of measurement and drive takes {_quantity(total, 's')}"
+    else:
+        sampling = asked.sampling_delay_samples / asked.sample_rate_hz
+        total = asked.delay_s + sampling
+        what = (
+            f"{asked.sampling_delay_samples:g} samples at "
+            f"{_quantity(asked.sample_rate_hz, 'Hz')} and the chain of measurement and drive take "
+            f"{_quantity(total, 's')}"
+        )
+    if margin == 0:
+        return [f"any delay makes it unstable, and {what}"]
+    if margin <= total:
+        return [f"a delay of {_quantity(margin, 's')} makes it unstable, and {what}"]
+    if asked.delay_share * margin < total:
+        share = f"{100 * total / margin:.0f} %"
+        return [f"of its delay margin of {_quantity(margin, 's')}, {share} are used up: {what}"]
+    return []
+
+
+def _margins(found: LoopFigures) -> str:
+    down, up = found.gain_margin
+    gains = f"the gain may {_gain_words(down, up)}"
+    phase = found.phase_margin
+    turns = (
+        f"the phase turn by {phase:.3g} deg" if math.isfinite(phase) else "the phase turn freely"
+    )
+    delay = found.delay_margin
+    if delay == 0:
+        waits = "but no delay be added"
+    elif math.isfinite(delay):
+        waits = f"and a delay reach {_delay(found, delay)}"
+    else:
+        waits = "and any delay be added"
+    disk = found.disk_margin
+    return (
+        f"One loop at a time, {gains}, {turns} {waits}; gain and phase together may change by "
+        f"{_disk(disk)}{_at(found, disk.frequency_hz)}."
+    )
+
+
+def _gain_words(down: float, up: float) -> str:
+    falls = f"fall by {-decibel(down):.3g} dB" if down > 0 else "fall to nothing"
+    rises = f"rise by {decibel(up):.3g} dB" if math.isfinite(up) else "rise without limit"
+    return f"{falls} and {rises}"
+
+
+def _at_once(found: LoopFigures) -> str:
+    several = {where: m for where, m in found.at_once.items() if len(m.signals) > 1}
+    single = [m for where, m in several.items() if where != "inputs and outputs"]
+    if not single:
+        return ""
+    parts = [
+        f"{_disk(m.disk)} at all {where}"
+        for where, m in several.items()
+        if where != "inputs and outputs"
+    ]
+    delay = min(m.any_delay_s for m in single)
+    waits = f", and delays up to {_delay(found, delay)} in any combination" if delay > 0 else ""
+    return f"All at once they bear {' and '.join(parts)}{waits if math.isfinite(delay) else ''}."
+
+
+def _where(found: LoopFigures) -> str:
+    crossovers = [c.frequency_hz for m in found.margins for c in m.gain_crossovers]
+    if not crossovers:
+        return "The gain of no single loop reaches 1: control changes little."
+    fastest = max(crossovers)
+    own = _plant_frequencies(found)
+    text = f"The highest gain crossover is at {_frequency(found, fastest)}"
+    if own and fastest > 10 * max(own):
+        ratio = fastest / max(own)
+        text += (
+            f", {ratio:.3g} times the plant's fastest own frequency of "
+            f"{_frequency(found, max(own))}: the gain is far above what the plant asks for"
+        )
+    return text + "."
+
+
+def _plant_frequencies(found: LoopFigures) -> list[float]:
+    loop = found.loop
+    poles: Any = np.linalg.eigvals(loop.plant_matrices[0]) if loop.inside else np.zeros(0)
+    if loop.is_discrete:
+        poles = np.log(poles[poles != 0]) / (1.0 if loop.dt is True else float(loop.dt))
+    hertz = np.abs(poles) / (2 * math.pi)
+    return [float(value) for value in hertz if value > 0]
+
+
+def _sampling(found: LoopFigures) -> str:
+    rate = found.sample_rate
+    if rate is None:
+        dt = found.loop.dt
+        unit = "" if dt is True else f" ({_quantity(1 / float(dt), 'Hz')})"
+        extra = min((m.delay_samples for m in found.margins), default=math.inf)
+        if not math.isfinite(extra):
+            return f"It is sampled{unit}, and bears any further delay."
+        return f"It is sampled{unit}, and bears a further delay of less than {extra:.3g} samples."
+    text = f"It needs sampling at {_quantity(rate.needed_hz, 'Hz')} for its {rate.limited_by}"
+    if rate.lowest_stable_hz == 0:
+        return text + ", and no slower rate makes it unstable."
+    if not math.isfinite(rate.needed_hz):
+        return "No sampling is fast enough, for the gain of the loop never falls below 1."
+    if not math.isfinite(rate.lowest_stable_hz):
+        return text + ", and no rate was found at which the sampled loop is stable."
+    late = rate.computation_samples
+    return (
+        f"{text}; below {_quantity(rate.lowest_stable_hz, 'Hz')}, with {late} "
+        f"{'sample' if late == 1 else 'samples'} of computation, the sampled loop is unstable."
+    )
+
+
+def _sensors(found: LoopFigures) -> str:
+    plant = found.loop.plant
+    whole = plant.C2.shape == (plant.nx, plant.nx) and (np.eye(plant.nx) == plant.C2).all()
+    if not whole or plant.nx < 2 or plant.D22.any():
+        return ""
+    return (
+        f"It takes all {plant.nx} states as measured: as many sensors, or an observer with margins "
+        "of its own."
+    )
+
+
+def _noise(found: LoopFigures) -> str:
+    rows = [row for row in found.noise if row.peak_gain > 0]
+    if not rows:
+        return ""
+    endless = [row for row in rows if not math.isfinite(row.rms)]
+    if endless:
+        names = sorted({row.control for row in endless})
+        return (
+            f"White measurement noise drives {_listed(names)} without bound, because the "
+            "controller answers at once: give it a low-pass filter beyond the bandwidth "
+            "that is needed."
+        )
+    worst = max(rows, key=lambda row: row.rms)
+    often = "in every sample" if found.loop.is_discrete else "per root hertz"
+    return (
+        f"Measurement noise of 1 {worst.source_unit or 'unit'} {often} on {worst.source} moves "
+        f"{worst.control} by {_amount(worst.rms, worst.unit)} RMS."
+    )
+
+
+def _effort(found: LoopFigures) -> str:
+    if found.given:
+        parts = [
+            f"{row.control} reaches {_amount(row.peak, row.unit)} and moves at up to "
+            f"{_rate(found, row.peak_rate, row.unit)}"
+            for row in found.given
+        ]
+        return f"Under the given disturbance {_listed(parts, 6)}."
+    rows = [row for row in found.effort if row.step_peak > 0]
+    if not rows:
+        return ""
+    worst = max(rows, key=lambda row: row.step_rate)
+    rate = f"moves at up to {_rate(found, worst.step_rate, worst.unit)}"
+    return (
+        f"After a step of 1 {worst.source_unit or 'unit'} of {worst.source}, {worst.control} "
+        f"{'jumps' if math.isinf(worst.step_rate) else rate} and reaches "
+        f"{_amount(worst.step_peak, worst.unit)}."
+    )
+
+
+def _conditional(found: LoopFigures) -> list[str]:
+    names = [f"{m.place} {m.name}" for m in found.margins if m.conditionally_stable]
+    if not names:
+        return []
+    return [f"It is only conditionally stable at {_listed(names)}: less gain makes it unstable."]
+
+
+def _outside(found: LoopFigures) -> str:
+    loop = found.loop
+    if not loop.outside or loop.outside_stability:
+        return ""
+    return (
+        f"Outside the loop, where no control reaches or no measurement sees, "
+        f"{_listed(list(loop.outside))} are not stable ({loop.outside_stability.reason})."
+    )
+
+
+def _approximated(found: LoopFigures) -> str:
+    delays = {} if found.loop.is_discrete else found.loop.approximated_delays
+    if not delays:
+        return ""
+    named = [f"{_quantity(delay, 's')} at {name}" for name, delay in delays.items()]
+    return f"Delays of the plant ({_listed(named)}) are in these figures by Padé approximation."
+
+
+def _disk(disk: Any) -> str:
+    if math.isinf(disk.gain_db):
+        return f"any gain or ±{disk.phase_deg:.3g} deg"
+    return f"±{disk.gain_db:.3g} dB and ±{disk.phase_deg:.3g} deg"
+
+
+def _at(found: LoopFigures, hertz: float) -> str:
+    return f", worst at {_frequency(found, hertz)}" if 0 < hertz < math.inf else ""
+
+
+def _frequency(found: LoopFigures, hertz: float) -> str:
+    """Return a frequency; without a sampling time it is counted per sample."""
+    return f"{hertz:.3g} per sample" if found.loop.dt is True else _quantity(hertz, "Hz")
+
+
+def _delay(found: LoopFigures, delay: float) -> str:
+    return f"{delay:.3g} samples" if found.loop.dt is True else _quantity(delay, "s")
+
+
+def _listed(names: list[str], most: int = 3) -> str:
+    shown, more = names[:most], len(names) - most
+    if more > 0:
+        return f"{', '.join(shown)} and {more} more"
+    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"
+
+
+def _quantity(value: float, unit: str) -> str:
+    """Return a number with its unit and SI prefix, three digits."""
+    if not math.isfinite(value) or value == 0:
+        return f"{value:g} {unit}"
+    digits = f"{value:.3g}"
+    power = 3 * math.floor(math.log10(abs(float(digits))) / 3)
+    power = min(max(power, min(EngFormatter.ENG_PREFIXES)), max(EngFormatter.ENG_PREFIXES))
+    prefix = EngFormatter.ENG_PREFIXES[power]
+    return f"{float(digits) / 10**power:.3g} {prefix}{unit}"
+
+
+def _amount(value: float, unit: str) -> str:
+    return f"{value:.3g} {unit}".rstrip()
+
+
+def _rate(found: LoopFigures, value: float, unit: str) -> str:
+    if found.loop.dt is True:
+        return f"{_amount(value, unit)} per sample"
+    return f"{value:.3g} {unit}/s" if unit else f"{value:.3g} per second"
