@@ -9,7 +9,7 @@ from typing import Any
 
 from robustpolish.identification.findings.diagnosis import Diagnosis, diagnosis_from
 from robustpolish.models import GeneralizedPlant, MechanicalModel
-from robustpolish.models.plant.file import plant_arguments
+from robustpolish.models.plant.plant import plant_from
 from robustpolish.saved_file import Fields, read_saved
 from robustpolish.synthesis import Design
 from robustpolish.synthesis.design.design import design_from
@@ -18,7 +18,7 @@ from robustpolish.validation import described, invalid
 _READERS: Mapping[str, Callable[[Fields], Any]] = {
     "design": design_from,
     "diagnosis": diagnosis_from,
-    "plant": lambda fields: GeneralizedPlant(*plant_arguments(fields)),
+    "plant": plant_from,
 }
 
 

@@ -1,5 +1,7 @@
 """Modes, norms, scaling, observability: what a linear system is like."""
 
+from robustpolish.analysis.delays.delay_stability import DelayStability, delay_stability
+from robustpolish.analysis.delays.delayed_system import DelayedSystem, DelayLine
 from robustpolish.analysis.norms.h2_norm import H2Norm, h2_norm
 from robustpolish.analysis.norms.hinf_norm import HinfNorm, hinf_norm
 from robustpolish.analysis.norms.lmi import LmiCheck, h2_norm_lmi, hinf_norm_lmi, lyapunov_lmi
@@ -22,6 +24,9 @@ from robustpolish.exact.rational import is_positive_definite
 __all__ = [
     "AxisZero",
     "Block",
+    "DelayLine",
+    "DelayStability",
+    "DelayedSystem",
     "Feasibility",
     "H2Norm",
     "HinfNorm",
@@ -35,6 +40,7 @@ __all__ = [
     "Stability",
     "controllability",
     "decoupled_blocks",
+    "delay_stability",
     "h2_norm",
     "h2_norm_lmi",
     "hinf_norm",

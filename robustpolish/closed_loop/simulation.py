@@ -7,9 +7,9 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.wired import NOISE_PREFIX
 from robustpolish.simulation import linear_response
 from robustpolish.synthesis.design.design import Design
-from robustpolish.synthesis.problem.preflight import NOISE_PREFIX
 from robustpolish.validation import described, instance_of, invalid
 
 

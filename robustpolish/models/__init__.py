@@ -9,6 +9,8 @@ from robustpolish.models.machines.air_bearing_parameters import (
 from robustpolish.models.mechanical.model import MechanicalModel
 from robustpolish.models.mechanical.parts import CoupledInertia, Damper, Dof, Input, Output, Spring
 from robustpolish.models.plant.plant import GeneralizedPlant
+from robustpolish.models.weights.mixed_sensitivity import mixed_sensitivity
+from robustpolish.models.weights.weight import weight
 
 __all__ = [
     "AirBearingParameters",
@@ -24,4 +26,6 @@ __all__ = [
     "Spring",
     "air_bearing",
     "linearize",
+    "mixed_sensitivity",
+    "weight",
 ]

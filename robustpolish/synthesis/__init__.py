@@ -2,6 +2,9 @@
 
 from robustpolish.synthesis.certificate.certificate import Certificate, certify
 from robustpolish.synthesis.design.design import Design
+from robustpolish.synthesis.loop_shaping.loop_shaping import loop_shaping
+from robustpolish.synthesis.loop_shaping.ncf_margin import ncf_margin
+from robustpolish.synthesis.loop_shaping.nu_gap import nu_gap
 from robustpolish.synthesis.methods.compare_methods import (
     MethodComparison,
     MethodResult,
@@ -42,8 +45,11 @@ __all__ = [
     "channel",
     "compare_methods",
     "given_controller",
+    "loop_shaping",
     "mixed_output_feedback",
     "mixed_state_feedback",
+    "ncf_margin",
+    "nu_gap",
     "observer_controller",
     "observer_feedback",
     "output_feedback",

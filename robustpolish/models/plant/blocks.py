@@ -32,7 +32,8 @@ class PlantBlocks:
     @property
     def nx(self) -> int:
         """Number of states."""
-        return int(self.system.nstates)
+        known = isinstance(self.system, control.StateSpace)
+        return int((self.system if known else self._model()).nstates)
 
     @property
     def nw(self) -> int:
@@ -112,7 +113,7 @@ class PlantBlocks:
     @property
     def states(self) -> tuple[str, ...]:
         """Names of x."""
-        return tuple(self.system.state_labels)
+        return tuple(self._model().state_labels)
 
     @property
     def disturbance_names(self) -> tuple[str, ...]:
@@ -136,7 +137,19 @@ class PlantBlocks:
 
     def _matrix(self, name: str) -> Matrix:
         """Copy A, B, C or D of the system."""
-        return np.array(getattr(self.system, name))
+        known = isinstance(self.system, control.StateSpace)
+        return np.array(getattr(self.system if known else self._model(), name))
+
+    def _model(self) -> control.StateSpace:
+        """Return the system if it is one of states, and not a measured response."""
+        if isinstance(self.system, control.StateSpace):
+            return self.system
+        raise invalid(
+            "plant",
+            described("a frequency response, which has no states"),
+            "a model in state space",
+            "Fit a model to the response; itself it serves plant.frequency_response only.",
+        )
 
 
 def named_system(

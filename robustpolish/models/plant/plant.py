@@ -14,19 +14,27 @@ from numpy.typing import ArrayLike
 
 from robustpolish.arrays import Matrix
 from robustpolish.display import Card, Displayed, quantities
-from robustpolish.models.plant.blocks import (
-    PlantBlocks,
-    closed_loop,
-    named_system,
-    static_controller,
+from robustpolish.models.plant.blocks import closed_loop, named_system, static_controller
+from robustpolish.models.plant.file import plant_content, plant_parts
+from robustpolish.models.plant.given_system import as_state_space
+from robustpolish.models.plant.measured import finite
+from robustpolish.models.plant.sorting import Chosen, sorted_signals
+from robustpolish.models.plant.wired import WiredPlant
+from robustpolish.models.plant.wiring import Wiring
+from robustpolish.saved_file import Fields, read_saved, write_saved
+from robustpolish.validation import (
+    described,
+    instance_of,
+    invalid,
+    matrix,
+    positive,
+    square,
+    state_space,
 )
-from robustpolish.models.plant.file import plant_arguments, plant_content
-from robustpolish.saved_file import read_saved, write_saved
-from robustpolish.validation import invalid, matrix, square, state_space
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class GeneralizedPlant(PlantBlocks, Displayed):
+class GeneralizedPlant(WiredPlant, Displayed):
     r"""A state-space system whose signals are sorted into w, u, z and y.
 
     ::
@@ -47,20 +55,33 @@ class GeneralizedPlant(PlantBlocks, Displayed):
 
     Parameters
     ----------
-    system : control.StateSpace
-        The whole plant, continuous or discrete; its signal names are kept.
-    measurements : int
-        Number of measurements y: the last outputs.
-    controls : int
-        Number of controls u: the last inputs.
+    system : control.StateSpace, control.TransferFunction or control.FrequencyResponseData
+        The whole plant, continuous or discrete; its signal names are kept. A transfer function
+        is realised. A frequency response stays one: :meth:`frequency_response` shows it, and all
+        that needs states refuses it. Where delays were added, ``system`` holds their Pade
+        approximations.
+    measurements : int, str or sequence of str
+        Number of measurements y, the last outputs, or the names of one or several outputs, wherever
+        they stand. As an attribute, their number.
+    controls : int, str or sequence of str
+        The same for the controls u among the inputs.
     units : mapping of str to str, optional
         Unit of each named signal or state, such as ``{"x": "m"}``.
+    limits : mapping of str to float, optional
+        Largest magnitude of some controls, in their units. A fact for those who judge a loop.
+    rate_limits : mapping of str to float, optional
+        Largest rate of some controls, in their units per second.
+
+    Attributes
+    ----------
+    delays : mapping of str to float
+        Delay of each signal that :meth:`with_delay` delayed, in s.
 
     Raises
     ------
     InvalidInputError
-        If the system is no ``StateSpace``, has entries that are not finite, or
-        if the counts do not fit.
+        If the system is of another kind, has entries that are not finite, or
+        if the counts or names do not fit.
 
     Examples
     --------
@@ -87,31 +108,224 @@ class GeneralizedPlant(PlantBlocks, Displayed):
     [-3.0, -3.0]
     >>> plant.static_controller([[-2.0]]).input_labels
     ['y[1]']
+
+    Signals by name are sorted, and a plain system can be put into its loop:
+
+    >>> G = control.tf([1.0], [1.0, 1.0], inputs="F", outputs="x")
+    >>> rp.GeneralizedPlant.from_loop(G, units={"F": "N", "x": "m"})
+    Generalised plant, continuous time
+      disturbances w (2)  disturbance_x [m]; disturbance_F [N]
+      controls u (1)      F [N]
+      performance z (2)   output_x [m]; effort_F [N]
+      measurements y (1)  x [m]
+      states x (1)        x[0]
     """
 
     system: control.StateSpace
     measurements: int
     controls: int
     units: Mapping[str, str] = field(default_factory=dict)
+    limits: Mapping[str, float] = field(default_factory=dict)
+    rate_limits: Mapping[str, float] = field(default_factory=dict)
+    delays: Mapping[str, float] = field(default_factory=dict)
+    _wiring: Wiring | None = None
 
     def __init__(
+        self,
+        system: control.StateSpace | control.TransferFunction | control.FrequencyResponseData,
+        measurements: Chosen,
+        controls: Chosen,
+        units: Mapping[str, str] | None = None,
+        limits: Mapping[str, float] | None = None,
+        rate_limits: Mapping[str, float] | None = None,
+    ) -> None:
+        whole: Any
+        if isinstance(system, control.StateSpace):
+            whole = state_space("system", system)
+        elif isinstance(system, control.FrequencyResponseData):
+            whole = finite("system", system)
+        else:
+            kinds = "a StateSpace, a TransferFunction or a FrequencyResponseData"
+            instance_of("system", system, control.TransferFunction, kinds, "Use control.ss(...).")
+            whole = as_state_space("system", system)
+        whole, ny, nu = sorted_signals(whole, measurements, controls)
+        self._set(whole, ny, nu, units or {}, limits or {}, rate_limits or {})
+
+    def _set(
         self,
         system: control.StateSpace,
         measurements: int,
         controls: int,
-        units: Mapping[str, str] | None = None,
+        units: Mapping[str, str],
+        limits: Mapping[str, float],
+        rate_limits: Mapping[str, float],
+        delays: Mapping[str, float] = MappingProxyType({}),
+        wiring: Wiring | None = None,
     ) -> None:
-        state_space("system", system)
-        _count("measurements", measurements, system.noutputs, "outputs")
-        _count("controls", controls, system.ninputs, "inputs")
-        object.__setattr__(self, "system", system)
-        object.__setattr__(self, "measurements", int(measurements))
-        object.__setattr__(self, "controls", int(controls))
-        object.__setattr__(self, "units", MappingProxyType(dict(units or {})))
+        """Set the fields, names in the mappings checked."""
+        for argument, given in (("units", units), ("limits", limits), ("rate_limits", rate_limits)):
+            instance_of(argument, given, Mapping, "a mapping of names", "Write {name: value}.")
+        own: dict[str, Any] = {
+            "system": system,
+            "measurements": measurements,
+            "controls": controls,
+            "units": MappingProxyType(dict(units)),
+            "limits": MappingProxyType(dict(limits)),
+            "rate_limits": MappingProxyType(dict(rate_limits)),
+            "delays": MappingProxyType(dict(delays)),
+            "_wiring": wiring,
+        }
+        for name, value in own.items():
+            object.__setattr__(self, name, value)
         known = _labels(system)
         for name in self.units:
             if name not in known:
                 raise invalid("units", name, "names of signals or states", "Check its spelling.")
+        for argument in ("limits", "rate_limits"):
+            for name, value in own[argument].items():
+                if name not in self.control_names:
+                    want = f"names of controls: {', '.join(self.control_names)}"
+                    raise invalid(argument, name, want, "Check its spelling.")
+                positive((argument, name), value)
+
+    @classmethod
+    def _made(cls, *parts: Any, **more: Any) -> GeneralizedPlant:
+        plant = object.__new__(cls)
+        plant._set(*parts, **more)
+        return plant
+
+    def rewired(
+        self,
+        wiring: Wiring,
+        *,
+        units: Mapping[str, str] | None = None,
+        limits: Mapping[str, float] | None = None,
+        rate_limits: Mapping[str, float] | None = None,
+        delays: Mapping[str, float] | None = None,
+    ) -> GeneralizedPlant:
+        """Return the plant with another wiring, whose signals keep their units.
+
+        Parameters
+        ----------
+        wiring : Wiring
+        units, limits, rate_limits, delays : mapping, optional
+            Instead of those that are kept.
+
+        Returns
+        -------
+        GeneralizedPlant
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.air_bearing()
+        >>> plant.rewired(plant.wiring).nx
+        12
+        """
+        kept = wiring if wiring.lines else None
+        system, ny, nu = wiring.pade_model(), wiring.measurements, wiring.controls
+        known = self._facts_in(system, nu)
+        given = {"units": units, "limits": limits, "rate_limits": rate_limits, "delays": delays}
+        known |= {key: value for key, value in given.items() if value is not None}
+        return self._made(system, ny, nu, **known, wiring=kept)
+
+    def _facts_in(self, system: control.StateSpace, controls: int) -> dict[str, Mapping[str, Any]]:
+        """Return units, limits and delays of what has the same name in another system."""
+        known = _labels(system)
+        names = system.input_labels[system.ninputs - controls :]
+        kept = {"units": known, "limits": names, "rate_limits": names, "delays": known}
+        return {
+            key: {name: value for name, value in getattr(self, key).items() if name in there}
+            for key, there in kept.items()
+        }
+
+    def without_delays(self) -> GeneralizedPlant:
+        """Return the plant whose Pade approximations are all that is known of its delays.
+
+        Returns
+        -------
+        GeneralizedPlant
+            With the same ``system``, and no ``delays``.
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[-1]], [[1]], [[1]], [[1]], [[1]])
+        >>> plant.with_delay("u1", 0.1).without_delays().delays
+        mappingproxy({})
+        """
+        known = (self.units, self.limits, self.rate_limits)
+        return self._made(self.system, self.measurements, self.controls, *known)
+
+    @classmethod
+    def from_loop(
+        cls,
+        system: control.StateSpace | control.TransferFunction | GeneralizedPlant,
+        *,
+        units: Mapping[str, str] | None = None,
+    ) -> GeneralizedPlant:
+        """Build the plant of a loop from a plain system with inputs u and outputs y.
+
+        Disturbances act at its output, where they are noise or a reference of the other sign, and
+        at its input; z shows y and what the controller asks for. With u = K y the loop from w to z
+        is then [I; K] (I - G K)^-1 [I, G], which holds all that a loop is judged by: the
+        sensitivity S = (I - G K)^-1, K S, S G and K S G.
+
+        Parameters
+        ----------
+        system : control.StateSpace, control.TransferFunction or GeneralizedPlant
+            G. Of a generalised plant, the part from u to y, with its delays, limits and units.
+        units : mapping of str to str, optional
+            Unit of each named input, output or state.
+
+        Returns
+        -------
+        GeneralizedPlant
+            With disturbances ``disturbance_``, first those at the outputs, and outputs ``output_``
+            and ``effort_`` with the names of the signals behind; controls and measurements keep
+            theirs.
+
+        Raises
+        ------
+        InvalidInputError
+            If the system is of another kind or a unit is that of an unknown name.
+
+        Examples
+        --------
+        >>> import control
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_loop(control.tf([2.0], [1.0, 1.0]))
+        >>> plant.D11, plant.D12.T, plant.D21
+        (array([[1., 0.],
+               [0., 0.]]), array([[0., 1.]]), array([[1., 0.]]))
+        """
+        if isinstance(system, GeneralizedPlant):
+            inner = system
+            if units:
+                inner = inner.replace(units=units)
+        else:
+            G = as_state_space("system", system)
+            inner = cls(G, measurements=G.noutputs, controls=G.ninputs, units=units)
+        nu, ny = inner.nu, inner.ny
+        names = (inner.control_names, inner.measurement_names)
+        plain = inner.wiring.chosen([], range(nu), [], range(ny)).with_inputs_twice(
+            [f"disturbance_{name}" for name in names[0]]
+        )
+        plain = plain.with_disturbances(np.eye(ny), [f"disturbance_{name}" for name in names[1]])
+        plain = plain.with_performance(
+            np.vstack([np.eye(ny), np.zeros((nu, ny))]),
+            np.vstack([np.zeros((ny, nu)), np.eye(nu)]),
+            [*(f"output_{name}" for name in names[1]), *(f"effort_{name}" for name in names[0])],
+        )
+        order = [*range(nu, nu + ny), *range(nu)]
+        wiring = plain.chosen(order, range(nu), range(ny + nu), range(ny))
+        known = {name: unit for name, unit in inner.units.items() if name in _labels(wiring.system)}
+        for name, unit in inner.units.items():
+            if name in names[0]:
+                known |= {f"disturbance_{name}": unit, f"effort_{name}": unit}
+            if name in names[1]:
+                known |= {f"disturbance_{name}": unit, f"output_{name}": unit}
+        return inner.rewired(wiring, units=known)
 
     @classmethod
     def from_matrices(
@@ -184,7 +398,7 @@ class GeneralizedPlant(PlantBlocks, Displayed):
         ]
         B, C, x = np.hstack([B1, B2]), np.vstack([C1, C2]), _names("states", states, nx, "x")
         system = named_system((A, B, C, D), dt, inputs, outputs, x)
-        return cls(system, measurements=ny, controls=nu, units=units)
+        return cls._made(system, ny, nu, units or {}, {}, {})
 
     def replace(
         self, *, units: Mapping[str, str] | None = None, **changes: Any
@@ -221,6 +435,8 @@ class GeneralizedPlant(PlantBlocks, Displayed):
         >>> pushed.nw, pushed.nz, pushed.units["F_x"], pushed.units["x_m"]
         (1, 6, 'N', 'm')
         """
+        if self._wiring is not None:
+            return self._renamed(units, changes)
         feedthroughs = {name: getattr(self, name) for name in ("D11", "D12", "D21", "D22")}
         own = {
             **{name: getattr(self, name) for name in ("A", "B1", "B2", "C1", "C2")},
@@ -235,6 +451,44 @@ class GeneralizedPlant(PlantBlocks, Displayed):
         plant = GeneralizedPlant.from_matrices(**{**own, **changes})
         return self._with_units_of(plant.system, plant.ny, plant.nu, units)
 
+    def _renamed(
+        self, units: Mapping[str, str] | None, changes: Mapping[str, Any]
+    ) -> GeneralizedPlant:
+        """Return the plant with other names; its matrices are those of the Pade models."""
+        kinds = ("states", "disturbances", "controls", "performance", "measurements")
+        for name in changes:
+            if name in ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22", "dt"):
+                raise invalid(
+                    name,
+                    described("a change of a plant with delays"),
+                    "changes of names and units only",
+                    "Change the plant before with_delay(...), or take plant.without_delays().",
+                )
+            if name not in kinds:
+                raise TypeError(f"replace() got an unexpected keyword argument {name!r}")
+        old = (
+            self.states,
+            self.disturbance_names,
+            self.control_names,
+            self.performance_names,
+            self.measurement_names,
+        )
+        new = [
+            _names(kind, changes.get(kind, names), len(names), "")
+            for kind, names in zip(kinds, old, strict=True)
+        ]
+        x, w, u, z, y = new
+        wiring, n = self.wiring, self.wiring.nx
+        before = (*old[1], *old[3], *old[4], *old[2])  # a control's new name counts most
+        called = dict(zip(before, (*w, *z, *y, *u), strict=True))
+        wiring = wiring.renamed([*w, *u], [*z, *y], x[:n]).with_lines_named(called)
+        facts: dict[str, Mapping[str, Any]] = {
+            key: {called[name]: value for name, value in getattr(self, key).items()}
+            for key in ("limits", "rate_limits", "delays")
+        }
+        own = {n: unit for n, unit in self.units.items() if n in _labels(wiring.pade_model())}
+        return self.rewired(wiring, units={**own, **(units or {})}, **facts)
+
     def _with_units_of(
         self,
         system: control.StateSpace,
@@ -242,10 +496,10 @@ class GeneralizedPlant(PlantBlocks, Displayed):
         controls: int,
         units: Mapping[str, str] | None = None,
     ) -> GeneralizedPlant:
-        """Return another system with this plant's units where a name is the same."""
-        known = _labels(system)
-        kept = {name: unit for name, unit in self.units.items() if name in known}
-        return GeneralizedPlant(system, measurements, controls, {**kept, **(units or {})})
+        """Return another system with this plant's units and facts where a name is the same."""
+        facts = self._facts_in(system, controls)
+        own = {**facts["units"], **(units or {})}
+        return self._made(system, measurements, controls, **{**facts, "units": own})
 
     def part(
         self,
@@ -266,6 +520,7 @@ class GeneralizedPlant(PlantBlocks, Displayed):
         Returns
         -------
         GeneralizedPlant
+            With the delays of the whole; where states are chosen, with their Pade models only.
 
         Examples
         --------
@@ -278,6 +533,8 @@ class GeneralizedPlant(PlantBlocks, Displayed):
         u = list(range(self.nu) if controls is None else controls)
         z = list(range(self.nz) if performance is None else performance)
         y = list(range(self.ny) if measurements is None else measurements)
+        if states is None:
+            return self.rewired(self.wiring.chosen(w, u, z, y))
         ins, outs = [*w, *(self.nw + i for i in u)], [*z, *(self.nz + i for i in y)]
         whole = self.system
         A, B, C, D = (self._matrix(name) for name in "ABCD")
@@ -288,7 +545,7 @@ class GeneralizedPlant(PlantBlocks, Displayed):
             [whole.output_labels[i] for i in outs],
             [whole.state_labels[i] for i in x],
         )
-        return self._with_units_of(part, len(y), len(u))
+        return self.without_delays()._with_units_of(part, len(y), len(u))
 
     @property
     def open_loop(self) -> control.StateSpace:
@@ -335,6 +592,13 @@ class GeneralizedPlant(PlantBlocks, Displayed):
 
     def with_full_state(self) -> GeneralizedPlant:
         """Return the same plant with y = x, for state feedback."""
+        if self._wiring is not None:
+            raise invalid(
+                "plant",
+                described("delays, which have infinitely many states"),
+                "a plant without delays for state feedback",
+                "Use an output feedback, or take plant.without_delays() with its Pade states.",
+            )
         return self.replace(
             C2=np.eye(self.nx),
             D21=np.zeros((self.nx, self.nw)),
@@ -344,12 +608,9 @@ class GeneralizedPlant(PlantBlocks, Displayed):
 
     def with_control_outputs(self) -> GeneralizedPlant:
         """Return the same plant with u appended to z, so that the loop shows the effort."""
-        return self.replace(
-            C1=np.vstack([self.C1, np.zeros((self.nu, self.nx))]),
-            D11=np.vstack([self.D11, np.zeros((self.nu, self.nw))]),
-            D12=np.vstack([self.D12, np.eye(self.nu)]),
-            performance=[*self.performance_names, *self.control_names],
-        )
+        none = np.zeros((self.nu, self.ny))
+        shown = self.wiring.with_performance(none, np.eye(self.nu), self.control_names)
+        return self.rewired(shown)
 
     def static_controller(self, gain: ArrayLike) -> control.StateSpace:
         """Return u = K y as a system without states, with the plant's signal names.
@@ -416,18 +677,30 @@ class GeneralizedPlant(PlantBlocks, Displayed):
         ...
         robustpolish.errors.InvalidInputError: path: got missing.json (No such file or directory)...
         """
-        return cls(*plant_arguments(read_saved(path, "plant")))
+        return plant_from(read_saved(path, "plant"))
 
     def _card(self) -> Card:
         time = f"discrete time, step {self.dt}" if self.is_discrete else "continuous time"
+        lines = isinstance(self.system, control.FrequencyResponseData)
+        if lines:
+            time = "a frequency response"
         groups = (
             ("disturbances w", self.disturbance_names),
             ("controls u", self.control_names),
             ("performance z", self.performance_names),
             ("measurements y", self.measurement_names),
-            ("states x", self.states),
+            *([] if lines else [("states x", self.states)]),
         )
         rows = [(f"{group} ({len(names)})", self._listed(names)) for group, names in groups]
+        rows += [
+            (what, ", ".join(f"{name} {value:g}{unit}" for name, value in facts.items()))
+            for what, facts, unit in (
+                ("delays", self.delays, " s"),
+                ("limits", self.limits, ""),
+                ("limits of rates", self.rate_limits, "/s"),
+            )
+            if facts
+        ]
         return Card(f"Generalised plant, {time}", (quantities(*rows),))
 
     def _listed(self, names: Sequence[str]) -> str:
@@ -441,19 +714,16 @@ class GeneralizedPlant(PlantBlocks, Displayed):
         return "; ".join(groups)
 
 
+def plant_from(fields: Fields) -> GeneralizedPlant:
+    """Return the plant in a file that has been opened; see :meth:`GeneralizedPlant.load`."""
+    wiring, facts = plant_parts(fields)
+    bare = GeneralizedPlant(wiring.system, wiring.measurements, wiring.controls)
+    return bare.rewired(wiring, **facts)
+
+
 def _labels(system: control.StateSpace) -> set[str]:
-    return {*system.input_labels, *system.output_labels, *system.state_labels}
-
-
-def _count(argument: str, value: Any, available: int | None, what: str) -> None:
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or not 0 <= value <= (available or 0):
-        raise invalid(
-            argument,
-            value,
-            f"a whole number from 0 to {available}, the system's number of {what}",
-            f"Count the {what} at the end of the list.",
-        )
+    states = system.state_labels if isinstance(system, control.StateSpace) else ()
+    return {*system.input_labels, *system.output_labels, *states}
 
 
 def _names(argument: str, given: Sequence[str] | None, count: int, letter: str) -> list[str]:

@@ -21,6 +21,7 @@ from robustpolish.long_calls import same_bits
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_poles
 from robustpolish.synthesis.certificate.achieved_norm import achieved_h2, achieved_hinf
+from robustpolish.synthesis.certificate.exact_delays import ExactDelays, exact_delays
 from robustpolish.synthesis.certificate.loop_balls import (
     GivenController,
     controller_system,
@@ -47,7 +48,7 @@ class Certificate(Displayed):
     valid : bool
         True only if the loop is proven stable, the norm proven to lie below `bound` and
         confirmed on a frequency grid, if rounding the loop's matrices to doubles changes it
-        by less than 1 %, and if the claim, if any, is kept.
+        by less than 1 %, if the claim, if any, is kept, and if exact delays make it not unstable.
     reasons : tuple of str
         Why it is not valid; empty if it is.
     stable : bool
@@ -76,6 +77,9 @@ class Certificate(Displayed):
         The matrix behind `bound`.
     discrete : bool
         Whether it is a discrete-time loop.
+    exact_delays : ExactDelays or None
+        For a plant with delays: all of the above is about their Pade models; this says whether
+        the loop with the delays as they are is stable. None for all other plants.
 
     Examples
     --------
@@ -107,6 +111,7 @@ class Certificate(Displayed):
     frequencies_hz: NDArray[np.float64]
     proof: NormProof | None = field(repr=False)
     discrete: bool = False
+    exact_delays: ExactDelays | None = None
 
     def plot(
         self, ax: Axes | None = None, *, regions: PoleRegion | Sequence[PoleRegion] = ()
@@ -148,7 +153,8 @@ class Certificate(Displayed):
             ("least damping ratio", float(self.damping.min(initial=1.0))),
         )
         verdict = "valid" if self.valid else "NOT valid"
-        return Card(f"Certificate: {verdict}", (quantities(*rows),), self.reasons)
+        delays = () if self.exact_delays is None else (f"{self.exact_delays}",)
+        return Card(f"Certificate: {verdict}", (quantities(*rows),), (*self.reasons, *delays))
 
     def with_claim(self, claimed: float) -> Certificate:
         """Return the certificate with a claim that is kept, for a loop certified without one.
@@ -279,6 +285,12 @@ def certify(
                 reasons.append(f"only the bound {bound:.6g} could be proven, not {achieved:.6g}")
     if claimed is not None and np.isfinite(achieved) and achieved > claimed * (1 + tolerance):
         reasons.append(f"the claimed bound {claimed:.6g} is false: the loop has {achieved:.6g}")
+    exact = exact_delays(plant, K, norm) if stable and plant.delays else None
+    if exact is not None and exact.stability.verdict == "unstable":
+        reasons.append(
+            "the loop is unstable with its delays as they are: the Pade models are too rough; "
+            "raise order= of with_delay"
+        )
     return Certificate(
         norm=norm,
         valid=not reasons,
@@ -295,6 +307,7 @@ def certify(
         frequencies_hz=hertz,
         proof=proof,
         discrete=plant.is_discrete,
+        exact_delays=exact,
     )
 
 

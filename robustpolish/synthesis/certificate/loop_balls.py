@@ -13,13 +13,13 @@ from typing import Any
 import control
 import flint
 import numpy as np
-from control.exception import ControlMIMONotImplemented
 from numpy.typing import ArrayLike
 
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.exact import balls
 from robustpolish.exact.balls import Ball
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.given_system import realised
 from robustpolish.synthesis.certificate.quick_norm import state_scale
 from robustpolish.validation import described, invalid
 
@@ -201,7 +201,17 @@ def controller_system(plant: GeneralizedPlant, controller: GivenController) -> c
     if isinstance(controller, control.StateSpace):
         return controller
     if isinstance(controller, control.TransferFunction):
-        return _realised(plant, controller)
+        if (controller.noutputs, controller.ninputs) != (plant.nu, plant.ny):
+            shown = f"{controller.noutputs} outputs and {controller.ninputs} inputs"
+            raise invalid(
+                "controller",
+                described(f"a TransferFunction with {shown}"),
+                f"one with {plant.nu} outputs and {plant.ny} inputs",
+                "It leads from the measurements y to the controls u.",
+            )
+        # A transfer function without a sampling time takes that of the plant.
+        names = (plant.measurement_names, plant.control_names)
+        return realised("controller", controller, plant.dt, *names)
     if isinstance(controller, control.InputOutputSystem | control.LTI):
         raise invalid(
             "controller",
@@ -210,39 +220,3 @@ def controller_system(plant: GeneralizedPlant, controller: GivenController) -> c
             "Fit or linearise it first.",
         )
     return plant.static_controller(controller)
-
-
-def _realised(plant: GeneralizedPlant, K: control.TransferFunction) -> control.StateSpace:
-    if (K.noutputs, K.ninputs) != (plant.nu, plant.ny):
-        raise invalid(
-            "controller",
-            described(f"a TransferFunction with {K.noutputs} outputs and {K.ninputs} inputs"),
-            f"one with {plant.nu} outputs and {plant.ny} inputs",
-            "It leads from the measurements y to the controls u.",
-        )
-    pairs = zip(K.num_list, K.den_list, strict=True)
-    if any(n.size > d.size for row in pairs for n, d in zip(*row, strict=True)):
-        raise invalid(
-            "controller",
-            described("an improper TransferFunction"),
-            "one with no more zeros than poles",
-            "Add a lag to its derivative action.",
-        )
-    # A transfer function without a sampling time takes that of the plant.
-    timed = control.TransferFunction(K.num_list, K.den_list, plant.dt if K.dt is None else K.dt)
-    single = K.ninputs == K.noutputs == 1
-    try:
-        realised: Any = control.ss(
-            timed,
-            method="scipy" if single else None,
-            inputs=list(plant.measurement_names),
-            outputs=list(plant.control_names),
-        )
-    except (ControlMIMONotImplemented, ImportError):
-        raise invalid(
-            "controller",
-            described("a TransferFunction of several inputs or outputs, and slycot is missing"),
-            "a control.StateSpace",
-            "Install slycot, or pass a state-space realisation.",
-        ) from None
-    return realised

@@ -250,7 +250,10 @@ class Design(Displayed):
             tables.append(Table("Springs and dampers", head, tuple(found)))
         solved = self.backend not in ("none", self.method)
         how = f"{self.method}, {self.backend}" if solved else self.method
-        return Card(f"Design ({how}): {self.status}", tuple(tables), (self.message,))
+        notes = [self.message]
+        if c.exact_delays is not None:
+            notes.append(f"The certificate is {c.exact_delays}.")
+        return Card(f"Design ({how}): {self.status}", tuple(tables), tuple(notes))
 
 
 def design_from(fields: Fields) -> Design:

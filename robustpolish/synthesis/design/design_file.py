@@ -13,13 +13,8 @@ from typing import Any, get_args
 import control
 import numpy as np
 
-from robustpolish.models import GeneralizedPlant
-from robustpolish.models.plant.file import (
-    plant_arguments,
-    plant_content,
-    system_content,
-    system_from,
-)
+from robustpolish.models.plant.file import plant_content, system_content, system_from
+from robustpolish.models.plant.plant import plant_from
 from robustpolish.saved_file import Fields, plain
 from robustpolish.synthesis.certificate.certificate import certify
 from robustpolish.synthesis.design.status import Status
@@ -61,7 +56,7 @@ def design_fields(fields: Fields) -> dict[str, Any]:
         If a key is missing or wrong, if the controller does not earn a certificate, or if its
         loop has another norm than the file says.
     """
-    plant = GeneralizedPlant(*plant_arguments(fields.table("plant")))
+    plant = plant_from(fields.table("plant"))
     controller = system_from(fields.table("controller"))
     norm = fields.text("norm", ("hinf", "h2"))
     claimed = None if fields.raw("claimed") is None else fields.number("claimed")

@@ -149,7 +149,8 @@ def output_feedback(
     exact = [mode for mode in diagnosis.fixed_modes if mode.exact]
     if exact:
         raise refuse(exact)
-    parts = decoupled_parts(plant) if split else (undivided(plant),)
+    # Delays are approximated in the parts; the whole is certified with them as they are.
+    parts = decoupled_parts(plant) if split else (undivided(plant.without_delays()),)
     with working("Designing an output feedback"):
         chosen = _solve_parts(parts, settings, diagnosis, budget)
         controller = joined_controller(plant, parts, [c.controller if c else None for c in chosen])
@@ -347,7 +348,7 @@ def _certificate(
     """Certify the whole loop, which for a single part has been done."""
     done = [c for c in chosen if c is not None]
     own = [part.plant.nx for part, c in zip(parts, chosen, strict=True) if c is not None]
-    if own == [plant.nx] and not idle:
+    if own == [plant.nx] and not idle and not plant.delays:
         return done[0].certificate
     claims = [*(c.certificate.claimed or 0.0 for c in done), *idle]
     certificate = certify(plant, controller, norm, _joined(claims, norm))

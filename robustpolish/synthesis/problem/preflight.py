@@ -16,10 +16,10 @@ from robustpolish.arrays import Array
 from robustpolish.errors import InfeasibleError
 from robustpolish.exact.rational import EXACT_STATES
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.wired import NOISE_PREFIX
 from robustpolish.synthesis.problem.scaling import scale_plant
 from robustpolish.validation import described, invalid
 
-NOISE_PREFIX = "noise_"
 """What the names of added measurement noise begin with."""
 _SUSPECT = 1e-7
 
@@ -260,13 +260,9 @@ def priced(plant: GeneralizedPlant, weight: ArrayLike | None) -> GeneralizedPlan
     paid = np.flatnonzero(weights)
     if not paid.size:
         return plant
-    more = ((0, paid.size), (0, 0))
-    return plant.replace(
-        C1=np.pad(plant.C1, more),
-        D11=np.pad(plant.D11, more),
-        D12=np.vstack([plant.D12, np.diag(weights)[paid]]),
-        performance=[*plant.performance_names, *(f"price_{plant.control_names[i]}" for i in paid)],
-    )
+    names = [f"price_{plant.control_names[i]}" for i in paid]
+    none = np.zeros((paid.size, plant.ny))
+    return plant.rewired(plant.wiring.with_performance(none, np.diag(weights)[paid], names))
 
 
 def noisy(plant: GeneralizedPlant, noise: ArrayLike | None) -> GeneralizedPlant:
@@ -296,14 +292,8 @@ def noisy(plant: GeneralizedPlant, noise: ArrayLike | None) -> GeneralizedPlant:
     heard = np.flatnonzero(sizes)
     if not heard.size:
         return plant
-    more = ((0, 0), (0, heard.size))
     names = [NOISE_PREFIX + plant.measurement_names[i] for i in heard]
-    return plant.replace(
-        B1=np.pad(plant.B1, more),
-        D11=np.pad(plant.D11, more),
-        D21=np.hstack([plant.D21, np.diag(sizes)[:, heard]]),
-        disturbances=[*plant.disturbance_names, *names],
-    )
+    return plant.rewired(plant.wiring.with_disturbances(np.diag(sizes)[:, heard], names))
 
 
 def _weights(argument: str, weight: ArrayLike | None, count: int, unit: str) -> Array:

@@ -9,18 +9,14 @@ import pytest
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
 from robustpolish.models.plant.blocks import named_system
-from robustpolish.models.plant.file import (
-    plant_arguments,
-    plant_content,
-    system_content,
-    system_from,
-)
+from robustpolish.models.plant.file import plant_content, system_content, system_from
+from robustpolish.models.plant.plant import plant_from
 from robustpolish.saved_file import Fields, plain
 
 
 def read(plant, **changes):
     content = json.loads(json.dumps(plain(plant_content(plant)))) | changes
-    return rp.GeneralizedPlant(*plant_arguments(Fields(content, "a.json")))
+    return plant_from(Fields(content, "a.json"))
 
 
 def test_a_plant_comes_back():

@@ -1,0 +1,1 @@
+"""Systems with delays: their Pade models, exact responses, roots and stability."""

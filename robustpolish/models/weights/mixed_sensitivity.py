@@ -1,0 +1,163 @@
+"""The plant of mixed sensitivity: performance, effort and robustness with a weight each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import control
+import numpy as np
+
+from robustpolish.models.plant.elements import single_filter
+from robustpolish.models.plant.given_system import as_state_space
+from robustpolish.models.plant.plant import GeneralizedPlant
+from robustpolish.models.plant.wiring import Wiring
+from robustpolish.validation import described, invalid
+
+Weight = control.StateSpace | control.TransferFunction | float
+Weights = Weight | Sequence[Weight | None]
+
+
+def mixed_sensitivity(
+    plant: GeneralizedPlant | control.StateSpace | control.TransferFunction,
+    performance: Weights | None = None,
+    effort: Weights | None = None,
+    robustness: Weights | None = None,
+) -> GeneralizedPlant:
+    r"""Build the plant whose H-infinity norm is that of weighted sensitivities.
+
+    ::
+
+                                    r (a reference, or noise, of the other sign)
+                                    |
+        u --->[ G ]---+------------>+---> y, measured      z = [ performance y ]
+                      |                                        [ effort u      ]
+                      +---> G u                                [ robustness G u]
+
+    With u = K y and S = (I - G K)^-1 the loop from r to z is [W1 S; W2 K S; W3 G K S], and
+    :func:`robustpolish.output_feedback` makes its norm as small as it can be. Where it comes
+    below 1, S keeps below 1 / W1 at all frequencies, K S below 1 / W2, and T below 1 / W3.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant, control.StateSpace or control.TransferFunction
+        G. Of a generalised plant, the part from its controls to its measurements, with actuators,
+        sensors, delays, limits and units; its disturbances and performance outputs are left out.
+    performance, effort, robustness : system, number or sequence of them, optional
+        W1 on S, W2 on K S, W3 on T = -G K S: a weight of one input and one output that stands for
+        all channels, one per channel (None leaves a channel out), or a system of several inputs
+        and outputs, such as a diagonal one. At least one of the three is needed; see
+        :func:`robustpolish.weight`.
+
+    Returns
+    -------
+    GeneralizedPlant
+        Its disturbances are ``reference_`` and the name of each measurement; its outputs
+        ``performance_`` and ``robustness_`` and the name of each measurement, ``effort_`` and the
+        name of each control. Controls and measurements keep their names, all their units.
+
+    Raises
+    ------
+    InvalidInputError
+        If no weight is given, or one does not fit the plant.
+
+    Notes
+    -----
+    The sign of the controller: here u = K y, so that K can be put on the machine, given to
+    ``plant.closed_loop`` and analysed as all others of this package. MATLAB's ``mixsyn`` and
+    python-control's ``mixsyn`` feed the error r - y to the controller: theirs is -K. Norms and
+    sensitivities are the same.
+
+    Weights have to be stable, since no controller could do anything about them: put a slow pole
+    (``weight(1e4, ...)``) in the place of an integrator. Skogestad, Postlethwaite, "Multivariable
+    Feedback Control", 2nd edition, 2005, section 3.5.7.
+
+    Examples
+    --------
+    The disturbance process of Skogestad and Postlethwaite, example 2.17, where 1.37 is printed:
+
+    >>> import control
+    >>> import robustpolish as rp
+    >>> s = control.tf("s")
+    >>> G = 200 / ((10 * s + 1) * (0.05 * s + 1) ** 2)
+    >>> W1 = (s / 1.5 + 10) / (s + 10 * 1e-4)
+    >>> plant = rp.mixed_sensitivity(G, performance=W1, effort=1.0)
+    >>> round(rp.output_feedback(plant).certificate.achieved, 2)
+    1.37
+    """
+    G = _of_loop(plant)
+    u, y = G.control_names, G.measurement_names
+    wiring = G.wiring.chosen([], range(G.nu), [], range(G.ny))
+    if performance is None and effort is None and robustness is None:
+        shown = described("no weight at all")
+        raise invalid("performance", shown, "a weight", "Say what the loop has to achieve.")
+    # Signals are led out before the reference enters, or after it, and are weighted then.
+    rows: list[tuple[str, Weights | None, tuple[str, ...], str]] = [
+        ("robustness", robustness, y, "y"),
+        ("performance", performance, y, "y"),
+        ("effort", effort, u, "u"),
+    ]
+    units: dict[str, str] = dict(G.units)
+    for kind, given, names, letter in rows:
+        if kind == "performance":
+            references = [f"reference_{name}" for name in y]
+            wiring = wiring.with_disturbances(np.eye(G.ny), references)
+            units |= {f"reference_{n}": G.units[n] for n in y if n in G.units}
+        if given is None:
+            continue
+        count, at = len(names), wiring.nz - len(wiring.lines)
+        of_y = np.eye(count) if letter == "y" else np.zeros((count, G.ny))
+        of_u = np.eye(count) if letter == "u" else np.zeros((count, G.nu))
+        wiring = wiring.with_performance(of_y, of_u, [f"{kind}_{name}" for name in names])
+        wiring, kept = _weighted(wiring, kind, given, at, count, G.dt)
+        units |= {
+            f"{kind}_{name}": G.units[name]
+            for i, name in enumerate(names)
+            if name in G.units and i in kept
+        }
+    order = {"performance": 0, "effort": 1, "robustness": 2}
+    outs = wiring.performance_names[: wiring.nz - len(wiring.lines)]
+    z = sorted(range(len(outs)), key=lambda i: order[outs[i].partition("_")[0]])
+    w = range(wiring.nw - len(wiring.lines))
+    return G.rewired(wiring.chosen(w, range(G.nu), z, range(G.ny)), units=units)
+
+
+def _of_loop(plant: Any) -> GeneralizedPlant:
+    """Return a plant whose part from u to y is meant."""
+    if not isinstance(plant, GeneralizedPlant):
+        G = as_state_space("plant", plant)
+        return GeneralizedPlant(G, measurements=G.noutputs or 0, controls=G.ninputs or 0)
+    if not (plant.nu and plant.ny):
+        shown = described(f"{plant.nu} controls and {plant.ny} measurements")
+        raise invalid("plant", shown, "at least one of each", "Check controls=, measurements=.")
+    return plant
+
+
+def _weighted(
+    wiring: Wiring, kind: str, given: Any, at: int, count: int, dt: float | bool
+) -> tuple[Wiring, Sequence[int]]:
+    """Weight outputs from `at` on; return the channels that are left, too."""
+    if isinstance(given, list | tuple):
+        if len(given) != count:
+            shown = described(f"{len(given)} weights")
+            raise invalid(kind, shown, f"{count}, one per channel", "Write None for no weight.")
+        kept = [i for i, one in enumerate(given) if one is not None]
+        for i in kept:
+            name = wiring.performance_names[at + i]
+            one = single_filter(f"{kind}[{i}]", given[i], dt)
+            wiring = wiring.series("output", at + i, one, name)
+        left = [i for i in range(wiring.nz - len(wiring.lines)) if not at <= i < at + count]
+        z = sorted([*left, *(at + i for i in kept)])
+        w = range(wiring.nw - len(wiring.lines))
+        return wiring.chosen(w, range(wiring.nu), z, range(wiring.ny)), kept
+    system = as_state_space(kind, given, dt)
+    if (system.ninputs, system.noutputs) == (1, 1):
+        return _weighted(wiring, kind, [given] * count, at, count, dt)
+    if (system.ninputs, system.noutputs) != (count, count):
+        shown = described(f"{system.ninputs} inputs and {system.noutputs} outputs")
+        want = f"one of each, or {count}"
+        raise invalid(kind, shown, want, "Pass a number, a weight, or one per channel.")
+    if system.nstates and system.dt is not None and system.dt != dt:
+        shown = described(f"sampling time {system.dt}")
+        raise invalid(kind, shown, f"{dt} like the plant", "Discretise it.")
+    return wiring.matrix_series(at, system, f"{kind}_weight"), range(count)
