@@ -65,6 +65,7 @@ from robustpolish.identification import (
     step_runs,
     tell_apart,
 )
+from robustpolish.implementation import SampledCertificate, SampledDesign, certify_sampled
 from robustpolish.loading import load
 from robustpolish.loops import LoopAnalysis, LoopRequirements, loop_analysis
 from robustpolish.measurements import (
@@ -103,6 +104,7 @@ from robustpolish.synthesis import (
     channel,
     compare_methods,
     given_controller,
+    largest_period,
     loop_shaping,
     mixed_output_feedback,
     mixed_state_feedback,
@@ -164,6 +166,8 @@ __all__ = [
     "RobustPolishError",
     "RobustPolishWarning",
     "RobustnessCheck",
+    "SampledCertificate",
+    "SampledDesign",
     "Scaling",
     "Sector",
     "SolverError",
@@ -175,6 +179,7 @@ __all__ = [
     "air_bearing",
     "amplitude_dependence",
     "certify",
+    "certify_sampled",
     "channel",
     "check_robustness",
     "compare",
@@ -193,6 +198,7 @@ __all__ = [
     "hinf_norm",
     "is_detectable",
     "is_stabilizable",
+    "largest_period",
     "linearize",
     "load",
     "loop_analysis",

@@ -28,6 +28,7 @@ ROOMS = {
     "analysis": "Analysis",
     "synthesis": "Synthesis and certificates",
     "loops": "Loops: margins, bandwidths, effort",
+    "implementation": "From continuous to code",
     "closed_loop": "Closed loop",
     "measurements": "Measurements",
     "datasets": "Measured records",

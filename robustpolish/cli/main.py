@@ -13,6 +13,7 @@ _COMMANDS = {
     "modes": "Show the air bearing's modes and damping ratios.",
     "norms": "Show the air bearing's H-infinity and H2 norms without control.",
     "margins": "Tell what the loop of a saved design is like, and whether it can be built.",
+    "export": "Sample a saved design, certify the loop and write C, MAT, JSON or an FMU.",
     "brush": "Simulate the brush on its mould and show the forces.",
     "compare": "Compare a mechanical model with a measurement.",
     "refit": "Fit the numbers of a mechanical model to measurements.",

@@ -2,6 +2,7 @@
 
 from robustpolish.synthesis.certificate.certificate import Certificate, certify
 from robustpolish.synthesis.design.design import Design
+from robustpolish.synthesis.design.largest_period import largest_period
 from robustpolish.synthesis.loop_shaping.loop_shaping import loop_shaping
 from robustpolish.synthesis.loop_shaping.ncf_margin import ncf_margin
 from robustpolish.synthesis.loop_shaping.nu_gap import nu_gap
@@ -45,6 +46,7 @@ __all__ = [
     "channel",
     "compare_methods",
     "given_controller",
+    "largest_period",
     "loop_shaping",
     "mixed_output_feedback",
     "mixed_state_feedback",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -15,11 +15,15 @@ from numpy.typing import NDArray
 
 from robustpolish.analysis import singular_values, stability
 from robustpolish.display import Card, Displayed, Table, quantities
+from robustpolish.implementation.discretization.discretize import discretized
+from robustpolish.implementation.discretization.sampled_design import SampledDesign
+from robustpolish.implementation.sampled.anti_aliasing import AntiAliasing
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_gains
 from robustpolish.saved_file import Fields, read_saved, write_saved
 from robustpolish.synthesis.certificate.certificate import Certificate
 from robustpolish.synthesis.design.design_file import design_content, design_fields
+from robustpolish.synthesis.design.reduced import reduced
 from robustpolish.synthesis.design.status import Status
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 
@@ -157,6 +161,127 @@ class Design(Displayed):
         robustpolish.errors.InvalidInputError: path: got missing.json (No such file or directory)...
         """
         return design_from(read_saved(path, "design"))
+
+    def reduce(self, order: int | None = None, tolerance: float | None = None) -> Design:
+        """Shorten the controller, and certify its loop anew.
+
+        Candidates are the controller's balanced truncation and residualisation, those of its
+        normalised coprime factors (which an unstable one has too), and those weighted by what its
+        states do inside the loop. The loop's norm decides, not the Hankel singular values.
+
+        Parameters
+        ----------
+        order : int, optional
+            Number of states of the new controller; it has fewer where the rest does nothing.
+        tolerance : float, optional
+            Instead: the fewest states with which the norm rises by at most this part; 0.05, five
+            percent, if neither is given.
+
+        Returns
+        -------
+        Design
+            With status "suboptimal", unless nothing could be left out. `details` tell the Hankel
+            singular values of every way, and orders and norms before and after.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such order.
+        InfeasibleError
+            If no candidate of this order keeps the loop stable; it tells which order does.
+
+        Examples
+        --------
+        A filter that is much faster than the loop costs almost nothing to leave out:
+
+        >>> import control
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> K = control.ss([[-1000.0]], [[1000.0]], [[-3.0]], 0)
+        >>> design = rp.given_controller(plant, K).reduce(tolerance=0.01)
+        >>> design.controller.nstates, round(float(design.gain[0, 0]), 6)
+        (0, -3.0)
+        """
+        found = reduced(self.plant, self.controller, self.certificate, order, tolerance)
+        if found.controller is self.controller:
+            details = MappingProxyType({**self.details, **found.details})
+            return replace(self, message=f"{self.message} {found.message}", details=details)
+        return replace(
+            self,
+            controller=found.controller,
+            closed_loop=self.plant.closed_loop(found.controller),
+            status="suboptimal",
+            message=found.message,
+            certificate=found.certificate,
+            details=found.details,
+            history=(),
+        )
+
+    def discretize(
+        self,
+        period: float,
+        delay: float = 0.0,
+        method: str = "tustin",
+        *,
+        prewarp_hz: float | None = None,
+        anti_aliasing: AntiAliasing = None,
+    ) -> SampledDesign:
+        """Imitate the controller at samples, and certify the sampled loop.
+
+        The loop has a sampler, the controller as a computer runs it, the time that this takes,
+        and a zero-order hold. Its norm counts w and z at all times, not only at the samples.
+
+        Parameters
+        ----------
+        period : float
+            Seconds between samples.
+        delay : float, optional
+            Seconds from a sample until its control acts: any part or multiple of the period.
+        method : str, optional
+            "tustin", "zoh", "foh", "matched", "impulse", "forward" or "backward".
+        prewarp_hz : float, optional
+            Where "tustin" is exact, in Hz.
+        anti_aliasing : float, (int, float) or control system, optional
+            Analogue filter before the samplers: the corner of a Butterworth filter in Hz (second
+            order), (order, corner in Hz), or a system. It is a part of the loop.
+
+        Returns
+        -------
+        SampledDesign
+
+        Raises
+        ------
+        InvalidInputError
+            If an argument is wrong, or the plant is discrete already.
+        InfeasibleError
+            If the sampled loop is unstable; it tells the longest period that keeps it stable.
+        SolverError
+            If no bound could be proven.
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> design = rp.given_controller(plant, [[-3.0]])
+        >>> sampled = design.discretize(period=0.1, delay=0.05)
+        >>> sampled.certificate.valid, round(sampled.certificate.bound, 3)
+        (True, 0.502)
+        >>> design.discretize(1.0)
+        Traceback (most recent call last):
+        ...
+        robustpolish.errors.InfeasibleError: period: sampled every 1 s, the loop is unstable...
+        """
+        return discretized(
+            self.plant,
+            self.controller,
+            period,
+            delay,
+            self.norm,
+            self.certificate.achieved,
+            method=method,
+            prewarp_hz=prewarp_hz,
+            anti_aliasing=anti_aliasing,
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the largest singular value from w to z without and with control.

@@ -1,0 +1,1 @@
+"""A sampled controller in the files of other programs."""

@@ -1,0 +1,1 @@
+"""How a controller is stored and computed: forms, rounding, limits."""

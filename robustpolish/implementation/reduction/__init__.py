@@ -1,0 +1,1 @@
+"""Controllers with fewer states: candidates, which the certified loop then judges."""

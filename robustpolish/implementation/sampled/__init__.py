@@ -1,0 +1,1 @@
+"""The sampled loop: what it does between its samples, its norm and its proof."""

@@ -1,0 +1,230 @@
+"""The certificate of a sampled loop, computed from plant, controller, period and delay alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import control
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from robustpolish.arrays import Matrix
+from robustpolish.display import Card, Displayed, quantities
+from robustpolish.implementation.sampled.average_power import average_power
+from robustpolish.implementation.sampled.induced_norm import GainTest, bracket, judge_gain
+from robustpolish.implementation.sampled.norm_proof import prove_above, prove_below
+from robustpolish.implementation.sampled.peak import peak_frequency
+from robustpolish.implementation.sampled.period_map import period_map
+from robustpolish.implementation.sampled.scaled_map import ScaledMap, scaled
+from robustpolish.long_calls import same_bits
+from robustpolish.models import GeneralizedPlant
+from robustpolish.plotting import plot_poles
+
+Norm = Literal["hinf", "h2"]
+
+_TIGHT = 1.002
+"""A bound further above the reached gain than this is told as loose."""
+
+_BELOW = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SampledCertificate(Displayed):
+    """What is proven about a continuous plant with a controller that acts at samples.
+
+    Attributes
+    ----------
+    norm : {"hinf", "h2"}
+        "hinf": the gain from w to z in energy, with everything between the samples; "h2": the
+        root of the average power of z under white noise w of unit density.
+    valid : bool
+        True only if stability and `bound` are proven.
+    reasons : tuple of str
+        Why it is not valid; empty if it is.
+    stable : bool
+        Whether the poles, as doubles see them, are stable.
+    achieved : float
+        The norm; infinite if unstable.
+    lower, bound : float
+        The norm lies between them, both proven in ball arithmetic; 0 and infinity where not.
+    peak_frequency : float or None
+        Where a disturbance has this gain, rad/s, up to half the sample rate; it may also hold
+        parts at this frequency plus multiples of the sample rate. None for "h2".
+    poles : ndarray of complex
+        Of the loop from sample to sample.
+    period, delay : float
+        In s.
+    notes : tuple of str
+        What was assumed.
+    storage : ndarray or None
+        The matrix behind the bound of "hinf": s'P s falls in each period by more than the energy
+        of z less bound^2 times that of w, in the scaled states of the proof, rounded to doubles.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    >>> rp.certify_sampled(plant, [[-3.0]], period=0.3, delay=0.12)
+    Certificate of the sampled loop: valid
+      induced L2 norm achieved  0.797087
+      proven to be at least     0.797086
+      proven to be at most      0.797088
+      peak at [Hz]               0.48673
+      period [s]                     0.3
+      delay [s]                     0.12
+      largest pole              0.676701
+    """
+
+    norm: Norm
+    valid: bool
+    reasons: tuple[str, ...]
+    stable: bool
+    achieved: float
+    lower: float
+    bound: float
+    peak_frequency: float | None
+    poles: NDArray[np.complex128]
+    period: float
+    delay: float
+    notes: tuple[str, ...] = ()
+    storage: Matrix | None = field(default=None, repr=False)
+
+    @property
+    def upper(self) -> float:
+        """The same as `bound`."""
+        return self.bound
+
+    @property
+    def spectral_radius(self) -> float:
+        """Size of the largest pole; below 1 for a stable loop."""
+        return float(np.abs(self.poles).max(initial=0.0))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the poles of the loop from sample to sample.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> rp.certify_sampled(plant, [[-3.0]], period=0.1).plot().get_xlabel()
+        'real part'
+        """
+        return plot_poles({"poles of the sampled loop": self.poles}, None, ax, discrete=True)
+
+    def _card(self) -> Card:
+        name = "induced L2 norm" if self.norm == "hinf" else "H2 norm"
+        peak = None if self.peak_frequency is None else self.peak_frequency / (2 * np.pi)
+        rows = (
+            (f"{name} achieved", self.achieved),
+            ("proven to be at least", self.lower),
+            ("proven to be at most", self.bound),
+            *([("peak at [Hz]", peak)] if self.norm == "hinf" else []),
+            ("period [s]", self.period),
+            ("delay [s]", self.delay),
+            ("largest pole", self.spectral_radius),
+        )
+        verdict = "valid" if self.valid else "NOT valid"
+        return Card(
+            f"Certificate of the sampled loop: {verdict}",
+            (quantities(*rows),),
+            (*self.reasons, *self.notes),
+        )
+
+
+@same_bits
+def certificate_of(
+    plant: GeneralizedPlant, controller: control.StateSpace, delay: float, norm: Norm
+) -> SampledCertificate:
+    """Certify a loop whose arguments have been checked; see `certify_sampled`."""
+    period = float(controller.dt)
+    found = period_map(plant, controller, period, delay)
+    loop = scaled(found)
+    poles: Any = np.linalg.eigvals(loop.transition()).astype(complex)
+    poles = poles[np.argsort(-np.abs(poles), kind="stable")]
+    notes = _noise_note(plant, found.noisy)
+    size = float(np.abs(poles).max(initial=0.0))
+    reasons: list[str] = []
+    lower, achieved, bound, storage, peak = 0.0, np.inf, np.inf, None, None
+    if not size < 1:
+        worst = poles[0] if poles.size else size
+        reasons.append(
+            f"the sampled loop is unstable: a pole of size {abs(worst):.6g} at {worst:.6g}"
+        )
+    elif norm == "h2":
+        power = average_power(loop)
+        if power is None:
+            reasons.append("stability and norm could not be proven in ball arithmetic")
+        else:
+            lower, bound = power
+            achieved = bound
+    else:
+        tests = bracket(loop, _first_guess(loop))
+        if tests is None:
+            reasons.append("no finite gain was found")
+        else:
+            achieved = tests[1].gamma
+            peak = peak_frequency(loop, achieved) if tests[0].gamma > 0 else None
+            lower = _proven_gain(loop, tests[0]) if tests[0].gamma > 0 else 0.0
+            proven = prove_below(loop, achieved)
+            if proven is None:
+                reasons.append("stability and norm could not be proven in ball arithmetic")
+            else:
+                bound, storage = proven
+    if np.isfinite(bound) and lower > 0 and bound > _TIGHT * lower:
+        notes = (*notes, f"between {lower:.6g} and {bound:.6g} nothing was decided")
+    return SampledCertificate(
+        norm=norm,
+        valid=not reasons,
+        reasons=tuple(reasons),
+        stable=bool(size < 1),
+        achieved=float(achieved),
+        lower=float(lower),
+        bound=float(bound),
+        peak_frequency=peak,
+        poles=poles,
+        period=period,
+        delay=delay,
+        notes=notes,
+        storage=storage,
+    )
+
+
+def _first_guess(loop: ScaledMap) -> float:
+    """Return a gain of the right order, from the energies of a single period."""
+    sizes = [
+        float(np.linalg.norm(p.C) * np.linalg.norm(p.B)) * p.length + float(np.linalg.norm(p.D))
+        for p in loop.phases
+    ]
+    guess = max(sizes)
+    return guess if guess > 0 and np.isfinite(guess) else 1.0
+
+
+def _proven_gain(loop: ScaledMap, failed: GainTest) -> float:
+    """Return the largest gain near that of a failed test which is proven to be reached."""
+    for part in _BELOW:
+        test = failed if part == 0 else judge_gain(loop, failed.gamma * (1 - part))
+        if test.gamma > 0 and not test.below and prove_above(loop, test):
+            return test.gamma
+    return 0.0
+
+
+def _noise_note(plant: GeneralizedPlant, noisy: tuple[int, ...]) -> tuple[str, ...]:
+    if not noisy:
+        return ()
+    names = ", ".join(plant.measurement_names[i] for i in noisy)
+    return (
+        f"What w adds directly to {names} enters as its average over the period before each "
+        "sample (a discrete noise of the same density): sampled as it is, without a filter, its "
+        "gain would be infinite.",
+    )

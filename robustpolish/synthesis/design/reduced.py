@@ -1,0 +1,158 @@
+"""A design with a shorter controller: which one, its certified loop decides."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import control
+import numpy as np
+
+from robustpolish.analysis import h2_norm, hinf_norm
+from robustpolish.errors import InfeasibleError
+from robustpolish.implementation.reduction.candidates import Candidate, Reducer
+from robustpolish.long_calls import same_bits
+from robustpolish.models import GeneralizedPlant
+from robustpolish.synthesis.certificate.certificate import Certificate, certify
+from robustpolish.validation import described, invalid, positive
+
+DEFAULT_TOLERANCE = 0.05
+"""What a shorter controller may cost where nothing else is said."""
+
+
+class Reduced(NamedTuple):
+    """A shorter controller with its certificate, and what is to be told of it."""
+
+    controller: control.StateSpace
+    certificate: Certificate
+    message: str
+    details: Mapping[str, Any]
+
+
+@same_bits
+def reduced(
+    plant: GeneralizedPlant,
+    controller: control.StateSpace,
+    before: Certificate,
+    order: int | None,
+    tolerance: float | None,
+) -> Reduced:
+    """Shorten a controller; see `Design.reduce`.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+    controller : control.StateSpace
+    before : Certificate
+        Of the loop with the whole controller.
+    order : int or None
+    tolerance : float or None
+
+    Returns
+    -------
+    Reduced
+    """
+    n = controller.nstates
+    if order is not None and tolerance is not None:
+        given = described(f"order={order!r} and tolerance={tolerance!r}")
+        raise invalid("order", given, "one of the two", "Leave one of them out.")
+    if n == 0:
+        shown = described("a static gain")
+        remedy = "There is nothing to reduce; discretise or export it as it is."
+        raise invalid("controller", shown, "a controller with states", remedy)
+    reducer = Reducer(plant, controller)
+    if order is not None:
+        order = _checked_order(order, n)
+        found = _best(plant, reducer, order, before, math.inf)
+        if found is None:
+            raise InfeasibleError(_no_such_order(plant, reducer, order, n, before))
+    else:
+        part = (
+            DEFAULT_TOLERANCE if tolerance is None else positive("tolerance", tolerance, zero=True)
+        )
+        limit = before.achieved * (1 + part)
+        shorter = (_best(plant, reducer, k, before, limit) for k in range(n))
+        found = next((best for best in shorter if best is not None), None)
+        if found is None:
+            message = (
+                f"No controller of fewer than {n} states was found that keeps the norm within "
+                f"{100 * part:.3g} %; it stays as it is. Allow more with tolerance=."
+            )
+            return Reduced(
+                controller, before, message, _told(reducer, "none", n, n, before, before)
+            )
+    candidate, certificate = found
+    k = candidate.controller.nstates
+    change = 100 * (certificate.achieved / before.achieved - 1) if before.achieved > 0 else 0.0
+    name = "H-infinity" if before.norm == "hinf" else "H2"
+    message = (
+        f"Reduced from {n} to {k} states ({candidate.name}): the {name} norm goes from "
+        f"{before.achieved:.6g} to {certificate.achieved:.6g} ({change:+.3g} %)."
+    )
+    told = _told(reducer, candidate.name, n, k, before, certificate)
+    return Reduced(candidate.controller, certificate, message, told)
+
+
+def _best(
+    plant: GeneralizedPlant, reducer: Reducer, order: int, before: Certificate, limit: float
+) -> tuple[Candidate, Certificate] | None:
+    """Return the candidate of an order whose certified norm is least, and within the limit."""
+    judged = []
+    for candidate in reducer.of_order(order):
+        value = _quick(plant, candidate.controller, before.norm)
+        if value <= limit * (1 + 1e-6):
+            judged.append((value, len(judged), candidate))
+    for _, _, candidate in sorted(judged):
+        certificate = certify(plant, candidate.controller, before.norm)
+        if certificate.valid and certificate.achieved <= limit:
+            return candidate, certificate
+    return None
+
+
+def _quick(plant: GeneralizedPlant, controller: control.StateSpace, norm: str) -> float:
+    loop = plant.closed_loop(controller)
+    poles: Any = np.linalg.eigvals(np.asarray(loop.A))
+    inside = np.abs(poles) < 1 if plant.is_discrete else poles.real < 0
+    if not inside.all():
+        return math.inf
+    return float(hinf_norm(loop, tolerance=1e-6, exact=False) if norm == "hinf" else h2_norm(loop))
+
+
+def _checked_order(order: Any, n: int) -> int:
+    whole = isinstance(order, int | np.integer) and not isinstance(order, bool)
+    if not whole or not 0 <= order < n:
+        want = f"a whole number from 0 to {n - 1}, below the {n} states of the controller"
+        raise invalid("order", order, want, "Pass tolerance=0.05 to have it chosen.")
+    return int(order)
+
+
+def _no_such_order(
+    plant: GeneralizedPlant, reducer: Reducer, order: int, n: int, before: Certificate
+) -> str:
+    found = (k for k in range(n) if _best(plant, reducer, k, before, math.inf) is not None)
+    least = next((k for k in found if k != order), None)
+    if least is None:
+        remedy = "No order below it does: design with fewer states from the start, with order= of "
+        remedy += "rp.static_output_feedback."
+    else:
+        remedy = f"Order {least} does."
+    finite = "" if before.norm == "hinf" else " and its norm finite"
+    none = f"order: no controller of {order} states was found that keeps the loop stable"
+    return f"{none}{finite}. {remedy}"
+
+
+def _told(
+    reducer: Reducer, way: str, n: int, k: int, before: Certificate, after: Certificate
+) -> Mapping[str, Any]:
+    return MappingProxyType(
+        {
+            "reduction": way,
+            "order_before": n,
+            "order_after": k,
+            "norm_before": before.achieved,
+            "norm_after": after.achieved,
+            "hankel_singular_values": MappingProxyType(dict(reducer.hankel)),
+        }
+    )

@@ -1,0 +1,73 @@
+"""Imitated controllers against their definitions and against python-control."""
+
+import control
+import numpy as np
+import pytest
+
+import robustpolish as rp
+from robustpolish.implementation import emulated
+
+K = control.ss([[-1.0, 2.0], [-2.0, -1.0]], [[0.0], [1.0]], [[3.0, 1.0]], [[0.5]])
+
+
+def response(system, omega):
+    return complex(np.squeeze(system(np.exp(1j * omega * system.dt) if system.dt else 1j * omega)))
+
+
+@pytest.mark.parametrize(
+    ("method", "theirs"),
+    [("tustin", "bilinear"), ("zoh", "zoh"), ("forward", "euler"), ("backward", "backward_diff")],
+)
+def test_they_are_those_of_python_control(method, theirs):
+    found, expected = emulated(K, 0.1, method), control.sample_system(K, 0.1, theirs)
+    for omega in (0.0, 0.3, 2.0, 20.0):
+        assert response(found, omega) == pytest.approx(response(expected, omega), rel=1e-10)
+    same = emulated(K, 0.1, theirs)
+    np.testing.assert_array_equal(same.A, found.A)
+
+
+@pytest.mark.parametrize("method", ["tustin", "zoh", "foh", "matched", "forward", "backward"])
+def test_they_tend_to_the_controller(method):
+    gaps = [abs(response(emulated(K, h, method), 1.5) - response(K, 1.5)) for h in (1e-2, 1e-3)]
+    assert gaps[1] < 0.2 * gaps[0]
+    assert gaps[1] < 1e-2
+    assert response(emulated(K, 0.1, method), 0.0) == pytest.approx(response(K, 0.0), rel=1e-6)
+
+
+def test_prewarping_is_exact_at_its_frequency():
+    hertz = 1.3
+    found = emulated(K, 0.1, "tustin", prewarp_hz=hertz)
+    omega = 2 * np.pi * hertz
+    assert response(found, omega) == pytest.approx(response(K, omega), rel=1e-12)
+
+
+def test_first_order_hold_is_exact_for_ramps():
+    found = emulated(control.ss([[-1.0]], [[1.0]], [[1.0]], 0), 0.5, "foh")
+    k = np.arange(30)
+    y = control.forced_response(found, inputs=0.5 * k).outputs
+    t = 0.5 * k
+    np.testing.assert_allclose(y - y[0] * np.exp(-t), t - 1 + np.exp(-t), atol=1e-10)
+
+
+def test_a_gain_stays_itself():
+    gain = control.ss([], [], [], [[2.0, -1.0]])
+    for method in ("tustin", "zoh", "foh", "backward"):
+        found = emulated(gain, 0.1, method)
+        assert found.nstates == 0
+        np.testing.assert_array_equal(found.D, gain.D)
+
+
+def test_wrong_arguments_are_refused():
+    with pytest.raises(rp.InvalidInputError, match="method"):
+        emulated(K, 0.1, "magic")
+    for period in (0.0, -1.0, np.inf, "x"):
+        with pytest.raises(rp.InvalidInputError, match="period"):
+            emulated(K, period)
+    with pytest.raises(rp.InvalidInputError, match="prewarp_hz"):
+        emulated(K, 0.1, "zoh", prewarp_hz=1.0)
+    with pytest.raises(rp.InvalidInputError, match="prewarp_hz"):
+        emulated(K, 0.1, prewarp_hz=5.0)
+    with pytest.raises(rp.InvalidInputError, match="one of each"):
+        emulated(control.append(K, K), 0.1, "matched")
+    with pytest.raises(rp.InvalidInputError, match="pole"):
+        emulated(control.ss([[20.0]], [[1.0]], [[1.0]], 0), 0.1)

@@ -1,0 +1,93 @@
+"""Shorter controllers, judged by their certified loops."""
+
+import control
+import numpy as np
+import pytest
+
+import robustpolish as rp
+from tests.implementation.designs import servo_design
+
+
+def test_a_reduced_design_is_certified_and_says_what_it_cost():
+    design = servo_design()
+    found = design.reduce(order=3)
+    assert found.controller.nstates == 3
+    assert found.status == "suboptimal"
+    assert found.certificate.valid
+    assert found.certificate.achieved < 1.02 * design.certificate.achieved
+    assert "from 4 to 3 states" in found.message
+    assert found.details["norm_before"] == design.certificate.achieved
+    assert found.details["order_after"] == 3
+    hankel = found.details["hankel_singular_values"]["closed-loop"]
+    assert (np.diff(hankel) <= 0).all()
+    again = rp.certify(design.plant, found.controller)
+    assert again.achieved == pytest.approx(found.certificate.achieved)
+
+
+def test_the_smallest_order_within_the_tolerance_is_taken():
+    plant = servo_design().plant
+    K = servo_design().controller
+    # Two states more that do next to nothing: far too fast, and hardly seen.
+    fast = control.append(K, control.ss([[-1e4]], [[1e4]], [[1e-6]], 0))
+    joined = control.ss(fast.A, fast.B @ [[1.0], [1.0]], [[1.0, 1.0]] @ fast.C, 0)
+    design = rp.given_controller(plant, joined)
+    found = design.reduce(tolerance=1e-3)
+    assert found.controller.nstates == 4
+    assert found.certificate.achieved <= design.certificate.achieved * 1.001
+    assert design.reduce(tolerance=0.05).controller.nstates == 3
+    assert design.reduce().controller.nstates == 3
+
+
+def test_unstable_controllers_are_shortened_too():
+    # An unstable controller for two unstable states, with a fast filter behind it.
+    plant = rp.GeneralizedPlant.from_matrices(
+        [[1.0, 1.0], [0.0, -2.0]], [[1, 0], [0, 0]], [[0], [1]], [[1, 0], [0, 0]], [[0, 1]],
+        D12=[[0], [0.1]], D21=[[0, 0.1]],
+    )  # fmt: skip
+    with pytest.raises(rp.InfeasibleError):
+        rp.output_feedback(plant)
+    plant = rp.GeneralizedPlant.from_matrices(
+        [[0, 1], [1, 0]], [[0, 0], [1, 0]], [[0], [1]], [[1, 0], [0, 0]], [[1, -1.1]],
+        D12=[[0], [0.1]], D21=[[0, 0.1]],
+    )  # fmt: skip
+    design = rp.output_feedback(plant)
+    K = design.controller
+    assert np.linalg.eigvals(K.A).real.max() > 0
+    slow = control.series(K, control.ss([[-3e4]], [[3e4]], [[1.0]], 0))
+    whole = rp.given_controller(plant, slow)
+    found = whole.reduce(order=K.nstates)
+    assert found.controller.nstates <= K.nstates
+    assert found.certificate.valid
+    assert found.certificate.achieved < 1.02 * whole.certificate.achieved
+
+
+def test_h2_designs_keep_their_norm():
+    design = rp.output_feedback(servo_design().plant, norm="h2")
+    found = design.reduce(order=2)
+    assert found.norm == "h2"
+    assert found.certificate.norm == "h2"
+    assert found.certificate.valid
+
+
+def test_what_cannot_be_reduced_is_refused():
+    design = servo_design()
+    for order in (4, -1, 1.5, True, "2"):
+        with pytest.raises(rp.InvalidInputError, match="order"):
+            design.reduce(order=order)
+    with pytest.raises(rp.InvalidInputError, match="one of the two"):
+        design.reduce(order=3, tolerance=0.1)
+    with pytest.raises(rp.InvalidInputError, match="tolerance"):
+        design.reduce(tolerance=-0.1)
+    with pytest.raises(rp.InfeasibleError, match="Order 3 does"):
+        design.reduce(order=1)
+    plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    with pytest.raises(rp.InvalidInputError, match="static gain"):
+        rp.given_controller(plant, [[-3.0]]).reduce(order=0)
+
+
+def test_a_tolerance_that_nothing_keeps_leaves_the_design():
+    design = servo_design()
+    found = design.reduce(tolerance=1e-6)
+    assert found.controller is design.controller
+    assert "stays as it is" in found.message
+    assert found.status == design.status
