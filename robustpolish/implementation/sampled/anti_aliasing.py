@@ -74,9 +74,19 @@ def with_filter(plant: GeneralizedPlant, found: control.StateSpace | None) -> Ge
     Returns
     -------
     GeneralizedPlant
+
+    Raises
+    ------
+    InvalidInputError
+        If there is a filter, and the plant has delays that it would have to stand behind.
     """
     if found is None:
         return plant
+    if plant.delays:
+        named = ", ".join(plant.delays)
+        remedy = "Put the filter into the plant: plant.with_filter(measurement, filter)."
+        shown = described(f"a filter beside a plant with delays of {named}")
+        raise invalid("anti_aliasing", shown, "none, or a plant without delays", remedy)
     F, n, nf = found, plant.nx, found.nstates
     A = np.block([[plant.A, np.zeros((n, nf))], [F.B @ plant.C2, F.A]])
     B = np.block([[plant.B1, plant.B2], [F.B @ plant.D21, F.B @ plant.D22]])

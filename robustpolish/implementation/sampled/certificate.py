@@ -152,7 +152,7 @@ def certificate_of(
     loop = scaled(found)
     poles: Any = np.linalg.eigvals(loop.transition()).astype(complex)
     poles = poles[np.argsort(-np.abs(poles), kind="stable")]
-    notes = _noise_note(plant, found.noisy)
+    notes = (*_delay_note(plant), *_noise_note(plant, found.noisy))
     size = float(np.abs(poles).max(initial=0.0))
     reasons: list[str] = []
     lower, achieved, bound, storage, peak = 0.0, np.inf, np.inf, None, None
@@ -217,6 +217,14 @@ def _proven_gain(loop: ScaledMap, failed: GainTest) -> float:
         if test.gamma > 0 and not test.below and prove_above(loop, test):
             return test.gamma
     return 0.0
+
+
+def _delay_note(plant: GeneralizedPlant) -> tuple[str, ...]:
+    """Say that delays of the plant, other than that of the computation, are models."""
+    if not plant.delays:
+        return ()
+    named = ", ".join(f"{seconds:.6g} s at {name}" for name, seconds in plant.delays.items())
+    return (f"proven for Pade models of the plant's own delays ({named})",)
 
 
 def _noise_note(plant: GeneralizedPlant, noisy: tuple[int, ...]) -> tuple[str, ...]:

@@ -144,3 +144,13 @@ def test_a_loop_without_disturbance_has_norm_zero():
     found = rp.certify_sampled(plant, [[-1.0]], period=0.1)
     assert found.valid
     assert found.bound < 1e-25
+
+
+def test_delays_of_the_plant_are_models_and_said_to_be():
+    lag = control.tf([1], [1, 1], inputs="u", outputs="y")
+    plant = rp.GeneralizedPlant.from_loop(lag).with_delay("u", 0.02)
+    certificate = rp.certify_sampled(plant, [[-1.0]], period=0.05)
+    assert certificate.valid
+    assert "Pade models of the plant's own delays (0.02 s at u)" in certificate.notes[0]
+    with pytest.raises(rp.InvalidInputError, match="anti_aliasing: got a filter beside"):
+        rp.certify_sampled(plant, [[-1.0]], period=0.05, anti_aliasing=5.0)
