@@ -117,7 +117,7 @@ def still_alike(search: Search) -> Search:
 def rounded_friction(
     refits: Sequence[RefittedEffect], start: MechanicalModel, search: Search
 ) -> list[RefittedEffect]:
-    """Return the best of the dry frictions that jump once more, the speed of its turn being fitted.
+    """Return the dry frictions that jump once more, the speeds of their turns being fitted.
 
     A friction that is fitted as a jump leaves something at every reversal if it is none, which
     kinds with memory and more numbers take for theirs.
@@ -133,31 +133,35 @@ def rounded_friction(
     Returns
     -------
     list of RefittedEffect
-        One or none: a jump that leaves noise alone is one, and one whose speed the data leave open
-        may as well be.
+        None where a jump leaves noise alone; and a friction whose speed the data leave open may as
+        well be a jump.
     """
-    jumps = [
-        r for r in refits if r.effect.definition.turns_over and not turns_over_gently(r.effect)
-    ]
-    if not jumps:
+    dry = [item for item in refits if item.effect.definition.turns_over]
+    jumps = [item for item in dry if not turns_over_gently(item.effect)]
+    least = (1 + tolerance(search)) * search.prepared.scales.noise
+    if any(np.all(item.fitted.error < least) for item in jumps):
         return []
-    best = min(jumps, key=lambda item: judgement(item.fitted, jumps))
-    effect = best.fitted.model.effects[-1]
+    found = [_rounded(item, start, search) for item in jumps]
+    return [item for item in found if item is not None]
+
+
+def _rounded(jump: RefittedEffect, start: MechanicalModel, search: Search) -> RefittedEffect | None:
+    """Return a friction fitted with the speed of its turn, None if the data leave that open."""
+    effect, name = jump.fitted.model.effects[-1], jump.effect.definition.turns_over
     motion = search.prepared.motion(start, search.prepared.screened)
     speed = float(np.sqrt(np.mean((port_rows(start, effect) @ motion.v)[0] ** 2)))
-    if search.at_floor(best.fitted) or not speed > 0:
-        return []
-    name = effect.definition.turns_over
+    if not speed > 0:
+        return None
     gentle = effect.with_values({**effect.parameters, name: search.policy.turnover * speed})
     search.say(f"refit with {effect} that turns over gently")
     fitted = search.fitted_with(start, gentle)
     if fitted is None:
-        return []
+        return None
     index = len(fitted.model.effects) - 1
     error = errors_from(covariance_of(fitted.fit)).get(f"effect[{index}].{name}", np.inf)
     if not error < search.policy.determined * fitted.model.effects[index].values[name]:
-        return []
-    return [RefittedEffect(replace(best.screened, effect=gentle), fitted)]
+        return None
+    return RefittedEffect(replace(jump.screened, effect=gentle), fitted)
 
 
 def retold(search: Search) -> Search:
