@@ -17,7 +17,7 @@ from robustpolish.identification.decays.cut import Cut
 from robustpolish.identification.decays.laws import DampingLaws, Laws
 from robustpolish.identification.fit.homotopy import free_rms, homotopy
 from robustpolish.identification.fit.least_squares import Fit
-from robustpolish.identification.fit.polished import polished, rounded
+from robustpolish.identification.fit.polished import polished, rounded, speeds_of_turns
 from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
 from robustpolish.identification.observer.run import StartedPiece
 from robustpolish.identification.record import Record
@@ -108,7 +108,8 @@ class Trials:
     def _fitted(
         self, model: MechanicalModel, laws: Laws, pieces: Sequence[StartedPiece]
     ) -> Fit | None:
-        prepared, reference = replace(self.prepared, held=self.found.held(laws)), self.reference
+        held, reference = self.found.held(laws) | speeds_of_turns(model), self.reference
+        prepared = replace(self.prepared, held=held)
         model = rounded(model, prepared)
         spans = prepared.spans(pieces, prepared.policy.growth)
         started, settled = with_rest(model, pieces), prepared.policy.settled

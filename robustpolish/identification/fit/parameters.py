@@ -128,7 +128,6 @@ def free_parameters(
     bandwidth: float,
     policy: Policy,
     reference: MechanicalModel | None = None,
-    turnovers: bool = True,
 ) -> list[FreeParameter]:
     """Return the parameters of a model that are fitted.
 
@@ -139,10 +138,8 @@ def free_parameters(
         Excited bandwidth in rad/s; gives zero stiffness and damping a scale.
     policy : Policy
     reference : MechanicalModel, optional
-        The model before any fit, about which the priors are centred.
-    turnovers : bool, optional
-        Whether the speed is fitted over which a dry friction turns over that is no part of the
-        reference and is rounded.
+        The model before any fit, about which the priors are centred. Of dry friction that it has
+        not, and that turns over gently, the speed of the turn is fitted too.
     """
     known = (reference or model).parameters
     given = len((reference or model).effects)
@@ -197,7 +194,7 @@ def free_parameters(
         if item.name in pushing:
             result.append(near(f"input.{item.name}.gain", item.gain, policy.gain_prior))
     for i, effect in enumerate(model.effects):
-        rounded = turnovers and i >= given and turns_over_gently(effect)
+        rounded = i >= given and turns_over_gently(effect)
         for parameter in effect.definition.parameters:
             wanted = parameter.fitted or (
                 rounded and parameter.name == effect.definition.turns_over

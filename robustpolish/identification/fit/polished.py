@@ -51,6 +51,15 @@ def rounded(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel
     return replace(model, effects=tuple(effects))
 
 
+def speeds_of_turns(model: MechanicalModel) -> frozenset[str]:
+    """Return the keys of the speeds over which the dry frictions of a model turn over."""
+    return frozenset(
+        f"effect[{i}].{effect.definition.turns_over}"
+        for i, effect in enumerate(model.effects)
+        if effect.definition.turns_over
+    )
+
+
 def sharpened(
     fitted: Fit, before: MechanicalModel, prepared: PreparedRecord, reference: MechanicalModel
 ) -> Fit:
@@ -154,7 +163,7 @@ def residuals_of(
     reference: MechanicalModel,
 ) -> Residuals:
     """Return the residuals of a model's runs over pieces, those numbers free that are not held."""
-    free = free_parameters(model, prepared.scales.bandwidth, prepared.policy, reference, False)
+    free = free_parameters(model, prepared.scales.bandwidth, prepared.policy, reference)
     free = [number for number in free if number.key not in prepared.held]
     sizes = prepared.sizes(model) if pieces[0].start.vector.size else None
     return Residuals(model, pieces, prepared.runner(model), free, sizes)

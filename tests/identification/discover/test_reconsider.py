@@ -167,8 +167,8 @@ def test_only_a_rounded_friction_that_was_found_has_its_width_fitted(width, fitt
     with_friction = model.with_effect("coulomb_friction", AXIS, {"force": 1.0, "width": width})
     assert turns_over_gently(with_friction.effects[0]) == fitted
 
-    def keys(reference, *how):
-        return {f.key for f in free_parameters(with_friction, 100.0, POLICY, reference, *how)}
+    def keys(reference=None):
+        return {f.key for f in free_parameters(with_friction, 100.0, POLICY, reference)}
 
     assert ("effect[0].width" in keys(model)) == fitted
-    assert "effect[0].width" not in keys(model, False) | keys(with_friction)
+    assert "effect[0].width" not in keys() | keys(with_friction)

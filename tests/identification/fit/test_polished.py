@@ -5,7 +5,13 @@ import pytest
 
 from robustpolish.effects import Effect
 from robustpolish.identification.fit.homotopy import homotopy
-from robustpolish.identification.fit.polished import polished, residuals_of, rounded, sharpened
+from robustpolish.identification.fit.polished import (
+    polished,
+    residuals_of,
+    rounded,
+    sharpened,
+    speeds_of_turns,
+)
 from tests.identification.decays.pendulums import AT, decay, pendulum
 from tests.identification.discover.searches import prepared_of
 
@@ -80,3 +86,9 @@ def test_a_fit_is_never_worse_than_where_it_began(prepared, damped):
     best = polished(fitted(rounded(damped, prepared), prepared), prepared, pendulum())
     again = polished(best, prepared, pendulum())
     assert np.all(again.rmse <= best.rmse)
+
+
+def test_the_speeds_that_rounding_sets_are_told_by_their_keys():
+    assert speeds_of_turns(pendulum()) == frozenset()
+    model = pendulum().with_effect("coulomb_friction", AT, {"force": 1.0})
+    assert speeds_of_turns(model) == {"effect[1].width"}
