@@ -57,7 +57,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
     ----------
     system : control.StateSpace, control.TransferFunction or control.FrequencyResponseData
         The whole plant, continuous or discrete; its signal names are kept. A transfer function
-        is realised. A frequency response stays one: :meth:`frequency_response` shows it, and all
+        is realised. A frequency response stays one: ``frequency_response`` shows it, and all
         that needs states refuses it. Where delays were added, ``system`` holds their Pade
         approximations.
     measurements : int, str or sequence of str
@@ -75,7 +75,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
     Attributes
     ----------
     delays : mapping of str to float
-        Delay of each signal that :meth:`with_delay` delayed, in s.
+        Delay of each signal that ``with_delay`` delayed, in s.
 
     Raises
     ------
