@@ -9,7 +9,7 @@ import numpy as np
 
 from robustpolish.loops.loop import Loop
 from robustpolish.models import GeneralizedPlant
-from robustpolish.models.plant.blocks import named_system
+from robustpolish.models.plant.given_system import as_state_space
 from robustpolish.synthesis import Design
 from robustpolish.synthesis.certificate.loop_balls import GivenController, controller_system
 from robustpolish.validation import described, invalid
@@ -67,35 +67,14 @@ def loop_of(
 def _as_plant(plant: Any) -> GeneralizedPlant:
     if isinstance(plant, GeneralizedPlant):
         return plant
-    if isinstance(plant, control.TransferFunction):
-        realised = _realised(plant)
-    elif isinstance(plant, control.StateSpace):
-        realised = plant
-    else:
-        raise invalid(
-            "plant",
-            described(type(plant).__name__),
-            "a Design, a GeneralizedPlant, a control.StateSpace or a control.TransferFunction",
-            "Pass what a synthesis returned, or a plant and a controller.",
-        )
-    return GeneralizedPlant(realised, realised.noutputs or 0, realised.ninputs or 0)
-
-
-def _realised(plant: control.TransferFunction) -> control.StateSpace:
-    """Realise a plant as a controller would be: the same checks, of the same shape."""
-    dt = 0 if plant.dt is None else plant.dt
-    p, m = plant.noutputs, plant.ninputs
-    nothing = named_system(
-        (np.zeros((0, 0)), np.zeros((0, p)), np.zeros((m, 0)), np.zeros((m, p))),
-        dt,
-        [f"{name}_in" for name in plant.output_labels],
-        [f"{name}_out" for name in plant.input_labels],
-    )
-    mirror = GeneralizedPlant(nothing, m, p)
-    realised = controller_system(mirror, plant)
-    matrices = realised.A, realised.B, realised.C, realised.D
-    return named_system(
-        matrices, dt, plant.input_labels, plant.output_labels, realised.state_labels
+    if isinstance(plant, control.StateSpace | control.TransferFunction):
+        system = as_state_space("plant", plant, 0)
+        return GeneralizedPlant(system, system.noutputs or 0, system.ninputs or 0)
+    raise invalid(
+        "plant",
+        described(type(plant).__name__),
+        "a Design, a GeneralizedPlant, a control.StateSpace or a control.TransferFunction",
+        "Pass what a synthesis returned, or a plant and a controller.",
     )
 
 

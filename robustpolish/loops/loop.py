@@ -14,8 +14,8 @@ import scipy.linalg as sla
 from robustpolish.analysis import HinfNorm, Stability, hinf_norm, stability
 from robustpolish.arrays import AnyVector, Matrix
 from robustpolish.models import GeneralizedPlant
-from robustpolish.models.plant.blocks import named_system
-from robustpolish.synthesis.problem.preflight import NOISE_PREFIX
+from robustpolish.models.plant.blocks import matrices_of, named_system
+from robustpolish.models.plant.wired import NOISE_PREFIX
 
 Place = Literal["input", "output"]
 PLACES: tuple[Place, ...] = ("input", "output")
@@ -46,7 +46,7 @@ class Loop:
     @property
     def approximated_delays(self) -> dict[str, float]:
         """Delays in s that the plant keeps beside its system, by signal; analysed as Padé's."""
-        return dict(getattr(self.plant, "delays", {}))
+        return dict(self.plant.delays)
 
     @property
     def dt(self) -> float | bool:
@@ -118,10 +118,7 @@ class Loop:
     @cached_property
     def controller_matrices(self) -> _Matrices:
         """A, B, C and D of K."""
-        K = self.controller
-        A, B, C, D = (np.asarray(getattr(K, name), dtype=float) for name in "ABCD")
-        n, m, p = K.nstates, K.ninputs, K.noutputs
-        return A.reshape(n, n), B.reshape(n, m), C.reshape(p, n), D.reshape(p, m)
+        return matrices_of(self.controller)
 
     @cached_property
     def closed(self) -> control.StateSpace:

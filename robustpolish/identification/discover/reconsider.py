@@ -185,10 +185,9 @@ def _as_good(without: JudgedFit, search: Search) -> bool:
 
 def _does_as_well(search: Search, at: int, other: Effect) -> bool:
     """Return whether another effect in place of one leaves as little."""
-    effects = search.stage.model.effects
-    rest = replace(search.stage.model, effects=(*effects[:at], *effects[at + 1 :]))
-    search.say(f"refit with {other} in place of {effects[at]}")
-    fitted = search.fitted_with(rest, other)
+    model = search.stage.model
+    search.say(f"refit with {other} in place of {model.effects[at]}")
+    fitted = search.fitted_without(model, at, other)
     if fitted is None:
         return False
     apart = judgement(fitted, [search.stage]) - judgement(search.stage, [fitted])

@@ -125,10 +125,13 @@ class Search:
         stages = homotopy(extended, prepared, pieces, self.reference, spans, steps, settled=settled)
         return best_stage(stages, prepared) if stages else None
 
-    def fitted_without(self, model: MechanicalModel, at: int) -> JudgedFit | None:
-        """Return a model without one of its effects, fitted anew; None if no fit ended well."""
+    def fitted_without(self, model: MechanicalModel, at: int, *instead: Effect) -> JudgedFit | None:
+        """Return a model without one of its effects, or with others in its place, fitted anew.
+
+        None if no fit ended well.
+        """
         rest = (*model.effects[:at], *model.effects[at + 1 :])
-        return self.fitted_with(replace(model, effects=rest))
+        return self.fitted_with(replace(model, effects=rest), *instead)
 
     def accept(self, earned: Sequence[RefittedEffect]) -> None:
         """Go on with the model that has the effects, each fitted with those before it."""

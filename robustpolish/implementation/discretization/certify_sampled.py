@@ -18,9 +18,9 @@ from robustpolish.implementation.sampled.certificate import (
     SampledCertificate,
     certificate_of,
 )
-from robustpolish.implementation.sampled.matrices import matrices_of, named_like
+from robustpolish.implementation.sampled.matrices import named_like
 from robustpolish.models import GeneralizedPlant
-from robustpolish.models.plant.blocks import named_system, static_controller
+from robustpolish.models.plant.blocks import matrices_of, named_system, static_controller
 from robustpolish.validation import (
     described,
     instance_of,

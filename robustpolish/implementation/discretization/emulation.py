@@ -10,7 +10,8 @@ import numpy as np
 from scipy import signal
 
 from robustpolish.implementation.realization.forms import realized
-from robustpolish.implementation.sampled.matrices import matrices_of, named_like
+from robustpolish.implementation.sampled.matrices import named_like
+from robustpolish.models.plant.blocks import matrices_of
 from robustpolish.validation import described, invalid, one_of, positive
 
 Method = Literal["tustin", "zoh", "foh", "matched", "impulse", "forward", "backward"]

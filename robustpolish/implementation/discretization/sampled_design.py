@@ -472,8 +472,7 @@ class SampledDesign(Displayed):
         >>> rp.given_controller(plant, [[-3.0]]).discretize(0.1).plot().get_xlabel()
         'frequency'
         """
-        filtered = with_filter(self.plant, self.anti_aliasing)
-        sampled = tone_gains(filtered, self.controller, self.delay)
+        sampled = tone_gains(self._filtered, self.controller, self.delay)
         open_loop = self.plant.open_loop
         without = singular_values(open_loop, sampled["frequency"].values).isel(singular_value=0)
         name = "without control" + ("" if stability(open_loop) else " (unstable)")

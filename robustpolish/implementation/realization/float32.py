@@ -8,7 +8,8 @@ import control
 import numpy as np
 
 from robustpolish.arrays import Matrix, Vector
-from robustpolish.implementation.sampled.matrices import matrices_of, named_like
+from robustpolish.implementation.sampled.matrices import named_like
+from robustpolish.models.plant.blocks import matrices_of
 
 UNIT = 2.0**-24
 """Largest relative error of one operation in single precision."""

@@ -10,8 +10,9 @@ from scipy import linalg
 from scipy.sparse.csgraph import connected_components
 
 from robustpolish.arrays import Matrix
-from robustpolish.implementation.sampled.matrices import matrices_of, named_like
+from robustpolish.implementation.sampled.matrices import named_like
 from robustpolish.implementation.sampled.scaled_map import border_scale
+from robustpolish.models.plant.blocks import matrices_of
 from robustpolish.validation import one_of
 
 FORMS = ("balanced", "modal", "sections")

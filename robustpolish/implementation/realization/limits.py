@@ -10,7 +10,7 @@ import numpy as np
 from scipy import linalg
 
 from robustpolish.arrays import Matrix, Vector
-from robustpolish.implementation.sampled.matrices import matrices_of
+from robustpolish.models.plant.blocks import matrices_of
 from robustpolish.validation import described, invalid, one_of
 
 Limits = float | tuple[float, float] | Mapping[str, Any] | Sequence[Any] | None

@@ -6,7 +6,7 @@ import control
 import numpy as np
 
 from robustpolish.arrays import Array, Matrix, Vector
-from robustpolish.implementation.sampled.matrices import matrices_of
+from robustpolish.models.plant.blocks import matrices_of
 
 
 def controller_outputs(

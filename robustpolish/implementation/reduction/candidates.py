@@ -17,9 +17,10 @@ from robustpolish.implementation.reduction.gramians import (
     from_factor,
     in_loop,
 )
-from robustpolish.implementation.sampled.matrices import matrices_of, named_like
+from robustpolish.implementation.sampled.matrices import named_like
 from robustpolish.implementation.sampled.scaled_map import border_scale
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.blocks import matrices_of
 
 Parts = tuple[Matrix, Matrix, Matrix, Matrix]
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import control
 import numpy as np
-from scipy import signal
 
-from robustpolish.arrays import Matrix
 from robustpolish.models import GeneralizedPlant
-from robustpolish.models.plant.blocks import named_system
+from robustpolish.models.plant.elements import lag
+from robustpolish.models.plant.given_system import as_state_space
 from robustpolish.validation import described, invalid, positive, state_space
 
 AntiAliasing = (
@@ -44,7 +41,7 @@ def filter_system(anti_aliasing: AntiAliasing, measurements: int) -> control.Sta
     if anti_aliasing is None:
         return None
     if isinstance(anti_aliasing, control.TransferFunction):
-        anti_aliasing = _realised(anti_aliasing)
+        anti_aliasing = as_state_space("anti_aliasing", anti_aliasing)
     if isinstance(anti_aliasing, control.StateSpace):
         return _repeated(_checked(anti_aliasing, measurements), measurements)
     if isinstance(anti_aliasing, tuple | list):
@@ -57,9 +54,8 @@ def filter_system(anti_aliasing: AntiAliasing, measurements: int) -> control.Sta
         raise invalid("anti_aliasing", anti_aliasing, "a filter or its corner in Hz", _REMEDY)
     if not isinstance(order, int | np.integer) or not 1 <= order <= 8:
         raise invalid("anti_aliasing", order, "a whole order from 1 to 8", _REMEDY)
-    rate = 2 * np.pi * positive("anti_aliasing", corner, "Hz")
-    poles = signal.buttap(int(order))[1]
-    return _repeated(control.StateSpace(*_sections(poles * rate), 0), measurements)
+    corner = positive("anti_aliasing", corner, "Hz")
+    return _repeated(lag(corner, int(order), None, 0), measurements)
 
 
 def with_filter(plant: GeneralizedPlant, found: control.StateSpace | None) -> GeneralizedPlant:
@@ -87,47 +83,8 @@ def with_filter(plant: GeneralizedPlant, found: control.StateSpace | None) -> Ge
         remedy = "Put the filter into the plant: plant.with_filter(measurement, filter)."
         shown = described(f"a filter beside a plant with delays of {named}")
         raise invalid("anti_aliasing", shown, "none, or a plant without delays", remedy)
-    F, n, nf = found, plant.nx, found.nstates
-    A = np.block([[plant.A, np.zeros((n, nf))], [F.B @ plant.C2, F.A]])
-    B = np.block([[plant.B1, plant.B2], [F.B @ plant.D21, F.B @ plant.D22]])
-    C = np.block([[plant.C1, np.zeros((plant.nz, nf))], [F.D @ plant.C2, F.C]])
-    D = np.block([[plant.D11, plant.D12], [F.D @ plant.D21, F.D @ plant.D22]])
-    whole = plant.system
-    states = [*plant.states, *(f"filter_{i + 1}" for i in range(nf))]
-    system = named_system((A, B, C, D), 0, whole.input_labels, whole.output_labels, states)
-    kept = {*whole.input_labels, *whole.output_labels, *plant.states}
-    units = {name: unit for name, unit in plant.units.items() if name in kept}
-    return GeneralizedPlant(system, plant.measurements, plant.controls, units)
-
-
-def _sections(poles: Any) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """Realise a low-pass of gain one by its poles, section after section, alike in size."""
-    A, B, C = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))
-    direct = np.eye(1)
-    rising = [p for p in poles if p.imag > 1e-9 * abs(p)]
-    real = [p for p in poles if abs(p.imag) <= 1e-9 * abs(p)]
-    parts = []
-    for p in rising:
-        size = abs(p)
-        parts.append((np.array([[0.0, size], [-size, 2 * p.real]]), np.array([[0.0], [size]])))
-    parts += [(np.array([[p.real]]), np.array([[-p.real]])) for p in real]
-    for a, b in parts:
-        n, k = A.shape[0], a.shape[0]
-        c = np.eye(1, k)
-        A = np.block([[A, np.zeros((n, k))], [b @ C, a]])
-        B = np.vstack([B, b @ direct])
-        C, direct = np.hstack([np.zeros((1, n)), c]), np.zeros((1, 1))
-    return A, B, C, direct
-
-
-def _realised(found: control.TransferFunction) -> control.StateSpace:
-    try:
-        with np.errstate(all="ignore"):
-            realised: Any = control.ss(found)
-            return realised
-    except Exception:
-        shown = described(f"a transfer function that has no realisation: {found.num}/{found.den}")
-        raise invalid("anti_aliasing", shown, "a proper transfer function", _REMEDY) from None
+    wiring = plant.wiring
+    return plant.rewired(wiring.matrix_series(wiring.nz, found, "filter"))
 
 
 def _checked(found: control.StateSpace, measurements: int) -> control.StateSpace:

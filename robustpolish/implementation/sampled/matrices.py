@@ -1,21 +1,12 @@
-"""The bare matrices of a controller, and a controller of such matrices with the same signals."""
+"""A controller of other matrices with the same signals."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import control
-import numpy as np
 
-from robustpolish.arrays import Matrix
 from robustpolish.models.plant.blocks import named_system
-
-
-def matrices_of(system: control.StateSpace) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """Return A, B, C and D."""
-    parts: Any = (system.A, system.B, system.C, system.D)
-    A, B, C, D = (np.array(M, dtype=float) for M in parts)
-    return A, B, C, D
 
 
 def named_like(

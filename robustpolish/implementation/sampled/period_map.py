@@ -16,8 +16,8 @@ import control
 import numpy as np
 
 from robustpolish.arrays import Matrix
-from robustpolish.implementation.sampled.matrices import matrices_of
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.blocks import matrices_of
 
 SAME_INSTANT = 1e-9
 """Instants nearer to each other than this part of a period are one: clocks are not better."""

@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.arrays import Array, Matrix, Vector
-from robustpolish.implementation.sampled.matrices import matrices_of
 from robustpolish.implementation.sampled.period_map import split_delay
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.blocks import matrices_of
 from robustpolish.simulation import first_order_hold
 from robustpolish.validation import described, instance_of, invalid
 

@@ -152,6 +152,17 @@ class PlantBlocks:
         )
 
 
+def matrices_of(system: control.StateSpace) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """Copy A, B, C and D of a system as floats of consistent shapes."""
+    n, m, p = system.nstates, system.ninputs, system.noutputs
+    shapes = ((n, n), (n, m), (p, n), (p, m))
+    A, B, C, D = (
+        np.array(getattr(system, name), dtype=float).reshape(shape)
+        for name, shape in zip("ABCD", shapes, strict=True)
+    )
+    return A, B, C, D
+
+
 def named_system(
     matrices: Sequence[ArrayLike],
     dt: float | bool,

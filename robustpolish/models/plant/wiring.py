@@ -15,7 +15,7 @@ import numpy as np
 
 from robustpolish.analysis import DelayedSystem, DelayLine
 from robustpolish.arrays import Matrix
-from robustpolish.models.plant.blocks import PlantBlocks, named_system
+from robustpolish.models.plant.blocks import PlantBlocks, matrices_of, named_system
 
 Side = Literal["input", "output"]
 
@@ -242,13 +242,7 @@ class Wiring(PlantBlocks):
 
     def arrays(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
         """Copy A, B, C and D as floats of consistent shapes."""
-        n, s = self.nx, self.system
-        shapes = ((n, n), (n, s.ninputs), (s.noutputs, n), (s.noutputs, s.ninputs))
-        A, B, C, D = (
-            np.array(self._matrix(name), dtype=float).reshape(shape)
-            for name, shape in zip("ABCD", shapes, strict=True)
-        )
-        return A, B, C, D
+        return matrices_of(self.system)
 
     def _with(
         self,

@@ -11,6 +11,7 @@ from scipy import linalg
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.errors import SolverError
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.blocks import matrices_of
 from robustpolish.models.plant.given_system import as_state_space
 from robustpolish.synthesis.problem.matrices import SystemMatrices, balancing_scale
 from robustpolish.synthesis.problem.preflight import diagnose, refuse
@@ -168,10 +169,7 @@ def in_series(first: SystemMatrices, second: SystemMatrices) -> SystemMatrices:
 
 def arrays_of(system: control.StateSpace) -> SystemMatrices:
     """Return the matrices of a system with consistent shapes."""
-    n, m, p = system.nstates, system.ninputs, system.noutputs
-    shapes = ((n, n), (n, m), (p, n), (p, m))
-    matrices = (np.reshape(getattr(system, k), s) for k, s in zip("ABCD", shapes, strict=True))
-    return SystemMatrices(*(np.array(M, dtype=float) for M in matrices))
+    return SystemMatrices(*matrices_of(system))
 
 
 def _inverse_root(S: Matrix) -> Matrix:

@@ -7,7 +7,7 @@ import pytest
 import robustpolish as rp
 from robustpolish.implementation.reduction.candidates import Reducer
 from robustpolish.implementation.reduction.gramians import coprime, from_factor
-from robustpolish.implementation.sampled.matrices import matrices_of
+from robustpolish.models.plant.blocks import matrices_of
 
 
 def filter_loop(seed=0, n=6):
