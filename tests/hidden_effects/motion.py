@@ -87,25 +87,48 @@ def motion(case, which=0, rng=None, inputs=None, steps=12):
     q0[-1] = case.start * (1.0 if which == 0 else 0.8)
     stiffest = np.sqrt(np.max(np.diag(K) / M))
     over = max(steps, int(np.ceil(m.dt * stiffest * steps / 3)))
-    pushing = _pushing(case, U)
-    moved = integrate(M, C, K, B, pushing, m.dt, over, codes, places, params, q0, v0, case.held)
+    others = {e[0]: e for e in case.effects if e[0] not in CODES}
+    forces, dt, fine = _forces(m, others, U), m.dt, 1
+    if "input_delay" in others:
+        forces, dt, fine, over = (
+            _late(case, others["input_delay"], forces, over),
+            dt / over,
+            over,
+            1,
+        )
+    moved = integrate(M, C, K, B, forces, dt, over, codes, places, params, q0, v0, case.held)
+    moved = (signal[::fine] for signal in moved)
     return Moved(*(signal[case.warm_up :] for signal in (*moved, U)))
 
 
-def _pushing(case, U):
-    """Return the forces behind the recorded inputs: their gain and delay may be missing."""
-    m, U = case.machine, U.copy()
-    names = [f"F_{n}" for n in m.forced]
-    others = {e[0]: e for e in case.effects if e[0] not in CODES}
+def _forces(m, others, U):
+    """Return the forces behind the recorded inputs: their gain may be missing."""
+    U = U.copy()
     if "input_gain" in others:
         _, at, p = others["input_gain"]
-        U[:, names.index(at[0])] *= p[0]
-    if "input_delay" in others:
-        _, at, p = others["input_delay"]
-        j = names.index(at[0])
-        t = np.arange(len(U)) * m.dt
-        U[:, j] = np.interp(t - p[0], t, U[:, j])
+        U[:, m.forced.index(at[0].removeprefix("F_"))] *= p[0]
     return U
+
+
+def _late(case, delay, U, fine):
+    """Return forces of which one is late, `fine` of them per sample.
+
+    What is linear or held between the samples stays so and is moved as a whole: a delayed force
+    that was read off at the samples again would be a smoother one, which no delay explains.
+    """
+    m, (_, at, p) = case.machine, delay
+    late = m.forced.index(at[0].removeprefix("F_"))
+    t, h = np.arange(len(U)) * m.dt, m.dt / fine
+    found = np.empty(((len(U) - 1) * fine + 1, U.shape[1]))
+    for j, u in enumerate(U.T):
+        now = np.arange(len(found)) * h - (p[0] if j == late else 0.0)
+        if case.held:  # the mean over each step, in which a jump may lie
+            pushed = np.concatenate([[-u[0] * p[0], 0.0], np.cumsum(u) * m.dt])
+            ends = np.concatenate([[-p[0]], t, [t[-1] + m.dt]])
+            found[:, j] = np.diff(np.interp([*now, now[-1] + h], ends, pushed)) / h
+        else:
+            found[:, j] = np.interp(now, t, u)
+    return found
 
 
 def shown(case, moved, bare=False):
