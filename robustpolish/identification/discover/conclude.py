@@ -207,8 +207,10 @@ def _final_fit(search: Search, stage: JudgedFit, calm: bool) -> tuple[Fit, Array
     spans = prepared.spans(pieces, search.policy.growth)
     if not calm:
         spans = [span for span in spans if span < prepared.short] + [prepared.short]
-    fits = homotopy(stage.model, prepared, pieces, search.reference, spans, prepared.steps)
     before = _whole_error(stage.model, search, calm)
+    if calm and np.all(before < search.policy.lost * stage.error):
+        spans = spans[-2:]  # what follows the whole record already is not lost on long windows
+    fits = homotopy(stage.model, prepared, pieces, search.reference, spans, prepared.steps)
     if not fits:
         return stage.fit, before
     error = _whole_error(fits[-1].model, search, calm)

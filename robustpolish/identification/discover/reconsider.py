@@ -133,16 +133,24 @@ def rounded_friction(
     Returns
     -------
     list of RefittedEffect
-        None where a jump leaves noise alone; and a friction whose speed the data leave open may as
-        well be a jump.
+        None where a jump leaves noise alone. The one with the fewest numbers comes first: where
+        the data leave its speed open, or it leaves no less than a jump, the others are not asked.
     """
     dry = [item for item in refits if item.effect.definition.turns_over]
     jumps = [item for item in dry if not turns_over_gently(item.effect)]
     least = (1 + tolerance(search)) * search.prepared.scales.noise
     if any(np.all(item.fitted.error < least) for item in jumps):
         return []
-    found = [_rounded(item, start, search) for item in jumps]
-    return [item for item in found if item is not None]
+    found: list[RefittedEffect] = []
+    for item in sorted(jumps, key=lambda item: len(item.effect.values)):
+        rounded = _rounded(item, start, search)
+        if rounded is None:
+            break
+        found.append(rounded)
+        gained = judgement(item.fitted, [rounded.fitted]) - judgement(rounded.fitted, [item.fitted])
+        if gained < tolerance(search):
+            break
+    return found
 
 
 def _rounded(jump: RefittedEffect, start: MechanicalModel, search: Search) -> RefittedEffect | None:
