@@ -60,12 +60,12 @@ def excitation(case, rng, samples):
     return case.drive * np.column_stack(columns)
 
 
-def motion(case, which=0, rng=None, inputs=None, steps=12):
+def motion(case, which=0, rng=None, inputs=None, steps=12, begin=(0.0, 0.0)):
     """Return the motion of one of the two records of a case, the warm-up cut off.
 
     A generator that is given goes on with the noise of the record. Inputs that are given stand in
     place of the excitation, warm-up included. `steps` is the least number of steps between two
-    samples.
+    samples. `begin` is added to displacements and velocities at the start.
     """
     m = case.machine
     M, C, K, B = matrices(m)
@@ -85,6 +85,7 @@ def motion(case, which=0, rng=None, inputs=None, steps=12):
         params[i, : len(p)] = p
     q0, v0 = np.zeros(len(M)), np.zeros(len(M))
     q0[-1] = case.start * (1.0 if which == 0 else 0.8)
+    q0, v0 = q0 + begin[0], v0 + begin[1]
     stiffest = np.sqrt(np.max(np.diag(K) / M))
     over = max(steps, int(np.ceil(m.dt * stiffest * steps / 3)))
     others = {e[0]: e for e in case.effects if e[0] not in CODES}

@@ -31,6 +31,16 @@ def test_what_a_damper_does_as_well_is_not_left():
     assert drag.left < 0.05
 
 
+def test_a_constant_force_shows_in_displacements_and_not_in_velocities():
+    """Where the machine begins is unknown, so that a velocity sensor knows no place."""
+    left = [
+        change_without(case_of("constant_force", [60.0], machine), 0).left
+        for machine in (one(), replace(one(), measured=[("x", "velocity")]))
+    ]
+    assert left[0] > 10
+    assert left[1] < 0.1
+
+
 def test_each_of_two_effects_is_asked_about():
     case = case_of("cubic_stiffness", [4e6])
     case.effects.append(("constant_force", ("x",), [1e-3]))

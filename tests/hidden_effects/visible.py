@@ -23,8 +23,9 @@ class Change(NamedTuple):
     share : float
         The same over the signal itself.
     left : float
-        What is left of it over the noise once springs and dampers are fitted in its place: a drag
-        that is a damper as far as the record tells is no missing effect.
+        What is left of it over the noise once springs, dampers and the start of the motion are
+        fitted in its place: a drag that is a damper as far as the record tells is no missing
+        effect, nor is a constant force that only moves where velocities begin and end.
     """
 
     over_noise: float
@@ -90,17 +91,24 @@ def chaotic(case):
 
 
 def _fitted(case, inputs, truth, size):
-    """Return the signals of a case whose springs and dampers are fitted to those of another."""
+    """Return the signals of a case whose springs, dampers and start are fitted to another's.
+
+    Where a warm-up is cut off the motion has forgotten its start.
+    """
     machine = case.machine
-    numbers = np.zeros(len(machine.springs) + len(machine.dampers))
+    moved = motion(case, inputs=inputs, steps=STEPS)
+    typical = np.array([_rms(moved.displacement), _rms(moved.velocity)])
+    known = len(machine.springs) + len(machine.dampers)
+    numbers = np.zeros(known + (0 if case.warm_up else typical.size))
 
     def run(x, samples):
-        k, c = np.exp(x[: len(machine.springs)]), np.exp(x[len(machine.springs) :])
+        k, c = np.exp(x[: len(machine.springs)]), np.exp(x[len(machine.springs) : known])
+        begin = (0.0, 0.0) if case.warm_up else x[known:].reshape(typical.shape) * typical
         springs = [(a, b, v * g) for (a, b, v), g in zip(machine.springs, k, strict=True)]
         dampers = [(a, b, v * g) for (a, b, v), g in zip(machine.dampers, c, strict=True)]
         fitted = replace(machine, springs=springs, dampers=dampers)
         part = inputs[: case.warm_up + samples]
-        return _signals(replace(case, machine=fitted, samples=samples), part) / size
+        return _signals(replace(case, machine=fitted, samples=samples), part, begin=begin) / size
 
     spans = [case.samples]
     while spans[0] > FIRST * GROWTH:
@@ -136,9 +144,9 @@ def _inputs(case, which=0):
     return excitation(case, rng, case.samples + case.warm_up)
 
 
-def _signals(case, inputs, which=0):
+def _signals(case, inputs, which=0, begin=(0.0, 0.0)):
     """What the sensors show without noise, shape (samples, ny)."""
-    moved = motion(case, which, inputs=inputs, steps=STEPS)
+    moved = motion(case, which, inputs=inputs, steps=STEPS, begin=begin)
     return np.column_stack(list(shown(case, moved).values()))
 
 
