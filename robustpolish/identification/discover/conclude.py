@@ -10,6 +10,7 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
+from robustpolish.identification.discover.floor_beside import floor_beside
 from robustpolish.identification.discover.judge import undetermined
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.confused import confused
@@ -19,12 +20,10 @@ from robustpolish.identification.findings.ledger import Entry, Ledger
 from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, free_rms, homotopy
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import chain_keys, connected, driving
-from robustpolish.identification.fit.prepared import with_rest
 from robustpolish.identification.laws.free_shape import better_shape
 from robustpolish.identification.laws.learn import Learned, learn
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.residuals.force_maps import force_maps
-from robustpolish.identification.residuals.noise_floor import noise_floor
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import effect_unit, unit_of
 from robustpolish.models.mechanical.parts import FORCE
@@ -61,7 +60,7 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
     base, refitted = errors[0], errors[min(1, len(errors) - 1)]
     # how an input acts between its samples is no number of the model
     as_it_was = _whole_error(reference, search, calm) if reference is not model else base
-    floor = _floor(final.model, search, calm)
+    floor = floor_beside(final.model, prepared, calm)
     verdict = _verdict(search, calm, as_it_was, refitted, error, added, floor)
     above = np.any(error > search.policy.shape_above * verdict.floor)
     wrong_name = better_shape(final.model, prepared) if added and above else None
@@ -177,18 +176,6 @@ def _diagnosis(
         reproducible=calm,
         time=record.axis,
     )
-
-
-def _floor(model: MechanicalModel, search: Search, calm: bool) -> Array:
-    """Return the noise of each output, from the errors of a model's free runs."""
-    prepared = search.prepared
-    run = prepared.runner(model).run(model)
-    pieces = prepared.everything if calm else prepared.windows
-    started = prepared.with_fitted_starts(run, with_rest(model, pieces))
-    motion = run.over_all(started).outputs
-    known = prepared.repeats is not None
-    errors, honest = prepared.record.Y - motion, prepared.record.honest
-    return noise_floor(errors, motion, prepared.scales.noise, known, honest)
 
 
 def _whole_error(model: MechanicalModel, search: Search, calm: bool) -> Array:

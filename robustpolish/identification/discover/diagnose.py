@@ -98,11 +98,16 @@ def _diagnose(
     say("how inputs act between their samples")
     held = model if fewer.thinned else with_holds(model, prepared)
 
+    anew: dict[tuple[object, ...], Search] = {}
+
     def grown(search: Search) -> Search:
         while search.added < policy.most_effects and add_one(search):
             late = None if fewer.thinned else _late_holds(search)
             if late is not None:
-                search = _begun(model, late, prepared, say)
+                holds = tuple((hold.kind, hold.at) for hold in late.effects)
+                if holds not in anew:
+                    anew[holds] = grown(_begun(model, late, prepared, say))
+                return anew[holds].copy()
         return search
 
     search = second_look(grown(_begun(model, held, prepared, say)), grown)

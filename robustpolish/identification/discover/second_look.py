@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from robustpolish.identification.discover.floor_beside import floor_beside
 from robustpolish.identification.discover.judge import judgement, objection
 from robustpolish.identification.discover.reconsider import (
     renamed,
@@ -33,7 +34,7 @@ def second_look(search: Search, grow: Callable[[Search], Search]) -> Search:
     """
     search = without_the_needless(search)
     for turn, item in _runners_up(search):
-        if search.at_floor(search.stage):
+        if _noise_alone(search):
             break
         instead = f" in place of {turn.added[0].effect}" if turn.added else ", to see what follows"
         search.say(f"{item.effect}{instead}")
@@ -63,6 +64,15 @@ def _runners_up(search: Search) -> list[tuple[Turn, RefittedEffect]]:
         different = [item for item in turn.others if item in seen.values()]
         found += [(turn, item) for item in different[:count]]
     return found
+
+
+def _noise_alone(search: Search) -> bool:
+    """Return whether the model leaves noise alone: white noise, or the coloured one it shows."""
+    stage = search.stage
+    if search.at_floor(stage):
+        return True
+    floor = floor_beside(stage.model, search.prepared, stage.reproducible)
+    return bool(np.all(stage.error < search.policy.at_floor * floor))
 
 
 def _sound(search: Search) -> bool:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from robustpolish.identification.discover.search import Search, Turn
@@ -79,6 +80,19 @@ def test_where_only_noise_is_left_nothing_is_followed(begun):
     grow, followed = growing({"quadratic_damping": 0.1 * noise})
     assert second_look(search, grow) is search
     assert not followed
+
+
+def test_coloured_noise_that_a_model_leaves_is_noise_too(begun, monkeypatch):
+    (noise,) = begun.prepared.scales.noise
+    search = went(begun, refitted(rig(), *CUBIC, 5 * noise), refitted(rig(), *DRAG, 6 * noise))
+    look = "robustpolish.identification.discover.second_look.floor_beside"
+    grow, followed = growing({"quadratic_damping": 5 * noise})
+    monkeypatch.setattr(look, lambda model, prepared, calm: np.array([4.9 * noise]))
+    second_look(search, grow)
+    assert not followed
+    monkeypatch.setattr(look, lambda model, prepared, calm: np.array([noise]))
+    second_look(search, grow)
+    assert followed
 
 
 def test_the_simplest_of_a_family_stands_for_it(begun):
