@@ -10,7 +10,6 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.floor_beside import floor_beside
 from robustpolish.identification.discover.judge import undetermined
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.confused import confused
@@ -60,7 +59,7 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
     base, refitted = errors[0], errors[min(1, len(errors) - 1)]
     # how an input acts between its samples is no number of the model
     as_it_was = _whole_error(reference, search, calm) if reference is not model else base
-    floor = floor_beside(final.model, prepared, calm)
+    floor = search.floor_beside(final.model, calm)
     verdict = _verdict(search, calm, as_it_was, refitted, error, added, floor)
     above = np.any(error > search.policy.shape_above * verdict.floor)
     wrong_name = better_shape(final.model, prepared) if added and above else None

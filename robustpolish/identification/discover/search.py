@@ -8,12 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.findings.findings import Confusion, RankedCandidate
 from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy
 from robustpolish.identification.fit.parameters import turns_over_gently
-from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
 from robustpolish.identification.policy import Policy
+from robustpolish.identification.residuals.noise_floor import noise_floor
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
 from robustpolish.models.mechanical import MechanicalModel
 
@@ -106,6 +108,24 @@ class Search:
     def at_floor(self, stage: JudgedFit) -> bool:
         """Return whether not even the noise alone would make the error fall visibly."""
         return bool(np.all(stage.error < self.policy.at_floor * self.prepared.scales.noise))
+
+    def floor_beside(self, model: MechanicalModel, calm: bool) -> Array:
+        """Return the noise of each output that the errors of a fitted model show, shape (ny,).
+
+        Parameters
+        ----------
+        model : MechanicalModel
+        calm : bool
+            Whether free runs over the whole record judge; windows do otherwise.
+        """
+        prepared = self.prepared
+        run = prepared.runner(model).run(model)
+        pieces = prepared.everything if calm else prepared.windows
+        started = prepared.with_fitted_starts(run, with_rest(model, pieces))
+        motion = run.over_all(started).outputs
+        known = prepared.repeats is not None
+        errors, honest = prepared.record.Y - motion, prepared.record.honest
+        return noise_floor(errors, motion, prepared.scales.noise, known, honest)
 
     def copy(self) -> Search:
         """Return the search as it is, to go on in another way."""

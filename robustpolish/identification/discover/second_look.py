@@ -11,7 +11,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from robustpolish.identification.discover.floor_beside import floor_beside
 from robustpolish.identification.discover.judge import judgement, objection
 from robustpolish.identification.discover.reconsider import (
     renamed,
@@ -71,7 +70,7 @@ def _noise_alone(search: Search) -> bool:
     stage = search.stage
     if search.at_floor(stage):
         return True
-    floor = floor_beside(stage.model, search.prepared, stage.reproducible)
+    floor = search.floor_beside(stage.model, stage.reproducible)
     return bool(np.all(stage.error < search.policy.at_floor * floor))
 
 

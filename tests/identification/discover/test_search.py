@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.search import Search
@@ -10,7 +11,7 @@ from robustpolish.identification.policy import Policy
 from robustpolish.identification.screening.screen import ScreenedEffect
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import judged, refitted, search_of
-from tests.identification.oscillators import PLACE, of_rig, rig
+from tests.identification.oscillators import PLACE, of_rig, oscillator, record, rig
 
 
 @pytest.fixture
@@ -24,6 +25,28 @@ def test_the_floor_is_where_the_noise_alone_is_no_visible_fall(search):
     assert not search.at_floor(judged(rig(), 1.26 * noise))
     bold = replace(search, prepared=replace(search.prepared, policy=Policy(visible_fall=0.5)))
     assert bold.at_floor(judged(rig(), 1.9 * noise))
+
+
+@pytest.fixture(scope="module")
+def coloured():
+    """A right model's search with coloured noise, and the size of that."""
+    data, shaped = record(), lfilter([1.0], [1.0, -0.9], np.random.default_rng(1).normal(size=4000))
+    size = 0.03 * float(np.std(data["x"]))
+    noisy = data["x"] + size * shaped / np.std(shaped)
+    found = data.assign(x=noisy.assign_attrs(data["x"].attrs))
+    return search_of(oscillator(), found), size
+
+
+@pytest.mark.parametrize("calm", [True, False])
+def test_a_right_model_shows_the_whole_of_coloured_noise(coloured, calm):
+    search, size = coloured
+    assert search.prepared.scales.noise[0] < 0.7 * size  # what the quietest band shows
+    assert search.floor_beside(oscillator(), calm)[0] == pytest.approx(size, rel=0.3)
+
+
+def test_a_wrong_model_does_not_make_its_error_a_noise(coloured):
+    search, size = coloured
+    assert search.floor_beside(oscillator(stiffness=300.0), True)[0] < 1.5 * size
 
 
 @pytest.mark.parametrize("missing", [True, False])

@@ -85,12 +85,11 @@ def test_where_only_noise_is_left_nothing_is_followed(begun):
 def test_coloured_noise_that_a_model_leaves_is_noise_too(begun, monkeypatch):
     (noise,) = begun.prepared.scales.noise
     search = went(begun, refitted(rig(), *CUBIC, 5 * noise), refitted(rig(), *DRAG, 6 * noise))
-    look = "robustpolish.identification.discover.second_look.floor_beside"
     grow, followed = growing({"quadratic_damping": 5 * noise})
-    monkeypatch.setattr(look, lambda model, prepared, calm: np.array([4.9 * noise]))
+    monkeypatch.setattr(Search, "floor_beside", lambda self, model, calm: np.array([4.9 * noise]))
     second_look(search, grow)
     assert not followed
-    monkeypatch.setattr(look, lambda model, prepared, calm: np.array([noise]))
+    monkeypatch.setattr(Search, "floor_beside", lambda self, model, calm: np.array([noise]))
     second_look(search, grow)
     assert followed
 
