@@ -121,7 +121,10 @@ def disturbed(loop: Loop) -> control.StateSpace:
     whole = plant.with_control_outputs()
     closed = whole.closed_loop(loop.controller)
     rows = list(range(plant.nz, plant.nz + plant.nu))
-    return from_to(closed, list(range(plant.nw)), rows)
+    found = from_to(closed, list(range(plant.nw)), rows)
+    # An output of the plant that has a control's name already would have turned it into "u_2".
+    found.update_names(outputs=list(plant.control_names))
+    return found
 
 
 def given_effort(loop: Loop, disturbance: xr.Dataset) -> tuple[GivenEffort, ...]:

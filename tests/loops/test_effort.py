@@ -98,3 +98,12 @@ def test_discrete_noise_counts_by_sample():
     # KS = -(z - 1)/(z - 0.5): -1, 0.5, 0.25, ...
     assert row.rms == pytest.approx(np.sqrt(1 + 0.25 / (1 - 0.25)))
     assert row.step_rate == pytest.approx(1 / 0.1)
+
+
+def test_a_control_that_is_an_output_too_keeps_its_name_and_unit():
+    plant = rp.GeneralizedPlant.from_matrices(
+        [[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]],
+        disturbances=["F_d"], controls=["F"], measurements=["x"], units={"F": "N"},
+    ).with_control_outputs()  # fmt: skip
+    effort = rp.loop_analysis(plant, [[-3.0]]).effort
+    assert [(one.source, one.control, one.unit) for one in effort] == [("F_d", "F", "N")]

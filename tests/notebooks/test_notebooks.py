@@ -7,7 +7,12 @@ import nbclient
 import pytest
 
 NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.md"))
-LONG = ("05_find_the_hidden_effect", "06_measured_data", "07_the_bridge")
+LONG = (
+    "05_find_the_hidden_effect",
+    "06_measured_data",
+    "07_the_bridge",
+    "08_from_weights_to_code",
+)
 """Half a minute to a minute each; the documentation executes them as well."""
 
 

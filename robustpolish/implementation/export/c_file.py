@@ -64,8 +64,18 @@ def write_c(
 
 
 def vectors(spec: CodeSpec, samples: int) -> tuple[Array, Array]:
-    """Return random measurements, of at most one unit each, and the controls that they bring."""
+    """Return random measurements, of at most one unit each, and the controls that they bring.
+
+    Where that reaches limits, the first half is so small that it stays within half of them: a
+    control that is at its limit all the time would tell nothing of the controller.
+    """
     y = np.random.default_rng(SEED).uniform(-1, 1, (samples, len(spec.measurements)))
+    if spec.limits is not None:
+        half = y[: samples // 2]
+        free = np.abs(controller_outputs(spec.controller, half)).max(axis=0, initial=0.0)
+        room = np.minimum(-spec.limits[0], spec.limits[1])
+        times = float((free / np.where(room > 0, room, np.inf)).max(initial=0.0))
+        half /= max(1.0, 2 * times)
     return y, controller_outputs(spec.controller, y, spec.limits, spec.feedback)
 
 

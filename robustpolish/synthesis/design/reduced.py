@@ -21,6 +21,12 @@ from robustpolish.validation import described, invalid, positive
 DEFAULT_TOLERANCE = 0.05
 """What a shorter controller may cost where nothing else is said."""
 
+SENSITIVITY_RISE = 0.1
+"""A rise of the largest sensitivity worth a sentence: with it goes a tenth of the modulus margin.
+
+A norm in physical units can be nearly all K S; then a controller of half a decibel of disk margin
+is as good to it as one of seven, which happened with a levitated ball."""
+
 
 class Reduced(NamedTuple):
     """A shorter controller with its certificate, and what is to be told of it."""
@@ -91,6 +97,7 @@ def reduced(
         f"Reduced from {n} to {k} states ({candidate.name}): the {name} norm goes from "
         f"{before.achieved:.6g} to {certificate.achieved:.6g} ({change:+.3g} %)."
     )
+    message += _sensitivity_sentence(plant, controller, candidate.controller)
     told = _told(reducer, candidate.name, n, k, before, certificate)
     return Reduced(candidate.controller, certificate, message, told)
 
@@ -109,6 +116,29 @@ def _best(
         if certificate.valid and certificate.achieved <= limit:
             return candidate, certificate
     return None
+
+
+def _sensitivity_sentence(
+    plant: GeneralizedPlant, whole: control.StateSpace, short: control.StateSpace
+) -> str:
+    """Say so if the largest sensitivity rises, whether the norm counts it or not."""
+    before, after = (_largest_sensitivity(plant, K) for K in (whole, short))
+    if after <= (1 + SENSITIVITY_RISE) * before:
+        return ""
+    return (
+        f" The largest sensitivity rises from {before:.3g} to {after:.3g}, and margins fall: see "
+        "rp.loop_analysis, and allow less, or weigh the plant so that its norm counts them."
+    )
+
+
+def _largest_sensitivity(plant: GeneralizedPlant, controller: control.StateSpace) -> float:
+    """Return the largest norm of S at an output or T at an input, the other loops closed.
+
+    One signal at a time these have no units; singular values of several would have.
+    """
+    loop = GeneralizedPlant.from_loop(plant.without_delays()).closed_loop(controller)
+    each = (loop[i, i] for i in range(plant.ny + plant.nu))
+    return max(float(hinf_norm(part, tolerance=1e-4, exact=False)) for part in each)
 
 
 def _quick(plant: GeneralizedPlant, controller: control.StateSpace, norm: str) -> float:

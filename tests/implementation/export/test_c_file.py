@@ -107,3 +107,12 @@ def test_names_of_signals_cannot_end_the_comment(tmp_path):
     )
     sampled = rp.given_controller(plant, [[-3.0]]).discretize(0.1)
     compiled(sampled.export_c(tmp_path, "odd"))
+
+
+def test_vectors_reach_limits_in_their_second_half_only(tmp_path):
+    sampled = two_by_two()
+    sampled.export_c(tmp_path, name="loop", limits=1e-3, test_vectors=200)
+    table = np.loadtxt(tmp_path / "loop_vectors.csv", delimiter=",", skiprows=1)
+    u = np.abs(table[:, sampled.controller.ninputs :])
+    assert u[:100].max() == pytest.approx(0.5e-3)
+    assert (u[100:] == 1e-3).mean() > 0.5

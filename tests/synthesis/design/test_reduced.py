@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.synthesis.design.reduced import _largest_sensitivity
 from tests.implementation.designs import servo_design
 
 
@@ -91,3 +92,32 @@ def test_a_tolerance_that_nothing_keeps_leaves_the_design():
     assert found.controller is design.controller
     assert "stays as it is" in found.message
     assert found.status == design.status
+
+
+def test_margins_that_the_norm_does_not_count_are_told():
+    # A levitated ball in volts and millimetres: K S is nearly all of the norm.
+    s = control.tf("s")
+    magnet = control.tf([-36.27e3], np.poly([66.94, -66.94, -45.69]))
+    lead = (s / 45.69 + 1) * (s / 66.94 + 1) / (s / 800 + 1) ** 2 * (s + 3) / s
+    design = rp.loop_shaping(magnet, W1=20.0 * lead)
+    short = design.reduce(tolerance=0.1)
+    assert short.certificate.achieved < 1.1 * design.certificate.achieved
+    before, after = (max(float(rp.loop_analysis(one).output.peaks[name]) for name in "ST")
+                     for one in (design, short))  # fmt: skip
+    assert after > 1.1 * before
+    assert f"sensitivity rises from {before:.3g} to {after:.3g}" in short.message
+
+
+def test_margins_that_stay_need_no_words():
+    assert "sensitivity" not in servo_design().reduce(tolerance=0.05).message
+
+
+def test_the_sensitivity_that_is_told_does_not_depend_on_units():
+    found = []
+    for size in (1.0, 1e3):  # the second output in m, or in mm
+        G = control.ss([[-1, 0], [0, 2.0]], np.eye(2), [[1, 0.5], [0, size]], 0)
+        gain = -np.array([[1.0, 0.3 / size], [0.2, 6 / size]])
+        K = control.ss([], [], [], gain)
+        found.append(_largest_sensitivity(rp.GeneralizedPlant.from_loop(G), K))
+    assert found[0] > 1
+    assert found[1] == pytest.approx(found[0], rel=1e-3)

@@ -1,0 +1,231 @@
+"""The rows of the page for users of MATLAB are true: each is tried, against published numbers."""
+
+import re
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+import xarray as xr
+
+import robustpolish as rp
+
+PAGE = (Path(__file__).parents[2] / "docs" / "coming_from_matlab.md").read_text(encoding="utf-8")
+s = control.tf("s")
+G = 200 / ((10 * s + 1) * (0.05 * s + 1) ** 2)
+"""The disturbance process of Skogestad and Postlethwaite."""
+
+L = 1 / (s * (s + 1) * (0.5 * s + 1))
+C = control.tf([2.0, 1.0], [1.0, 10.0])
+HERTZ = 2 * np.pi
+
+
+@pytest.fixture(scope="module")
+def shaped():
+    return rp.loop_shaping(G, W1=(s + 2) / s)
+
+
+def gain(system, rate):
+    return abs(complex(np.squeeze(system(1j * rate))))
+
+
+def near(found, wanted):
+    """Whether two systems of one input and output have the same response."""
+    for rate in (0.01, 0.5, 3.0, 40.0):
+        one = complex(np.squeeze(found(1j * rate)))
+        assert one == pytest.approx(complex(np.squeeze(wanted(1j * rate))), rel=1e-6)
+
+
+@pytest.mark.parametrize("name", sorted(set(re.findall(r"\brp\.(\w+)", PAGE))))
+def test_names_exist(name):
+    assert hasattr(rp, name)
+
+
+ROWS = """hinfsyn augw mixsyn makeweight ncfsyn loopsyn h2syn hinfstruct loopsens allmargin margin
+diskmargin balred c2d sigma lft sdhinfnorm codegen damp"""
+
+
+@pytest.mark.parametrize("row", ROWS.split())
+def test_rows_are_there(row):
+    assert re.search(rf"^\|[^|]*\b{row}\b[^|]*\|", PAGE, re.MULTILINE)
+
+
+def test_mixsyn_and_augw():
+    # Skogestad and Postlethwaite, example 2.17: 1.37
+    W1 = (s / 1.5 + 10) / (s + 10 * 1e-4)
+    plant = rp.mixed_sensitivity(G, performance=W1, effort=1.0)
+    design = rp.output_feedback(plant)
+    assert design.certificate.achieved == pytest.approx(1.37, abs=0.005)
+    assert [name.partition("_")[0] for name in plant.performance_names] == ["performance", "effort"]
+    # u = K y: what mixsyn returns is -K, and its S = 1 / (1 + G K)
+    near(rp.loop_analysis(design).output.S, control.feedback(1, G * -control.tf(design.controller)))
+
+
+def test_three_weights_come_in_the_order_of_augw():
+    plant = rp.mixed_sensitivity(G, performance=1.0, effort=2.0, robustness=3.0)
+    loop = plant.closed_loop([[-0.05]])
+    S = control.feedback(1, 0.05 * G)
+    for row, wanted in enumerate((S, 0.1 * S, 3 * (1 - S))):
+        assert gain(loop[row, 0], 1.0) == pytest.approx(gain(wanted, 1.0), rel=1e-6)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_makeweight(order):
+    # makeweight(100, [5 1], 0.2, 0, n): 100 at rest, 1 at 5 rad/s, 0.2 at high frequencies
+    W = rp.weight(100.0, 5 / HERTZ, 0.2, order=order)
+    assert [gain(W, w) for w in (0.0, 5.0, 1e9)] == pytest.approx([100, 1, 0.2], rel=1e-6)
+    assert W.nstates == order
+    m = 3.0  # another gain at the crossover
+    other = m * rp.weight(100.0 / m, 5 / HERTZ, 0.2 / m)
+    assert [gain(other, w) for w in (0.0, 5.0, 1e9)] == pytest.approx([100, 3, 0.2], rel=1e-6)
+    assert gain(rp.weight(np.inf, 1.0, 0.5), 1e-9) > 1e6
+    near(rp.weight(0.01, 1.0, 5.0, inverse=True), 1 / rp.weight(0.01, 1.0, 5.0))
+
+
+def test_ncfsyn(shaped):
+    assert shaped.details["optimal_gamma"] == pytest.approx(2.34, abs=0.005)  # example 9.3
+    assert shaped.details["gamma"] <= 1.1001 * shaped.details["optimal_gamma"]
+    assert rp.ncf_margin(shaped.details["shaped_plant"], shaped.details["shaped_controller"]) == (
+        pytest.approx(1 / shaped.details["gamma"], rel=1e-3)
+    )
+    near(shaped.controller, (s + 2) / s * control.tf(shaped.details["shaped_controller"]))
+
+
+def test_loopsyn_has_the_other_sign(shaped):
+    K = -shaped.controller  # for negative feedback
+    assert control.feedback(control.ss(G) * K, 1).poles().real.max() < 0
+
+
+def test_ncfmargin_and_gapmetric():
+    # 1/s with unit negative feedback: the norm of [I; K] (I - G K)^-1 [I, G] is root 2
+    assert rp.ncf_margin(1 / s, 1.0, sign=-1) == pytest.approx(1 / np.sqrt(2), rel=1e-6)
+    # Vinnicombe: constants a and b are |a - b| / sqrt((1 + a^2) (1 + b^2)) apart
+    gap = rp.nu_gap(control.tf([1.0], [1.0]), control.tf([2.0], [1.0]))
+    assert gap == pytest.approx(1 / np.sqrt(10), rel=1e-6)
+
+
+def test_loopsens():
+    found = rp.loop_analysis(L, -C)
+    near(found.input.S, control.feedback(1, L * C))
+    near(found.input.T, control.feedback(L * C, 1))
+    near(found.input.L, L * C)
+    near(found.output.GS, control.feedback(L, C))
+    near(-found.output.KS, control.feedback(C, L))
+    unstable = rp.loop_analysis(L, -30)
+    assert not unstable.stable
+    assert unstable.margins == ()
+
+
+def test_allmargin_and_margin():
+    found = rp.loop_analysis(L, -1).margins[0]
+    gm, pm, wpc, wgc = control.margin(L)
+    assert found.gain_up == pytest.approx(gm, rel=1e-3)
+    assert found.phase_deg == pytest.approx(pm, rel=1e-3)
+    assert [c.frequency_hz for c in found.phase_crossovers if c.gain > 1] == (
+        pytest.approx([wpc / HERTZ], rel=1e-3)
+    )
+    assert found.gain_crossovers[0].frequency_hz == pytest.approx(wgc / HERTZ, rel=1e-3)
+    assert found.delay_s == pytest.approx(np.radians(pm) / wgc, rel=1e-3)
+
+
+def test_diskmargin():
+    # The spinning satellite: any gain and 90 degrees in one loop, 0.0997 in both
+    satellite = control.ss([[0, 10], [-10, 0]], np.eye(2), [[1, 10], [-10, 1]], 0)
+    found = rp.loop_analysis(satellite, -np.eye(2))
+    assert found.at_once["inputs"].disk.alpha == pytest.approx(0.0997, abs=5e-5)
+    assert found.at_once["outputs"].disk.alpha == pytest.approx(0.0997, abs=5e-5)
+    assert found.at_once["inputs and outputs"].disk.proven
+    assert found.margins[0].disk.alpha == pytest.approx(2.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["sigma", "bode", "nyquist", "nichols", "step"])
+def test_plots(kind):
+    assert rp.loop_analysis(L, -1).plot(kind=kind).lines
+
+
+def test_balred(shaped):
+    fewer = shaped.reduce(order=3)
+    assert fewer.controller.nstates == 3
+    assert fewer.certificate.valid
+    near_enough = shaped.reduce(tolerance=0.05)
+    assert near_enough.certificate.achieved <= 1.05 * shaped.certificate.achieved
+    # No static gain holds a free mass.
+    mass = rp.GeneralizedPlant.from_loop(control.tf([1], [1, 0, 0]))
+    lead = control.ss([[-20.0]], [[20.0]], [[150.0]], -170.0)
+    with pytest.raises(rp.InfeasibleError, match="order"):
+        rp.given_controller(mass, lead).reduce(order=0)
+
+
+@pytest.mark.parametrize("method", ["tustin", "zoh", "foh", "matched"])
+def test_c2d(shaped, method):
+    K = control.ss([[-2.0]], [[1.0]], [[-0.3]], -0.01)
+    sampled = rp.given_controller(shaped.plant, K).discretize(0.01, delay=0.002, method=method)
+    if method != "foh":
+        wanted = control.c2d(K if method != "matched" else control.tf(K), 0.01, method=method)
+        for rate in (0.5, 5.0):
+            z = np.exp(1j * rate * 0.01)
+            assert np.squeeze(sampled.controller(z)) == pytest.approx(
+                np.squeeze(wanted(z)), rel=1e-6
+            )
+    assert sampled.certificate.valid
+
+
+def test_prewarp_is_in_hertz(shaped):
+    K = control.ss([[-2.0]], [[1.0]], [[-0.3]], 0)
+    sampled = rp.given_controller(shaped.plant, K).discretize(0.02, prewarp_hz=2.0)
+    at = np.exp(1j * 2.0 * HERTZ * 0.02)
+    assert np.squeeze(sampled.controller(at)) == pytest.approx(np.squeeze(K(2j * HERTZ * 2.0 / 2)))
+
+
+def test_sampled_rows(shaped, tmp_path):
+    sampled = shaped.discretize(1e-3, delay=5e-4, anti_aliasing=200.0)
+    again = rp.certify_sampled(shaped.plant, sampled.controller, delay=5e-4, anti_aliasing=200.0)
+    assert again.bound == pytest.approx(sampled.certificate.bound)
+    assert rp.largest_period(shaped, delay=0.0) > 1e-3
+    push = xr.Dataset(
+        {shaped.plant.disturbance_names[1]: ("time", np.ones(51))},
+        {"time": np.linspace(0, 0.5, 51)},
+    )
+    assert sampled.simulate(push, limits=10.0).time.size > 51
+    for form in ("modal", "balanced", "sections"):
+        assert sampled.realization(form).details["single_precision"].certificate.valid
+    made = sampled.export_c(tmp_path, name="loop", precision="float", limits=10.0)
+    assert "loop_step" in made.read_text()
+    assert sampled.export_mat(tmp_path / "K.mat").exists()
+    assert sampled.export_json(tmp_path).exists()
+
+
+def test_synthesis_rows():
+    P = control.ss(
+        [[-1.0]], [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]
+    )
+    plant = rp.GeneralizedPlant(P, measurements=1, controls=1)
+    named = rp.GeneralizedPlant(P, measurements=["y[2]"], controls=["u[2]"])
+    np.testing.assert_array_equal(plant.B2, named.B2)
+    for norm, value in (("hinf", rp.hinf_norm), ("h2", rp.h2_norm)):
+        design = rp.output_feedback(plant, norm=norm)
+        assert design.closed_loop.poles().real.max() < 0
+        assert float(value(plant.closed_loop(design.controller))) == (
+            pytest.approx(design.certificate.achieved, rel=1e-6)
+        )
+    fixed = rp.static_output_feedback(plant, structure=[[True]])
+    assert fixed.gain.shape == (1, 1)
+
+
+def test_analysis_rows():
+    system = control.ss([[0, 1], [-4, -0.4]], [[0], [1]], [[1, 0]], 0)
+    norm = rp.hinf_norm(system)
+    peak, rate = control.linfnorm(system)
+    assert norm.lower <= peak * (1 + 1e-9)
+    assert peak <= norm.upper * (1 + 1e-9)
+    assert norm.frequency == pytest.approx(rate, rel=1e-3)  # rad/s
+    assert float(rp.h2_norm(system)) == pytest.approx(control.norm(system, 2))
+    assert np.isinf(float(rp.h2_norm(control.ss([[-1]], [[1]], [[1]], 1.0))))
+    assert rp.modes(system).natural_frequencies_hz[0] == pytest.approx(2 / HERTZ)
+    assert rp.prescale(system, (0.1, 10.0)) is not None
+    plant = rp.GeneralizedPlant.from_loop(control.tf([1], [2, 0, 0], inputs="F", outputs="x"))
+    plant = plant.with_actuator("F", bandwidth_hz=2000).with_sensor("x", noise=1e-9)
+    plant = plant.with_delay("F", 1e-3)
+    assert dict(plant.delays) == {"F": 1e-3}
+    loop = plant.delayed_loop(control.ss([[-20.0]], [[20.0]], [[150.0]], -170.0))
+    assert rp.delay_stability(loop)
