@@ -1,5 +1,14 @@
 """Controllers with certificates: one method per file, and the certificate that judges them all."""
 
+from robustpolish.synthesis.blocks.block import TunableBlock
+from robustpolish.synthesis.blocks.kinds.fixed_order import fixed_order
+from robustpolish.synthesis.blocks.kinds.lead_lag import lead_lag
+from robustpolish.synthesis.blocks.kinds.low_pass import low_pass
+from robustpolish.synthesis.blocks.kinds.notch import notch
+from robustpolish.synthesis.blocks.kinds.pid import pid
+from robustpolish.synthesis.blocks.kinds.static_gain import static_gain
+from robustpolish.synthesis.blocks.tunable import Tunable, tunable
+from robustpolish.synthesis.blocks.tuned import TunedBlock, TunedNumber
 from robustpolish.synthesis.certificate.certificate import Certificate, certify
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.design.largest_period import largest_period
@@ -26,6 +35,7 @@ from robustpolish.synthesis.methods.published_controllers import (
 )
 from robustpolish.synthesis.methods.state_feedback import state_feedback
 from robustpolish.synthesis.methods.static_output_feedback import static_output_feedback
+from robustpolish.synthesis.methods.structured_output_feedback import structured_output_feedback
 from robustpolish.synthesis.problem.channels import channel
 from robustpolish.synthesis.problem.passive_element import PassiveElement
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
@@ -42,21 +52,33 @@ __all__ = [
     "MethodResult",
     "PassiveElement",
     "Sector",
+    "Tunable",
+    "TunableBlock",
+    "TunedBlock",
+    "TunedNumber",
     "certify",
     "channel",
     "compare_methods",
+    "fixed_order",
     "given_controller",
     "largest_period",
+    "lead_lag",
     "loop_shaping",
+    "low_pass",
     "mixed_output_feedback",
     "mixed_state_feedback",
     "ncf_margin",
+    "notch",
     "nu_gap",
     "observer_controller",
     "observer_feedback",
     "output_feedback",
     "passive_feedback",
+    "pid",
     "published_gain",
     "state_feedback",
+    "static_gain",
     "static_output_feedback",
+    "structured_output_feedback",
+    "tunable",
 ]

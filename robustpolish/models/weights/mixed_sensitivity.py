@@ -97,7 +97,8 @@ def mixed_sensitivity(
         ("performance", performance, y, "y"),
         ("effort", effort, u, "u"),
     ]
-    units: dict[str, str] = dict(G.units)
+    own = {*u, *y, *G.states}
+    units = {name: unit for name, unit in G.units.items() if name in own}
     for kind, given, names, letter in rows:
         if kind == "performance":
             references = [f"reference_{name}" for name in y]

@@ -21,6 +21,7 @@ from robustpolish.implementation.sampled.anti_aliasing import AntiAliasing
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_gains
 from robustpolish.saved_file import Fields, read_saved, write_saved
+from robustpolish.synthesis.blocks.tuned import TunedBlocks
 from robustpolish.synthesis.certificate.certificate import Certificate
 from robustpolish.synthesis.design.design_file import design_content, design_fields
 from robustpolish.synthesis.design.reduced import reduced
@@ -373,6 +374,8 @@ class Design(Displayed):
             ]
             head = ("element", "between", "coefficient", "unit")
             tables.append(Table("Springs and dampers", head, tuple(found)))
+        if isinstance(self.details.get("blocks"), TunedBlocks):
+            tables.extend(self.details["blocks"].tables())
         solved = self.backend not in ("none", self.method)
         how = f"{self.method}, {self.backend}" if solved else self.method
         notes = [self.message]

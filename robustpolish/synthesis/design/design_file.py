@@ -16,6 +16,7 @@ import numpy as np
 from robustpolish.models.plant.file import plant_content, system_content, system_from
 from robustpolish.models.plant.plant import plant_from
 from robustpolish.saved_file import Fields, plain
+from robustpolish.synthesis.blocks.tuned import TunedBlocks
 from robustpolish.synthesis.certificate.certificate import certify
 from robustpolish.synthesis.design.status import Status
 from robustpolish.synthesis.problem.passive_element import PassiveElement
@@ -120,6 +121,8 @@ def _write(value: Any) -> Any:
         return {"system": plain(system_content(value))}
     if isinstance(value, PassiveElement):
         return {"element": [value.kind, list(value.between), value.coefficient, value.unit]}
+    if isinstance(value, TunedBlocks):
+        return {"blocks": value.content()}
     if type(value).__name__ in _REGIONS:
         return {"region": [type(value).__name__, *map(float, vars(value).values())]}
     if isinstance(value, list | tuple):
@@ -151,6 +154,8 @@ def _read(table: Fields, key: str, value: Any) -> Any:
             return joined if np.ndim(joined) else complex(joined)
         if kind == "element":
             return PassiveElement(body[0], (body[1][0], body[1][1]), float(body[2]), body[3])
+        if kind == "blocks":
+            return TunedBlocks.of_content(body)
         if kind == "region":
             return _REGIONS[body[0]](*map(float, body[1:]))
     except (TypeError, ValueError, KeyError, IndexError):

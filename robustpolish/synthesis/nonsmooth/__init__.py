@@ -9,11 +9,12 @@ sees all active peaks at once.
 
 from robustpolish.synthesis.nonsmooth.bfgs import bfgs as bfgs
 from robustpolish.synthesis.nonsmooth.bfgs import ended_by as ended_by
+from robustpolish.synthesis.nonsmooth.folded import Bounds as Bounds
+from robustpolish.synthesis.nonsmooth.folded import Folded as Folded
 from robustpolish.synthesis.nonsmooth.gain_measures import FrobeniusMeasure as FrobeniusMeasure
 from robustpolish.synthesis.nonsmooth.gain_measures import GainMeasure as GainMeasure
 from robustpolish.synthesis.nonsmooth.h2_measure import H2Measure as H2Measure
 from robustpolish.synthesis.nonsmooth.hinf_measure import HinfMeasure as HinfMeasure
-from robustpolish.synthesis.nonsmooth.minimax import Bounds as Bounds
 from robustpolish.synthesis.nonsmooth.minimax import minimax as minimax
 from robustpolish.synthesis.nonsmooth.parametrisations import AffineGain as AffineGain
 from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain as MaskedGain

@@ -20,12 +20,11 @@ from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.arrays import AnyVector as Vector
 from robustpolish.long_calls import Budget, step_cost
 from robustpolish.synthesis.nonsmooth.bfgs import Descent, ended_by
+from robustpolish.synthesis.nonsmooth.folded import Bounds
 from robustpolish.synthesis.nonsmooth.problem import Model, Problem
 
 # Its type stubs know nothing of what it exports.
 clarabel: Any = import_module("clarabel")
-
-Bounds = tuple[Vector, Vector]
 
 
 def minimax(

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from robustpolish.arrays import AnyVector as Vector
 from robustpolish.long_calls import Budget
-from robustpolish.synthesis.nonsmooth import Bounds, Measure, Problem, bfgs, ended_by, minimax
+from robustpolish.synthesis.nonsmooth import (
+    Bounds,
+    Folded,
+    Measure,
+    Problem,
+    bfgs,
+    ended_by,
+    minimax,
+)
 from robustpolish.synthesis.structured_search.policy import POLICY, Effort
 
 
@@ -111,7 +119,8 @@ def descend_from(
             break
         if progress.point is not None and count % 3 == 2:
             start = _nearby(progress.point, rng)
-        _descend(problem, stability, start, budget, target, progress, bounds, weight)
+        own = (start, budget, target, progress, bounds, weight, effort.smooth_first)
+        _descend(problem, stability, *own)
         stop = _verdict(progress, effort, budget, target)
         if stop is not None:
             reason = stop
@@ -149,8 +158,11 @@ def _descend(
     progress: _Progress,
     bounds: Bounds | None,
     weight: float,
+    smooth_first: bool,
 ) -> None:
     began = budget.spent
+    folded = None if bounds is None else Folded(problem.parametrisation, bounds)
+    smooth = problem if folded is None else replace(problem, parametrisation=folded)
     point = start if bounds is None else np.clip(start, *bounds)
     if point.size == 0:
         model = problem.model(point)
@@ -159,22 +171,23 @@ def _descend(
         progress.history.append({"outcome": "nothing is free"})
         return
     if problem.model(point) is None:
-        point, abscissa = stabilise(problem, stability, point, budget)
+        point, abscissa = stabilise(smooth, stability, point, budget)
+        point = point if folded is None else folded.point(point)
         progress.instability = min(progress.instability, abscissa)
         if problem.model(point) is None:
             progress.history.append({"outcome": "not stabilised", "abscissa": abscissa})
             return
     progress.keep(problem, point)
     first = None
-    if bounds is None:
+    if smooth_first:
         first = bfgs(
-            lambda theta: problem.penalised(theta, weight),
+            lambda theta: smooth.penalised(theta, weight),
             point,
             budget,
             problem.work,
             target=target if not problem.requirements else -np.inf,
         )
-        point = first.point
+        point = first.point if folded is None else folded.point(first.point)
     if first is None or first.value < progress.value + 0.1:
         last = minimax(problem, point, budget, target=target, bounds=bounds)
         point, value, how = last.point, last.value, last.reason

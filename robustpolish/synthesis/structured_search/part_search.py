@@ -167,5 +167,5 @@ def _failure(part: PartProblem, result: SearchResult, budget: Budget) -> str:
     )
     return (
         f"No stabilising {part.what} was found by {tried}{reached}. None is proven not to "
-        f"exist. Raise order=, {more}, or use output_feedback."
+        f"exist. {part.advice}, {more}, or use output_feedback."
     )

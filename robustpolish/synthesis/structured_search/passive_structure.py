@@ -123,6 +123,7 @@ class PassiveStructure(Structure):
             parametrisation=PositiveElements(size[:, None, None] * local * y / u),
             starts=(KnownStarts([*levels, top, bottom]), _DrawnCoefficients(len(size))),
             what="choice of springs and dampers",
+            effort=POLICY.passive,
             bounds=(bottom, top),
             open_ended=np.isinf(limits),
             size=FrobeniusMeasure(),

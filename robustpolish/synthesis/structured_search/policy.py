@@ -23,11 +23,15 @@ class Effort:
         better one is found.
     patience : int
         Stop when so many descents in a row have not improved the norm.
+    smooth_first : bool
+        Whether BFGS goes before the bundle method. Springs and dampers often end at their bounds,
+        and on the thesis's plant BFGS only takes their time.
     """
 
     descents: int = 100
     fewest: int = 9
     patience: int = 16
+    smooth_first: bool = True
 
     @property
     def agreeing(self) -> int:
@@ -49,9 +53,9 @@ class StructuredPolicy:
         of the proposals of starts within each. What one leaves over the next may use.
     again : Effort
         Of a search under a lower ceiling, which starts near the last point.
-    static, observer, observer_h2, mixed : Effort
-        Of the structures. The H2 problem over F and L is smooth and its Riccati start optimal, so
-        that few descents tell.
+    static, observer, observer_h2, mixed, passive, blocks : Effort
+        Of the structures. Blocks have few numbers, and their descents mostly agree. The H2 problem
+        over F and L is smooth and its Riccati start optimal, so that few descents tell.
     ceilings : tuple of float
         Largest entry of a controller in scaled units; an infimum beyond it counts as not attained.
         The next one is used where a controller at the one before cannot be certified, as on
@@ -102,6 +106,8 @@ class StructuredPolicy:
     observer: Effort = Effort(descents=14)
     observer_h2: Effort = Effort(descents=14, fewest=3)
     mixed: Effort = Effort(descents=8)
+    passive: Effort = Effort(smooth_first=False)
+    blocks: Effort = Effort(descents=60, fewest=5, patience=12)
     ceilings: tuple[float, ...] = (1e5, 3e3, 1e2, 1e1)
     near_ceiling: float = 0.5
     slack: float = 5e-5

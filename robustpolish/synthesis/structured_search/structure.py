@@ -83,6 +83,8 @@ class PartProblem:
         What is made small in the end; the largest singular value of K by default.
     slack : float
         Share of the norm that is given away for that.
+    advice : str
+        What to try where nothing stable was found.
     extra : bytes
         What tells the problem from another one of its structure on the same matrices.
     """
@@ -102,6 +104,7 @@ class PartProblem:
     open_ended: NDArray[np.bool_] | None = None
     size: Measure | None = None
     slack: float = POLICY.slack
+    advice: str = "Raise order="
     extra: bytes = b""
 
     @property

@@ -68,6 +68,12 @@ def test_names_and_units():
     assert "performance_phi" not in plant.units
 
 
+def test_units_of_signals_that_are_left_out_are_forgotten():
+    G = control.tf([1.0], [1.0, 1.0], inputs="F", outputs="x")
+    loop = rp.GeneralizedPlant.from_loop(G, units={"F": "N", "x": "m"})
+    assert rp.mixed_sensitivity(loop, performance=1.0).units["reference_x"] == "m"
+
+
 def test_a_wired_plant_keeps_its_facts():
     G = rp.GeneralizedPlant(two_by_two(), 2, 2).with_actuator("F", 30.0, limit=4.0)
     G = G.with_delay("M", 0.01).with_sensor("x", noise=1e-3)

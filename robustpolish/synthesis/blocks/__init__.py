@@ -1,0 +1,1 @@
+"""Blocks whose numbers are tuned: what they consist of, and the controller that they make."""

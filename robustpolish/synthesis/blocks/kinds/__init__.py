@@ -1,0 +1,1 @@
+"""One kind of tunable block per file."""

@@ -1,0 +1,25 @@
+"""K of wired blocks: its gradient."""
+
+import numpy as np
+import pytest
+from three_loops import blocks, plant
+
+from robustpolish.synthesis.blocks.placement import placed
+from robustpolish.synthesis.blocks.wiring import wired
+from robustpolish.synthesis.problem.scaling import scale_plant
+
+
+def test_back_is_the_gradient():
+    P = plant()
+    placement = placed(blocks(), P)
+    gain = wired(placement, scale_plant(P))
+    rng = np.random.default_rng(1)
+    theta = 0.3 * rng.normal(size=gain.size)
+    theta[[n.key for n in placement.numbers].index("notch_x.depth")] = 0.4  # inside its limits
+    weights = rng.normal(size=gain.gain(theta).shape)
+    step = 1e-6
+    slopes = [
+        np.sum(weights * (gain.gain(theta + step * e) - gain.gain(theta - step * e))) / (2 * step)
+        for e in np.eye(gain.size)
+    ]
+    assert gain.back(theta, weights) == pytest.approx(np.array(slopes), rel=1e-6, abs=1e-8)
