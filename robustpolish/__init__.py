@@ -29,6 +29,7 @@ from robustpolish.analysis import (
 from robustpolish.brush import BrushParameters, Surface, simulate_brush
 from robustpolish.closed_loop import (
     BrushDesign,
+    BuildableBrushDesign,
     ControllerComparison,
     RobustnessCheck,
     check_robustness,
@@ -65,7 +66,12 @@ from robustpolish.identification import (
     step_runs,
     tell_apart,
 )
-from robustpolish.implementation import SampledCertificate, SampledDesign, certify_sampled
+from robustpolish.implementation import (
+    SampledCertificate,
+    SampledDesign,
+    certify_sampled,
+    plant_at_samples,
+)
 from robustpolish.loading import load
 from robustpolish.loops import LoopAnalysis, LoopRequirements, loop_analysis
 from robustpolish.measurements import (
@@ -85,10 +91,12 @@ from robustpolish.models import (
     Linearization,
     MechanicalModel,
     Output,
+    PolishingHardware,
     Spring,
     air_bearing,
     linearize,
     mixed_sensitivity,
+    polishing_plant,
     weight,
 )
 from robustpolish.synthesis import (
@@ -137,6 +145,7 @@ __all__ = [
     "AmplitudeDependence",
     "BrushDesign",
     "BrushParameters",
+    "BuildableBrushDesign",
     "Certificate",
     "Comparison",
     "ControllerComparison",
@@ -172,6 +181,7 @@ __all__ = [
     "Output",
     "PassiveElement",
     "PbhTest",
+    "PolishingHardware",
     "Prescaled",
     "Refit",
     "ResidualAnalysis",
@@ -235,6 +245,8 @@ __all__ = [
     "output_feedback",
     "passive_feedback",
     "pid",
+    "plant_at_samples",
+    "polishing_plant",
     "prescale",
     "read_frequency_response",
     "read_measurement",

@@ -152,7 +152,13 @@ def examples(name):
 
 
 RESULTS = [n for n, c in CLASSES.items() if issubclass(c, Displayed)]
-NO_PICTURE = ("GeneralizedPlant", "AirBearingParameters", "MechanicalModel", "LmiCheck")
+NO_PICTURE = (
+    "GeneralizedPlant",
+    "AirBearingParameters",
+    "PolishingHardware",
+    "MechanicalModel",
+    "LmiCheck",
+)
 
 
 @pytest.mark.parametrize("name", RESULTS)

@@ -10,12 +10,13 @@ import click
 
 import robustpolish
 from robustpolish.cli.machine import READINGS, machine_options
-from robustpolish.cli.options import brush_options, choice, result_options, show, to_json
+from robustpolish.cli.options import brush_options, result_options, show, to_json
 from robustpolish.closed_loop import design_against_brush
 from robustpolish.report import render_html
 from robustpolish.report.brush_design import (
     brush_design_report,
     brush_design_summary,
+    brush_design_text,
     save_brush_design,
 )
 from robustpolish.saving import new_file, new_folder
@@ -25,20 +26,32 @@ DEFAULT_OUT = "robustpolish-results"
 
 @click.command()
 @brush_options
-@choice("--actuation", ("force", "displacement"), "Where the control enters: (10.41) or (10.40).")
-@choice("--norm", ("hinf", "h2"), "Minimised.")
-@choice("--method", ("lmi", "riccati"))
-@choice("--backend", ("cvxpy", "picos"))
+@click.option(
+    "--ideal",
+    is_flag=True,
+    help="The thesis's state feedback of twelve states and six ideal forces, instead of what can "
+    "be built; so do the options of it below.",
+)
+@click.option(
+    "--actuation",
+    type=click.Choice(("force", "displacement")),
+    help="Of the ideal, where the control enters: forces (10.41), the default, or (10.40).",
+)
+@click.option("--norm", type=click.Choice(("hinf", "h2")), help="Of the ideal; hinf by default.")
+@click.option("--method", type=click.Choice(("lmi", "riccati")), help="Of the ideal.")
+@click.option("--backend", type=click.Choice(("cvxpy", "picos")), help="Of the ideal.")
 @click.option(
     "--control-weight",
     type=float,
-    help="Price of a unit of control in metres; 1e-7 for forces and 1e-8 for velocities, unless "
-    "a gain bound is given.",
+    help="Of the ideal: price of a unit of control in metres; 1e-7 for forces and 1e-8 for "
+    "velocities, unless a gain bound is given.",
 )
-@click.option("--gain-bound", type=float, help="Largest singular value that the gain may have.")
+@click.option(
+    "--gain-bound", type=float, help="Of the ideal: largest singular value that the gain may have."
+)
 @machine_options
 @click.option(
-    "--out", type=click.Path(file_okay=False), help="Folder for table, figure, gain and signals."
+    "--out", type=click.Path(file_okay=False), help="Folder for table, figure, code and signals."
 )
 @click.option(
     "--report",
@@ -49,6 +62,7 @@ DEFAULT_OUT = "robustpolish-results"
 )
 @result_options
 def design(
+    ideal: bool,
     reading: str,
     dissipation: float,
     out: str | None,
@@ -57,10 +71,10 @@ def design(
     force: bool,
     **options: Any,
 ) -> None:
-    """Design a state feedback, certify it and try it on the brush's disturbance.
+    """Design a controller for the polishing robot, certify it and try it on the brush.
 
-    The same forces drive the machine with and without control; the table shows the largest
-    deviations.
+    By default one that can be built: two gap sensors, two actuators, a computer at 20 kHz. The
+    same forces drive the machine with and without control; the table shows the largest deviations.
     """
     if report == "" and out is None:
         out = DEFAULT_OUT
@@ -69,6 +83,7 @@ def design(
         folder = places.enter_context(new_folder(out, force)) if out else None
         page = places.enter_context(new_file(report, force, (".html",))) if report else None
         job = design_against_brush(
+            realisation="ideal" if ideal else None,
             parameters=READINGS[reading](),
             dissipation=dissipation,
             tell=lambda text: click.echo(text, err=True),
@@ -81,8 +96,7 @@ def design(
         if folder is not None:
             save_brush_design(job, folder)
             (folder / "design.json").write_text(to_json(summary) + "\n", encoding="utf-8")
-    words = [click.wrap_text(text, 88) for text in (job.verdict(), job.design.message)]
-    show(summary, "\n".join([str(job.comparison), "", *words]), json_out, force)
+    show(summary, brush_design_text(job), json_out, force)
     for place in filter(None, (out, report)):
         click.echo(f"Saved {place}", err=True)
 

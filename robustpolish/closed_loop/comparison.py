@@ -39,7 +39,7 @@ class ControllerComparison(Displayed):
     Examples
     --------
     >>> import robustpolish as rp
-    >>> comparison = rp.design_against_brush(duration=0.02).comparison
+    >>> comparison = rp.design_against_brush(duration=0.02, realisation="ideal").comparison
     >>> header, body = comparison.rows()
     >>> header[:2], [row[0] for row in body]
     (('', 'max |x| [m]'), ['without control', 'with control'])
@@ -103,7 +103,7 @@ class ControllerComparison(Displayed):
         Examples
         --------
         >>> import robustpolish as rp
-        >>> job = rp.design_against_brush(duration=0.02)
+        >>> job = rp.design_against_brush(duration=0.02, realisation="ideal")
         >>> job.comparison.plot(signal="y").get_ylabel()
         'y [µm]'
         """

@@ -1,5 +1,6 @@
 """From a controller on paper to one that can be built: reduced, sampled, coded."""
 
+from robustpolish.implementation.discretization.at_samples import plant_at_samples
 from robustpolish.implementation.discretization.certify_sampled import certify_sampled
 from robustpolish.implementation.discretization.emulation import emulated
 from robustpolish.implementation.discretization.sampled_design import SampledDesign
@@ -10,4 +11,5 @@ __all__ = [
     "SampledDesign",
     "certify_sampled",
     "emulated",
+    "plant_at_samples",
 ]

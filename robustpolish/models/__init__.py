@@ -6,6 +6,8 @@ from robustpolish.models.machines.air_bearing_parameters import (
     AirBearingParameters,
     DampingCoefficients,
 )
+from robustpolish.models.machines.polishing_hardware import PolishingHardware
+from robustpolish.models.machines.polishing_plant import polishing_plant
 from robustpolish.models.mechanical.model import MechanicalModel
 from robustpolish.models.mechanical.parts import CoupledInertia, Damper, Dof, Input, Output, Spring
 from robustpolish.models.plant.plant import GeneralizedPlant
@@ -23,9 +25,11 @@ __all__ = [
     "Linearization",
     "MechanicalModel",
     "Output",
+    "PolishingHardware",
     "Spring",
     "air_bearing",
     "linearize",
     "mixed_sensitivity",
+    "polishing_plant",
     "weight",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,20 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from robustpolish.closed_loop import BrushDesign
-from robustpolish.display import Table
+from robustpolish.closed_loop import BrushDesign, BuildableBrushDesign
+from robustpolish.display import Card, Table, as_text
 from robustpolish.models.machines.air_bearing import FORCES
 from robustpolish.plotting import plot_panels
+from robustpolish.report.can_it_be_built import (
+    buildable_summary,
+    can_it_be_built,
+    effort_of,
+    hardware_table,
+    sampled_certificate,
+    what_could_go_wrong,
+    what_reality_costs,
+    why_z_stays,
+)
 from robustpolish.report.document import Report, Section
 from robustpolish.report.pictures import panels, picture
 
@@ -21,18 +32,40 @@ AXES = ("x", "y", "z")
 
 def brush_design_report(job: BrushDesign) -> Report:
     """Tell what was gained, at what effort, and why it can be trusted."""
+    if isinstance(job, BuildableBrushDesign):
+        sections = (
+            _gained(job),
+            can_it_be_built(job),
+            what_could_go_wrong(job),
+            why_z_stays(job),
+            effort_of(job),
+        )
+    else:
+        sections = (_gained(job), _effort(job))
     return Report(
         title="Controller for the polishing robot",
         verdict=job.verdict(),
-        good=job.design.certificate.valid,
-        sections=(_gained(job), _effort(job), _certificate(job), _load(job), _machine(job)),
+        good=job.good,
+        sections=(*sections, _certificate(job), _load(job), _machine(job)),
     )
+
+
+def brush_design_text(job: BrushDesign) -> str:
+    """Return what a terminal shows."""
+    words, parts = [job.verdict()], [str(job.comparison)]
+    if isinstance(job, BuildableBrushDesign):
+        words.append(job.loop.explain())
+        parts += ["", as_text(Card("", (*job.tables(), what_reality_costs(job))))]
+    words.append(job.design.message)
+    return "\n".join([*parts, "", *(textwrap.fill(text, 88) for text in words)])
 
 
 def brush_design_summary(job: BrushDesign) -> dict[str, Any]:
     """Return the figures for other programs."""
     certificate, table = job.design.certificate, job.comparison.table
+    built = isinstance(job, BuildableBrushDesign)
     return {
+        "realisation": "buildable" if built else "ideal",
         "status": job.design.status,
         "message": job.design.message,
         "method": job.design.method,
@@ -55,7 +88,7 @@ def brush_design_summary(job: BrushDesign) -> dict[str, Any]:
             "frequencies_hz": certificate.frequencies_hz,
             "damping": certificate.damping,
         },
-        "gain": job.design.controller.D,
+        "gain": None if job.design.gain is None else job.design.controller.D,
         "controls": job.plant.control_names,
         "states": job.plant.states,
         "load": job.comparison.load,
@@ -70,23 +103,32 @@ def brush_design_summary(job: BrushDesign) -> dict[str, Any]:
             }
             for row in table["row"].values
         ],
+        **({"built": buildable_summary(job)} if built else {}),
     }
 
 
 def save_brush_design(job: BrushDesign, folder: Path) -> None:
-    """Write table, figure, gain and signals into a folder."""
+    """Write table, figure, signals and the controller, as a gain or as code, into a folder."""
     header, body = job.comparison.rows()
     pd.DataFrame(body, columns=("row", *header[1:])).to_csv(folder / "table.csv", index=False)
-    gain = pd.DataFrame(
-        job.design.controller.D, index=job.plant.control_names, columns=job.plant.states
-    )
-    gain.to_csv(folder / "gain.csv", index_label="u = F x")
+    if isinstance(job, BuildableBrushDesign):
+        pd.DataFrame([vars(row) for row in job.limits]).to_csv(folder / "limits.csv", index=False)
+        limit = job.hardware.actuator_limit
+        bounds = limit if np.isfinite(limit) else None
+        job.sampled.export_c(folder / "controller.c", limits=bounds)
+        job.sampled.export_json(folder / "controller.json", limits=bounds)
+    else:
+        gain = pd.DataFrame(
+            job.design.controller.D, index=job.plant.control_names, columns=job.plant.states
+        )
+        gain.to_csv(folder / "gain.csv", index_label="u = F x")
     figure = plot_panels(job.comparison.responses, AXES)
     figure.savefig(folder / "figure.png", dpi=150)
     plt.close(figure)
     job.disturbance.to_netcdf(folder / "disturbance.nc")
     for row, response in job.comparison.responses.items():
-        response.to_netcdf(folder / f"response-{row.replace(' ', '-')}.nc")
+        name = row.replace(" ", "-").replace("'", "")
+        response.to_netcdf(folder / f"response-{name}.nc")
 
 
 def _gained(job: BrushDesign) -> Section:
@@ -144,6 +186,7 @@ def _certificate(job: BrushDesign) -> Section:
     modes = tuple(
         (float(c.frequencies_hz[i]), float(c.damping[i]), float(c.poles[i].real)) for i in order
     )
+    sampled = (sampled_certificate(job),) if isinstance(job, BuildableBrushDesign) else ()
     text = (
         "Computed afresh from the closed loop; nothing is taken over from the solver. A matrix "
         "that proves stability and norm was checked in ball arithmetic.",
@@ -159,6 +202,7 @@ def _certificate(job: BrushDesign) -> Section:
             picture("Poles of the closed loop.", job.design.plot_poles),
         ),
         (
+            *sampled,
             Table("What was checked", ("quantity", "value"), facts, digits=6),
             Table(
                 "Closed-loop poles", ("frequency [Hz]", "damping ratio", "real part [1/s]"), modes
@@ -185,4 +229,5 @@ def _load(job: BrushDesign) -> Section:
 def _machine(job: BrushDesign) -> Section:
     rows = tuple(job.parameters.table())
     head = ("parameter", "value", "unit", "source")
-    return Section("Machine", tables=(Table("Parameters", head, rows),))
+    parts = (hardware_table(job),) if isinstance(job, BuildableBrushDesign) else ()
+    return Section("Machine", tables=(*parts, Table("Parameters", head, rows)))

@@ -11,7 +11,7 @@ from tests.cli.command_line import run
 
 def test_design_saves_a_report(tmp_path):
     out = tmp_path / "results"
-    arguments = ("design", "--duration", "0.05", "--out", str(out), "--report")
+    arguments = ("design", "--ideal", "--duration", "0.05", "--out", str(out), "--report")
     result = run(*arguments)
     assert "every row is driven by the same disturbance" in result.stdout
     names = {path.name for path in out.iterdir()}
@@ -31,7 +31,7 @@ def test_design_saves_a_report(tmp_path):
 def test_design_prints_json_alone(tmp_path):
     report = tmp_path / "report.html"
     found = json.loads(
-        run("design", "--duration", "0.02", "--json", "--report", str(report)).stdout
+        run("design", "--ideal", "--duration", "0.02", "--json", "--report", str(report)).stdout
     )
     rows = {row["row"]: row for row in found["rows"]}
     assert rows["with control"]["improvement_percent"]["y"] >= 90

@@ -10,7 +10,9 @@ from tests import made_up
 @pytest.fixture(scope="module")
 def job():
     told = []
-    made = rp.design_against_brush(run=2, duration=0.01, dissipation=0.01, tell=told.append)
+    made = rp.design_against_brush(
+        run=2, duration=0.01, dissipation=0.01, realisation="ideal", tell=told.append
+    )
     return made, told
 
 
