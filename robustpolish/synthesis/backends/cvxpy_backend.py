@@ -37,13 +37,19 @@ def solve(
         # "Solution may be inaccurate": the status says so, and callers verify.
         warnings.simplefilter("ignore")
         try:
-            problem.solve(solver=name, ignore_dpp=True, **_options(name, tolerance, time_limit))
+            problem.solve(
+                solver=name,
+                ignore_dpp=True,
+                **_options(name, tolerance, time_limit, form.prescaled),
+            )
         except cp.SolverError as error:
             return None, f"failed: {error}"
     return (None if x.value is None else np.array(x.value)), str(problem.status)
 
 
-def _options(name: str, tolerance: float, time_limit: float | None) -> dict[str, Any]:
+def _options(
+    name: str, tolerance: float, time_limit: float | None, prescaled: bool = False
+) -> dict[str, Any]:
     options: dict[str, dict[str, Any]] = {
         "CLARABEL": {
             "tol_gap_abs": tolerance,
@@ -54,6 +60,7 @@ def _options(name: str, tolerance: float, time_limit: float | None) -> dict[str,
             "reduced_tol_gap_rel": 1e-2,
             "reduced_tol_feas": 1e-3,
             "max_iter": 200,
+            "equilibrate_enable": not prescaled,
             # More threads would add up in another order, and give other bits.
             "max_threads": 1,
             "direct_solve_method": "qdldl",

@@ -39,12 +39,15 @@ class ConicForm:
         columns are ``G @ x + h`` has to be positive semidefinite.
     nonnegative, zero : tuple of (sparse array, ndarray)
         G and h: ``G @ x + h`` has to be nonnegative, or zero, entry by entry.
+    prescaled : bool
+        The cones have been scaled by who states the program: solvers should not do it again.
     """
 
     objective: Matrix
     psd: tuple[tuple[int, sparse.csr_array, Matrix], ...]
     nonnegative: tuple[tuple[sparse.csr_array, Matrix], ...] = ()
     zero: tuple[tuple[sparse.csr_array, Matrix], ...] = ()
+    prescaled: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +81,11 @@ class SemidefiniteProgram:
     Inequalities are not strict; a caller that needs strictness asks for a margin,
     and verifies the answer in any case.
 
+    Parameters
+    ----------
+    prescaled : bool
+        Whether the caller has scaled the inequalities; the solver's own scaling would spoil that.
+
     Examples
     --------
     The largest eigenvalue of a matrix:
@@ -91,7 +99,8 @@ class SemidefiniteProgram:
     3.0
     """
 
-    def __init__(self) -> None:
+    def __init__(self, prescaled: bool = False) -> None:
+        self._prescaled = prescaled
         self._count = 0
         self._psd: list[Affine] = []
         self._nonnegative: list[Affine] = []
@@ -145,6 +154,7 @@ class SemidefiniteProgram:
             psd=tuple((e.shape[0], e.widened(n), e.constant) for e in self._psd),
             nonnegative=tuple((e.widened(n), e.constant) for e in self._nonnegative),
             zero=tuple((e.widened(n), e.constant) for e in self._zero),
+            prescaled=self._prescaled,
         )
 
     def solve(

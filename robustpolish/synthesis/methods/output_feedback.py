@@ -22,6 +22,13 @@ from robustpolish.synthesis.output_search.choice import Chosen, choose
 from robustpolish.synthesis.output_search.engine import Found, Settings, Task
 from robustpolish.synthesis.output_search.engines import METHODS, ORDER
 from robustpolish.synthesis.output_search.policy import POLICY
+from robustpolish.synthesis.output_search.wanted_norm import (
+    ANY_NORM,
+    Gamma,
+    WantedNorm,
+    norm_in_words,
+    out_of_reach,
+)
 from robustpolish.synthesis.problem.decoupling import (
     PlantPart,
     decoupled_parts,
@@ -54,6 +61,7 @@ def output_feedback(
     solver: str | None = None,
     control_weight: ArrayLike | None = None,
     measurement_noise: ArrayLike | None = None,
+    gamma: Gamma | None = None,
     tolerance: float = 4e-3,
     effort: float = 1.0,
     time_limit: float = 60.0,
@@ -74,7 +82,8 @@ def output_feedback(
         The norm of the loop from w to z that is minimised.
     method : {"auto", "riccati", "lmi", "slycot"}
         "riccati": two Riccati equations on plants regularised less and less; "lmi": linear matrix
-        inequalities, thesis (10.20) to (10.24) and (10.29) to (10.32); "slycot": the SLICOT
+        inequalities, thesis (10.20) to (10.24), projected, and (10.29) to (10.32), in states
+        that Riccati equations balance and at norms that the lower bound tells; "slycot": the SLICOT
         routines SB10AD and SB10HD in a process of their own; "auto": Riccati, and
         matrix inequalities where that leaves doubt.
     backend : {"cvxpy", "picos"}
@@ -86,6 +95,11 @@ def output_feedback(
     measurement_noise : float or array_like, shape (ny,), optional
         Noise on y, in units of y per unit of w, appended to w. Where D12 or D21 is rank-deficient,
         price and noise together make a problem with an optimum of finite gain.
+    gamma : float or (float, float), optional
+        A number asks for any controller with a norm below it: the central one, which has
+        less gain and more robustness than those near the infimum. A range (low, high) asks for the
+        smallest norm above `low`; a controller near `low` will do. What no controller
+        reaches is refused. In the plant's units, as `certificate.achieved`.
     tolerance : float
         How far above the infimum, relative, a controller may lie to have a smaller gain or fewer
         states.
@@ -106,16 +120,18 @@ def output_feedback(
         Its status is "optimal" if the norm lies within `tolerance` of ``lower_bound``;
         "infimum_not_attained" if ever larger gains were still improving it; "time_limit" if
         the safety net was reached; "suboptimal" otherwise. ``details`` hold the ``diagnosis``,
-        the ``claim`` of the method, which may be false, the ``work`` done in steps, and per part
-        the states (``parts``) and norms (``part_norms``). Its plant includes price and noise.
+        the ``claim`` of the method, which may be false, the ``work`` done in steps, the range
+        that ``gamma`` asked for, and per part the states (``parts``) and norms
+        (``part_norms``). Its plant includes price and noise.
 
     Raises
     ------
     InfeasibleError
         If no controller stabilises the plant; it names the mode and the state that carries it. For
-        the H2 norm also if D11 cannot be cancelled, which makes the norm infinite.
+        the H2 norm also if D11 cannot be cancelled, which makes the norm infinite. And if the
+        lower bound, which is told, lies above what `gamma` asks for.
     SolverError
-        If no controller was found or none could be certified.
+        If no controller was found, none could be certified, or none keeps what `gamma` asks for.
     InvalidInputError
         If an argument does not fit.
 
@@ -139,11 +155,18 @@ def output_feedback(
     >>> design = rp.output_feedback(plant)
     >>> design.status, round(design.certificate.achieved, 1), design.certificate.valid
     ('optimal', 2.6, True)
+
+    Any controller with a norm below 4, which has less gain:
+
+    >>> gentle = rp.output_feedback(plant, gamma=4.0)
+    >>> bool(gentle.certificate.bound <= 4.0)
+    True
     """
     _check(plant, norm, method, backend, tolerance, time_limit, effort)
+    wanted = WantedNorm.checked(gamma)
     if control_weight is not None or measurement_noise is not None:
         plant = noisy(priced(plant, control_weight), measurement_noise)
-    settings = Settings(norm, method, backend, solver, tolerance)
+    settings = Settings(norm, method, backend, solver, tolerance, wanted)
     budget = Budget(effort * POLICY.work, time_limit)
     diagnosis = diagnose(plant)
     exact = [mode for mode in diagnosis.fixed_modes if mode.exact]
@@ -158,6 +181,7 @@ def output_feedback(
         certificate = _certificate(plant, parts, controller, norm, chosen, idle)
     done = [c for c in chosen if c is not None]
     bound = _joined([*(c.bound.value if c.bound else 0.0 for c in done), *idle], norm)
+    _keep(wanted, certificate, bound, done)
     status = _overall(done, certificate, bound, tolerance, budget)
     if plant.nx <= POLICY.zero_states and not (
         diagnosis.regular_feedthrough and status == "optimal"
@@ -169,7 +193,7 @@ def output_feedback(
         closed_loop=plant.closed_loop(controller),
         norm=norm,
         status=status,
-        message=_message(status, diagnosis, certificate, done, bound, budget),
+        message=_message(status, diagnosis, certificate, done, bound, budget, wanted),
         certificate=certificate,
         method=" and ".join(dict.fromkeys(c.findings.method for c in done)) or method,
         backend=" and ".join(dict.fromkeys(c.findings.backend for c in done)) or "scipy",
@@ -184,6 +208,7 @@ def output_feedback(
                 "diagnosis": diagnosis,
                 "parts": tuple(part.states for part in parts),
                 "part_norms": tuple(c.certificate.achieved if c else None for c in chosen),
+                "gamma": (wanted.enough, wanted.below) if wanted.asks else None,
                 "claim": _joined([c.claim for c in done], norm),
                 "work": budget.spent,
             }
@@ -244,7 +269,10 @@ def _solve_parts(
         keys.append(key)
         if key not in searched:
             share = budget.share(weights[i] / sum(weights[i:]))
-            searched[key] = _search(with_signals(P), settings, diagnosis, share)
+            # Norms of parts add up for the H2 norm, so that only a single one can be told.
+            alone = settings.norm == "hinf" or len(parts) == 1
+            own = settings if alone else replace(settings, wanted=ANY_NORM)
+            searched[key] = _search(with_signals(P), own, diagnosis, share)
     # No part has to be much better than the one that decides the norm of the whole.
     enough = POLICY.enough * max((s.best for s in searched.values()), default=0.0)
     chosen = {key: _choose(search, diagnosis, enough) for key, search in searched.items()}
@@ -281,7 +309,10 @@ def _search(
     else:
         matrices, feedback = cancel_feedthrough(matrices)
         bound = h2_lower_bound(matrices)
-    problem = Task(matrices, norm, diagnosis.regular_feedthrough, settings.tolerance, bound)
+    wanted = settings.wanted.in_unit(part.norm(1.0, norm))
+    if bound is not None and bound.value > wanted.below and bound.proven:
+        raise out_of_reach(settings.wanted, part.norm(bound.value, norm), norm, bound.how)
+    problem = Task(matrices, norm, diagnosis.regular_feedthrough, settings.tolerance, bound, wanted)
     searches: list[Found] = []
     for engine in (kind(settings) for kind in ORDER[norm, settings.method]):
         if any(found.best <= problem.goal for found in searches):
@@ -299,6 +330,24 @@ def _search(
         for found in searches:
             found.candidates = [c.beside(feedback) for c in found.candidates]
     return PartSearch(part, problem, searches, budget)
+
+
+def _keep(
+    wanted: WantedNorm, certificate: Certificate, bound: float, done: Sequence[Chosen]
+) -> None:
+    """Refuse a controller that does not keep what was asked for."""
+    if certificate.bound <= wanted.below:
+        return
+    kind = norm_in_words(certificate.norm)
+    how = " and ".join(dict.fromkeys(c.bound.how for c in done if c.bound is not None))
+    if bound > wanted.below and all(c.bound is None or c.bound.proven for c in done):
+        raise out_of_reach(wanted, bound, certificate.norm, how)
+    floor = f"no controller comes below {bound:.6g}, {how}" if how else "no lower bound is known"
+    raise SolverError(
+        f"No controller with {wanted.in_words()} was found; the best one that is certified "
+        f"has the {kind} norm {certificate.achieved:.6g}, and {floor}. Ask for a larger gamma, or "
+        "allow more work with effort."
+    )
 
 
 def _choose(search: PartSearch, diagnosis: Preflight, enough: float) -> Chosen:
@@ -388,8 +437,9 @@ def _message(
     done: Sequence[Chosen],
     bound: float,
     budget: Budget,
+    wanted: WantedNorm,
 ) -> str:
-    kind = "H-infinity" if certificate.norm == "hinf" else "H2"
+    kind = norm_in_words(certificate.norm)
     achieved = certificate.achieved
     how = " and ".join(dict.fromkeys(c.bound.how for c in done if c.bound is not None))
     floor = f"no controller comes below {bound:.6g}, {how}" if how else ""
@@ -404,5 +454,7 @@ def _message(
         "to y (D21) to choose how much gain is worth it.",
         "time_limit": f"The {kind} norm is {achieved:.6g}{f'; {floor}' if bound > 0 else ''}.",
     }[status]
+    if wanted.asks:
+        text += f" It was asked for {wanted.in_words()}."
     remarks = [remark for c in done for remark in c.findings.remarks]
     return " ".join([text + _more(budget), *diagnosis.findings, *dict.fromkeys(remarks)])

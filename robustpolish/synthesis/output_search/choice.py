@@ -74,15 +74,17 @@ def choose(
             # The last chance goes to the gentlest controller, the easiest one to prove.
             candidate = min(everything, key=lambda c: c.gain)
         owner = owners[id(candidate)]
-        short = _simplified(problem, candidate, max(limit, candidate.achieved), budget)
+        short = _simplified(problem, candidate, _given_away(problem, candidate, limit), budget)
         for each in (short, candidate) if short is not candidate else (candidate,):
             budget.spend(POLICY.certificate_work * step_cost(problem.plant.nx + each.order))
             found = _certified(part, each, problem, reasons)
             if found is None:
                 continue
             claim = part.norm(candidate.promise, problem.norm)
-            achieved = found[1].achieved / part.norm(1.0, problem.norm)
-            if achieved <= each.achieved * (1 + 1e-3):
+            unit = part.norm(1.0, problem.norm)
+            achieved = found[1].achieved / unit
+            kept = found[1].bound <= problem.wanted.below * unit
+            if achieved <= each.achieved * (1 + 1e-3) and kept:
                 status = _status(problem, searches, achieved)
                 return Chosen(*found, claim, owner, status, bound), reasons
             # Its loop is worse in the plant's own units than the search saw in scaled ones.
@@ -101,6 +103,17 @@ def _limit(problem: Task, best: float) -> float:
     # What is given away counts from the infimum: beyond the tolerance nothing is.
     known = problem.bound is not None and problem.bound.value > 0
     return best * (1 + (POLICY.settled if known else problem.tolerance))
+
+
+def _given_away(problem: Task, candidate: Candidate, limit: float) -> float:
+    """Return the norm up to which a controller may be shortened.
+
+    Within a norm that was asked for by far more than the tolerance the central controller is
+    wanted, not the shortest one that just keeps it.
+    """
+    if problem.asked:
+        limit = min(limit, candidate.achieved * (1 + problem.tolerance))
+    return max(limit, candidate.achieved)
 
 
 def _preferred(candidates: Sequence[Candidate], limit: float, few: bool) -> list[Candidate]:

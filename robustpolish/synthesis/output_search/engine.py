@@ -16,6 +16,7 @@ from robustpolish.long_calls import Budget, step_cost
 from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.certificate.quick_norm import quick_norm
 from robustpolish.synthesis.output_search.policy import POLICY
+from robustpolish.synthesis.output_search.wanted_norm import ANY_NORM, WantedNorm
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, balanced, close
 from robustpolish.synthesis.riccati.infimum import LowerBound
 
@@ -29,6 +30,7 @@ class Settings:
     backend: str
     solver: str | None
     tolerance: float
+    wanted: WantedNorm = ANY_NORM
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,8 @@ class Task:
         How far above the infimum, relative, is good enough.
     bound : LowerBound or None
         A norm below which no controller comes, in scaled units; None if none is known.
+    wanted : WantedNorm
+        What was asked for, in scaled units.
     """
 
     plant: PlantMatrices
@@ -53,17 +57,27 @@ class Task:
     regular: bool
     tolerance: float
     bound: LowerBound | None
+    wanted: WantedNorm = ANY_NORM
 
     @property
     def goal(self) -> float:
         """The norm below which smaller ones are worth nothing; zero if the infimum is unknown."""
-        return 0.0 if self.bound is None else self.bound.value * (1 + 0.99 * self.tolerance)
+        return self.wanted.limited(self._above_bound(0.99))
 
     @property
     def near(self) -> float:
         """The norm at which a search may end; zero if the infimum is unknown."""
-        share = POLICY.near * self.tolerance
-        return 0.0 if self.bound is None else self.bound.value * (1 + share)
+        return self.wanted.limited(self._above_bound(POLICY.near))
+
+    @property
+    def asked(self) -> float:
+        """A norm above the infimum that was asked for and will do; zero if none was."""
+        asked = self.wanted.enough
+        return asked if asked > self._above_bound(1.0) else 0.0
+
+    def _above_bound(self, share: float) -> float:
+        """Return the norm that lies by a share of the tolerance above the lower bound."""
+        return 0.0 if self.bound is None else self.bound.value * (1 + share * self.tolerance)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,8 @@ from types import MappingProxyType
 
 from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.output_search.engine import Engine
-from robustpolish.synthesis.output_search.lmi import LmiH2, LmiHinf
+from robustpolish.synthesis.output_search.lmi import LmiHinf
+from robustpolish.synthesis.output_search.lmi_h2 import LmiH2
 from robustpolish.synthesis.output_search.lqg import Lqg
 from robustpolish.synthesis.output_search.riccati_ladder import RiccatiLadder
 from robustpolish.synthesis.output_search.slycot import Slycot

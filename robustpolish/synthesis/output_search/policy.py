@@ -26,6 +26,10 @@ class SearchPolicy:
     epsilons : tuple of float
         Rungs of the ladder: half decades, for gamma falls by at most a third from one to the next
         where it settles. Below 3e-9 rounding decides (AC12, ROC10).
+    shifts : tuple of float
+        By how much the axis is moved, over the plant's unit of frequency, where D12 and D21 have
+        full rank and zeros lie on it: as much as the norm allows, for the poles keep this distance.
+        It has to be less than that of the slowest weight, whose poles nothing moves.
     back_offs : tuple of float
         How far above the optimal gamma central controllers are made, the most wanted first; nearer
         than 5e-4 they break their promise, and hard plants (NN9, HE1) need 1.01 or 1.03.
@@ -72,6 +76,7 @@ class SearchPolicy:
     spoilt: float = 1e-5
     near: float = 0.25
     epsilons: tuple[float, ...] = tuple(10.0 ** (-k / 2) for k in range(2, 18))
+    shifts: tuple[float, ...] = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
     back_offs: tuple[float, ...] = (1.003, 1.0005, 1.01, 1.03)
     refinements: tuple[float, ...] = (1.0005, 1.001, 1.006)
     settled: float = 3e-4

@@ -4,9 +4,15 @@ A regularised plant has a solution of its two Riccati equations whatever the ran
 and whatever zeros lie on the axis. Its norm bounds the true one from above, and
 falls to it as epsilon goes to zero. So epsilon descends from 0.1 in half decades until the norm of
 the true loop, which alone is believed, is near the lower bound, or no longer improves.
+
+Where only zeros on the axis are in the way, as for a servo with an integrator and weights on S
+and K S, the axis is moved to the left instead, which costs next to nothing whatever the weights.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +25,7 @@ from robustpolish.synthesis.output_search.engine import (
     examine,
 )
 from robustpolish.synthesis.output_search.policy import POLICY
-from robustpolish.synthesis.problem.matrices import regularise
+from robustpolish.synthesis.problem.matrices import PlantMatrices, regularise, shifted
 from robustpolish.synthesis.riccati.infimum import GammaBracket, search_gamma
 from robustpolish.synthesis.riccati.two_riccati import (
     NormalisedPlant,
@@ -27,6 +33,31 @@ from robustpolish.synthesis.riccati.two_riccati import (
     has_full_rank,
     normalise,
 )
+
+
+@dataclass(frozen=True)
+class Rung:
+    """How a plant is changed so that its equations have a solution.
+
+    Attributes
+    ----------
+    epsilon : float
+        Price, noise and disturbance of :func:`regularise`.
+    shift : float
+        By how much the axis is moved to the left; see :func:`shifted`.
+    """
+
+    epsilon: float
+    shift: float = 0.0
+
+    def normalised(self, plant: PlantMatrices) -> NormalisedPlant:
+        """Change a plant and bring it into the coordinates of the equations."""
+        return normalise(shifted(regularise(plant, self.epsilon), self.shift))
+
+    def note(self, gamma: float) -> dict[str, Any]:
+        """Begin an entry of the history."""
+        entry = {"epsilon": self.epsilon, "gamma": gamma, "achieved": np.nan, "gain": np.nan}
+        return {**entry, "shift": self.shift} if self.shift else entry
 
 
 class RiccatiLadder(Engine):
@@ -53,38 +84,41 @@ class _Descent:
             1 + (f - 1) * (fineness if f <= 1 + problem.tolerance else 1.0)
             for f in POLICY.back_offs
         ]
+        self.rungs: list[Rung] = []  # of the entries of the history
         self.refinements = [1 + (f - 1) * fineness for f in POLICY.refinements]
 
     def run(self) -> Found:
         """Descend until the norm is good enough, settles or cannot be computed any more."""
+        if self.problem.asked and self._solve_asked():
+            return self.found
         found, regular = self.found, self._solve_regular()
         quiet, failures = 0, 0
-        waiting: tuple[NormalisedPlant, GammaBracket, float] | None = None
-        for epsilon in POLICY.epsilons:
+        waiting: tuple[NormalisedPlant, GammaBracket, Rung] | None = None
+        # A price and a noise on x cost much beside weights that put zeros on the axis.
+        done = found.best <= self.problem.near and any(rung.shift for rung in self.rungs)
+        for rung in () if done else (Rung(epsilon) for epsilon in POLICY.epsilons):
             if self.budget.over or failures == 2:
                 break
-            normal = normalise(regularise(self.plant, epsilon))
+            normal = rung.normalised(self.plant)
             before = self.gamma, found.best
             bracket = self._bracket(normal)
             if bracket is None:
                 failures += 1
                 continue
             self.gamma = bracket.upper
-            note = {"epsilon": epsilon, "gamma": self.gamma, "achieved": np.nan, "gain": np.nan}
-            found.history.append(note)
+            note = self._noted(rung, self.gamma)
             # Where a norm is costly, loops are not checked while gamma falls fast.
             first = len(found.history) == regular + 1
             if self.costly and (first or self.gamma < (1 - POLICY.quick_drop) * before[0]):
-                waiting = normal, bracket, epsilon
+                waiting = normal, bracket, rung
                 continue
             waiting = None
-            candidate = self._confirmed(normal, bracket, epsilon)
+            candidate = self._confirmed(normal, bracket, rung)
             if candidate is None:
                 failures += 1
                 continue
             failures = 0
-            found.candidates.append(candidate)
-            note["achieved"], note["gain"] = candidate.achieved, candidate.gain
+            self._take(candidate, note)
             if candidate.achieved <= self.problem.near or candidate.gain > POLICY.largest_gain:
                 break
             if candidate.achieved <= before[1] * 1.1:
@@ -98,20 +132,55 @@ class _Descent:
         self._refine()
         return found
 
-    def _solve_regular(self) -> bool:
-        """Solve a plant as it is, if D12 and D21 have full rank; tell whether that worked."""
-        if not has_full_rank(self.plant):
-            return False
-        normal = normalise(self.plant)
-        bracket = search_gamma(normal.halves, 1.0, self.settled, self.budget)
-        candidate = None if bracket is None else self._confirmed(normal, bracket, 0.0)
-        if bracket is None or candidate is None:
-            return False
-        note = {"epsilon": 0.0, "gamma": bracket.upper}
+    def _noted(self, rung: Rung, gamma: float) -> dict[str, Any]:
+        """Begin an entry of the history, and return it."""
+        note = rung.note(gamma)
         self.found.history.append(note)
+        self.rungs.append(rung)
+        return note
+
+    def _take(self, candidate: Candidate, note: dict[str, Any]) -> None:
+        """Keep a candidate, and tell it in the history."""
         note["achieved"], note["gain"] = candidate.achieved, candidate.gain
         self.found.candidates.append(candidate)
-        return True
+
+    def _solve_asked(self) -> bool:
+        """Make the central controller for the norm that was asked for; tell whether that worked.
+
+        The gain grows down the ladder, so that the first rung that has one is the best.
+        """
+        ladder = [Rung(epsilon) for epsilon in POLICY.epsilons]
+        if has_full_rank(self.plant):
+            ladder = [Rung(0.0), *_SHIFTS, *ladder]
+        for rung in ladder:
+            if self.budget.over:
+                return False
+            normal = rung.normalised(self.plant)
+            candidate = self._controller(normal, self.problem.goal, rung)
+            if candidate is not None and candidate.achieved <= self.problem.goal:
+                self._take(candidate, self._noted(rung, candidate.claimed))
+                return True
+        return False
+
+    def _solve_regular(self) -> int:
+        """Solve a plant whose D12 and D21 have full rank; return how many entries that made.
+
+        As it is, or with the axis moved less and less where zeros lie on it.
+        """
+        if not has_full_rank(self.plant):
+            return 0
+        for rung in (Rung(0.0), *_SHIFTS):
+            if self.budget.over:
+                break
+            normal = rung.normalised(self.plant)
+            bracket = search_gamma(normal.halves, 1.0, self.settled, self.budget)
+            candidate = None if bracket is None else self._confirmed(normal, bracket, rung)
+            if bracket is None or candidate is None:
+                continue
+            self._take(candidate, self._noted(rung, bracket.upper))
+            if candidate.achieved <= self.problem.near or self.problem.bound is None:
+                break
+        return len(self.rungs)
 
     def _bracket(self, normal: NormalisedPlant) -> GammaBracket | None:
         """Find the optimal gamma of one rung: coarsely while it falls fast, then finely."""
@@ -123,20 +192,18 @@ class _Descent:
         return search_gamma(normal.halves, rough.upper, self.settled, self.budget, known=rough)
 
     def _confirmed(
-        self, normal: NormalisedPlant, bracket: GammaBracket, epsilon: float
+        self, normal: NormalisedPlant, bracket: GammaBracket, rung: Rung
     ) -> Candidate | None:
         """Make a controller a little above the optimal gamma that keeps its promise."""
         for factor in self.back_offs:
-            candidate = self._controller(normal, bracket.upper * factor, epsilon)
+            candidate = self._controller(normal, bracket.upper * factor, rung)
             if candidate is not None:
                 return candidate
             if self.budget.over:
                 return None
         return None
 
-    def _controller(
-        self, normal: NormalisedPlant, gamma: float, epsilon: float
-    ) -> Candidate | None:
+    def _controller(self, normal: NormalisedPlant, gamma: float, rung: Rung) -> Candidate | None:
         self.budget.spend(step_cost(self.plant.nx))
         solution = normal.halves.attempt(gamma)
         if solution.X is None or solution.Y is None or not solution.feasible:
@@ -145,7 +212,8 @@ class _Descent:
             K = central_controller(normal, gamma, solution.X, solution.Y)
         except np.linalg.LinAlgError:
             return None
-        origin = f"riccati, epsilon {epsilon:.1e}"
+        K = K.shifted_back(rung.shift)
+        origin = f"riccati, epsilon {rung.epsilon:.1e}"
         candidate = examine(self.problem, K, gamma, origin, self.budget)
         return candidate if candidate is not None and candidate.honest else None
 
@@ -157,12 +225,16 @@ class _Descent:
     def _refine(self) -> None:
         """Try other distances from the optimal gamma on the rungs that came close to the goal."""
         close = max(self.found.best, self.problem.goal) * 1.02
-        notes = [note for note in self.found.history if note["achieved"] <= close]
+        notes = zip(self.found.history, self.rungs, strict=True)
+        close_by = [(note, rung) for note, rung in notes if note["achieved"] <= close]
         # The gain grows down the ladder, so the first rungs are worth the most.
-        for note in notes[: 2 if self.costly else None]:
-            normal = normalise(regularise(self.plant, note["epsilon"]))
+        for note, rung in close_by[: 2 if self.costly else None]:
+            normal = rung.normalised(self.plant)
             for factor in self.refinements[1 if self.costly else 0 :]:
                 if self.budget.over:
                     return
-                candidate = self._controller(normal, note["gamma"] * factor, note["epsilon"])
+                candidate = self._controller(normal, note["gamma"] * factor, rung)
                 self.found.candidates += [] if candidate is None else [candidate]
+
+
+_SHIFTS = tuple(Rung(0.0, shift) for shift in POLICY.shifts)

@@ -76,6 +76,16 @@ class PlantMatrices:
         """Return the plant with some matrices exchanged."""
         return replace(self, **matrices)
 
+    def in_states(self, into: Matrix, back: Matrix) -> PlantMatrices:
+        """Return the plant in the states x_new = into x, with `back` the inverse of `into`."""
+        return self.replace(
+            A=into @ self.A @ back,
+            B1=into @ self.B1,
+            B2=into @ self.B2,
+            C1=self.C1 @ back,
+            C2=self.C2 @ back,
+        )
+
     def without_d22(self) -> PlantMatrices:
         """Return the plant whose y lacks D22 u, which :func:`shift` accounts for."""
         return self.replace(D22=np.zeros_like(self.D22)) if self.has_d22 else self
@@ -88,6 +98,20 @@ class PlantMatrices:
 
 
 _NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
+
+
+def with_price_and_noise(plant: PlantMatrices, epsilon: float) -> PlantMatrices:
+    """Append epsilon times u to z and epsilon times noise on y to w; zero returns the plant."""
+    if epsilon == 0:
+        return plant
+    P = plant
+    return P.replace(
+        B1=np.hstack([P.B1, np.zeros((P.nx, P.ny))]),
+        C1=np.vstack([P.C1, np.zeros((P.nu, P.nx))]),
+        D11=linalg.block_diag(P.D11, np.zeros((P.nu, P.ny))),
+        D12=np.vstack([P.D12, epsilon * np.eye(P.nu)]),
+        D21=np.hstack([P.D21, epsilon * np.eye(P.ny)]),
+    )
 
 
 def regularise(plant: PlantMatrices, epsilon: float) -> PlantMatrices:
@@ -106,17 +130,34 @@ def regularise(plant: PlantMatrices, epsilon: float) -> PlantMatrices:
     """
     if epsilon == 0:
         return plant
-    P = plant
-    n, nw, nu, nz, ny = P.nx, P.nw, P.nu, P.nz, P.ny
-    D11 = np.zeros((nz + n + nu, nw + n + ny))
-    D11[:nz, :nw] = P.D11
-    return P.replace(
-        B1=np.hstack([P.B1, epsilon * np.eye(n), np.zeros((n, ny))]),
-        C1=np.vstack([P.C1, epsilon * np.eye(n), np.zeros((nu, n))]),
-        D11=D11,
-        D12=np.vstack([P.D12, np.zeros((n, nu)), epsilon * np.eye(nu)]),
-        D21=np.hstack([P.D21, np.zeros((ny, n)), epsilon * np.eye(ny)]),
+    P, n = plant, plant.nx
+    disturbed = P.replace(
+        B1=np.hstack([P.B1, epsilon * np.eye(n)]),
+        C1=np.vstack([P.C1, epsilon * np.eye(n)]),
+        D11=linalg.block_diag(P.D11, np.zeros((n, n))),
+        D12=np.vstack([P.D12, np.zeros((n, P.nu))]),
+        D21=np.hstack([P.D21, np.zeros((P.ny, n))]),
     )
+    return with_price_and_noise(disturbed, epsilon)
+
+
+def shifted(plant: PlantMatrices, by: float) -> PlantMatrices:
+    """Return a continuous plant whose imaginary axis lies at -by: A + by I in place of A.
+
+    Zeros on the axis then lie beside it. A controller that stabilises the shifted plant, its own
+    A shifted back, has a loop whose poles lie to the left of -by and whose norm over the
+    half plane right of -by, and so over the axis (maximum principle), is that of the shifted
+    loop. Hence the infimum rises with the shift: negative shifts bound the true one from below,
+    positive ones from above.
+
+    Parameters
+    ----------
+    plant : PlantMatrices
+        Continuous.
+    by : float
+        In the plant's unit of frequency, of either sign.
+    """
+    return plant.replace(A=plant.A + by * np.eye(plant.nx)) if by else plant
 
 
 class SystemMatrices(NamedTuple):
@@ -135,6 +176,10 @@ class Controller(SystemMatrices):
     def gain(self) -> float:
         """Largest absolute entry: how hard the controller is to verify and to build."""
         return max(float(np.abs(M).max(initial=0.0)) for M in self)
+
+    def shifted_back(self, by: float) -> Controller:
+        """Return the controller for a plant from that for the one :func:`shifted` by `by`."""
+        return self._replace(A=self.A - by * np.eye(len(self.A))) if by else self
 
 
 def close(plant: PlantMatrices, K: Controller) -> SystemMatrices:

@@ -12,6 +12,7 @@ Control and Optimization 29 (1991) 160-184.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ import numpy as np
 
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.long_calls import Budget, step_cost
-from robustpolish.synthesis.problem.matrices import PlantMatrices, regularise
+from robustpolish.synthesis.problem.matrices import PlantMatrices, regularise, shifted
 from robustpolish.synthesis.riccati.two_riccati import (
     Attempt,
     Half,
@@ -54,6 +55,10 @@ class GammaPolicy:
     hardly : float
         How little a plant with zeros on the axis is regularised for an estimate: less, and
         rounding decides (the Riccati solutions hold 1 / hardly^2).
+    shifts : tuple of float
+        By how much the axis is moved, over the plant's unit of frequency, where zeros lie on it, as
+        those of a weighted servo with an integrator do. Rounding moves double zeros by 1e-8, and
+        weights have poles at 1e-5.
     """
 
     growth: float = 8.0
@@ -65,6 +70,7 @@ class GammaPolicy:
     unseen: float = 1e-9
     rounding: float = 1e-12
     hardly: float = 1e-6
+    shifts: tuple[float, ...] = (1e-7, 1e-8, 1e-6, 1e-5)
 
 
 _POLICY = GammaPolicy()
@@ -88,6 +94,7 @@ class LowerBound(NamedTuple):
 
     value: float
     how: str
+    proven: bool = True  # but for rounding; an estimate holds for a changed plant only
 
 
 def lower_bound(
@@ -113,14 +120,43 @@ def lower_bound(
     hardly = regularise(plant, _POLICY.hardly)
     size = f"{_POLICY.hardly:.0e}"
     estimated = f"estimated by Riccati equations of a plant with a price and a noise of {size}"
-    ways = [(EXACT, reduced_halves(plant)), (estimated, reduced_halves(hardly))]
+    ways = [(reduced_halves, plant, EXACT), (reduced_halves, hardly, estimated)]
     if has_full_rank(plant):
-        ways.insert(0, (EXACT, normalise(plant).halves))
-    for how, halves in ways:
-        bracket = search_gamma(halves, 1.0, tolerance, budget)
-        if bracket is not None and bracket.lower <= below:
-            return LowerBound(bracket.lower, how)
+        ways.insert(0, (_regular_halves, plant, EXACT))
+    for halves, P, how in ways:
+        value = _largest_infeasible(P, halves, tolerance, budget)
+        if value is not None and value <= below:
+            return LowerBound(value, how, how != estimated)
     return None
+
+
+def _largest_infeasible(
+    plant: PlantMatrices,
+    halves: Callable[[PlantMatrices], TwoHalves],
+    tolerance: float,
+    budget: Budget,
+) -> float | None:
+    """Return a gamma below which the equations have no solution; None if they never have one.
+
+    Where zeros lie on the axis the equations fail for every gamma or for too many. That shows
+    if they hold once the axis is moved to the left, which makes the problem harder; then what
+    they say with the axis moved to the right, where it is easier, holds for the plant too.
+    """
+    exact = search_gamma(halves(plant), 1.0, tolerance, budget)
+    for shift in _POLICY.shifts:
+        if exact is not None:
+            harder = halves(shifted(plant, shift))
+            if not _tried(harder, exact.lower * (1 - tolerance), budget).feasible:
+                continue
+        easier = search_gamma(halves(shifted(plant, -shift)), 1.0, tolerance, budget)
+        if easier is not None:
+            return easier.lower
+    return None if exact is None else exact.lower
+
+
+def _regular_halves(plant: PlantMatrices) -> TwoHalves:
+    """Return the equations of a plant whose D12 and D21 have full rank."""
+    return normalise(plant).halves
 
 
 def reduced_halves(plant: PlantMatrices) -> TwoHalves:

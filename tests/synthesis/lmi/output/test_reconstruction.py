@@ -39,9 +39,10 @@ def controllers(bound, work=np.inf):
     """Return the loops that are found for a bound on a plant whose optimum is 9.508."""
     solver = ProgramSolver("cvxpy", None, Budget(work))
     plant = PlantMatrices.of(scherer_1997())
-    best = solve_projected(plant, ProgramSolver("cvxpy", None, Budget()))
-    frame = None if best is None else rebalanced(plant, best.R, best.S)
-    assert frame is not None
+    best = solve_projected(plant, 9.51, ProgramSolver("cvxpy", None, Budget()))
+    found = None if best is None else rebalanced(plant, best.R, best.S)
+    assert found is not None
+    frame = found[0]
 
     def impose(program, v):
         program.positive(-bounded_real(loop_terms(frame, v), bound))
