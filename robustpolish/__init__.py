@@ -74,6 +74,12 @@ from robustpolish.implementation import (
 )
 from robustpolish.loading import load
 from robustpolish.loops import LoopAnalysis, LoopRequirements, loop_analysis
+from robustpolish.machine_design import (
+    DesignTask,
+    MachineDesign,
+    design_machine,
+    read_design_task,
+)
 from robustpolish.measurements import (
     decimate,
     estimate_frequency_response,
@@ -155,6 +161,7 @@ __all__ = [
     "DelayStability",
     "DelayedSystem",
     "Design",
+    "DesignTask",
     "Diagnosis",
     "Disk",
     "Dof",
@@ -173,6 +180,7 @@ __all__ = [
     "Linearization",
     "LoopAnalysis",
     "LoopRequirements",
+    "MachineDesign",
     "MechanicalModel",
     "MethodComparison",
     "MethodResult",
@@ -216,6 +224,7 @@ __all__ = [
     "decimate",
     "delay_stability",
     "design_against_brush",
+    "design_machine",
     "diagnose",
     "effect",
     "estimate_frequency_response",
@@ -248,6 +257,7 @@ __all__ = [
     "plant_at_samples",
     "polishing_plant",
     "prescale",
+    "read_design_task",
     "read_frequency_response",
     "read_measurement",
     "refit",

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from robustpolish.identification.findings.diagnosis import Diagnosis, diagnosis_from
+from robustpolish.implementation import SampledDesign
+from robustpolish.implementation.discretization.sampled_design import sampled_from
 from robustpolish.models import GeneralizedPlant, MechanicalModel
 from robustpolish.models.plant.plant import plant_from
 from robustpolish.saved_file import Fields, read_saved
@@ -19,19 +21,23 @@ _READERS: Mapping[str, Callable[[Fields], Any]] = {
     "design": design_from,
     "diagnosis": diagnosis_from,
     "plant": plant_from,
+    "sampled design": sampled_from,
 }
 
 
-def load(path: str | os.PathLike[str]) -> Design | Diagnosis | GeneralizedPlant | MechanicalModel:
-    """Read what was saved: a design, a diagnosis, a plant (JSON) or a mechanical model (TOML).
+def load(
+    path: str | os.PathLike[str],
+) -> Design | SampledDesign | Diagnosis | GeneralizedPlant | MechanicalModel:
+    """Read what was saved: a design, sampled or not, a diagnosis, a plant or a mechanical model.
 
     Parameters
     ----------
     path : path
+        A JSON file, or the TOML file of a mechanical model.
 
     Returns
     -------
-    Design, Diagnosis, GeneralizedPlant or MechanicalModel
+    Design, SampledDesign, Diagnosis, GeneralizedPlant or MechanicalModel
         A design is certified again; see :meth:`Design.load`.
 
     Raises

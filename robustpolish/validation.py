@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from difflib import get_close_matches
 from typing import Any, TypeVar
 
 import control
@@ -68,6 +70,65 @@ class _Described(str):
 def described(text: str) -> str:
     """Mark `text` as a description of a value, to be printed as it is."""
     return _Described(text)
+
+
+@contextmanager
+def inside(where: Key) -> Iterator[None]:
+    """Say of what is complained about inside where it stands.
+
+    Examples
+    --------
+    >>> with inside(("actuators", "F")):
+    ...     raise invalid("order", 0, "a whole number above 0", "Take 1.")
+    Traceback (most recent call last):
+    ...
+    robustpolish.errors.InvalidInputError: actuators.F.order: got 0, expected a whole number...
+    """
+    try:
+        yield
+    except InvalidInputError as error:
+        message = f"{_path_text(where)}.{error}"
+        raise InvalidInputError(message, (*where, *error.key)) from None
+
+
+def spelled(name: object, known: Iterable[str]) -> str:
+    """Return the remedy for a name that is not known: the nearest one that is.
+
+    Examples
+    --------
+    >>> spelled("crossover", ["low", "crossover_hz"]), spelled("quite else", ["low"])
+    ('Write crossover_hz.', 'Check its spelling.')
+    """
+    near = get_close_matches(str(name), list(known), 1)
+    return f"Write {near[0]}." if near else "Check its spelling."
+
+
+def known_keys(
+    where: Key, table: Mapping[str, Any], known: Iterable[str], required: Iterable[str] = ()
+) -> None:
+    """Refuse keys of a table of a file that nobody reads, and the lack of those that are needed.
+
+    Parameters
+    ----------
+    where : tuple of str or int
+        Where the table stands.
+    table : mapping
+    known, required : iterable of str
+
+    Raises
+    ------
+    InvalidInputError
+        With the name of the key, and the nearest right one.
+    """
+    known = tuple(known)
+    for key in table:
+        if key not in known:
+            one_of_these, shown = f"one of {', '.join(known)}", described("an unknown key")
+            raise invalid((*where, key), shown, one_of_these, spelled(key, known))
+    for key in required:
+        if key not in table:
+            what = f"no {key}" if where else f"no table {key}"
+            raise invalid(where or (key,), described(what), f"{key} to be given", f"Add {key}.")
 
 
 def source_of(system: control.StateSpace | None) -> control.StateSpace:

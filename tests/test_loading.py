@@ -18,6 +18,7 @@ def test_each_kind_is_loaded_by_one_name(tmp_path):
     made = {
         "plant": plant(),
         "design": rp.given_controller(plant(), [[0.0]]),
+        "sampled": rp.given_controller(plant(), [[0.0]]).discretize(0.1),
         "diagnosis": made_up.diagnosis(),
     }
     for name, result in made.items():

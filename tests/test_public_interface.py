@@ -89,6 +89,8 @@ def test_parameters_are_documented(name):
 FORWARDED = (
     "robustpolish.BrushParameters.for_run",
     "robustpolish.GeneralizedPlant.replace",
+    "robustpolish.design_machine",
+    "robustpolish.read_design_task",
     "robustpolish.effects.Effect.with_parameters",
 )
 
@@ -119,6 +121,9 @@ def test_forwarded_keywords_are_refused_too():
         rp.BrushParameters.for_run(1, no_such_keyword=1)
     with pytest.raises(TypeError, match="no_such_keyword"):
         rp.air_bearing().replace(no_such_keyword=1)
+    for forwarding in (rp.design_machine, rp.read_design_task):
+        with pytest.raises(rp.InvalidInputError, match="no_such_keyword"):
+            forwarding(rp.air_bearing(), no_such_keyword=1)
     effect = importlib.import_module("robustpolish.effects").Effect("cubic_stiffness", ("x",))
     with pytest.raises(rp.InvalidInputError, match="no_such_keyword"):
         effect.with_parameters(no_such_keyword=1)
@@ -158,6 +163,7 @@ NO_PICTURE = (
     "PolishingHardware",
     "MechanicalModel",
     "LmiCheck",
+    "DesignTask",
 )
 
 

@@ -7,11 +7,14 @@ import pytest
 from robustpolish.errors import InvalidInputError
 from robustpolish.validation import (
     described,
+    inside,
     invalid,
+    known_keys,
     matrix,
     one_of,
     positive,
     source_of,
+    spelled,
     state_space,
 )
 
@@ -106,3 +109,18 @@ def test_a_result_made_by_hand_may_lack_its_system():
     assert source_of(system) is system
     with pytest.raises(InvalidInputError, match="system: got None"):
         source_of(None)
+
+
+def test_unknown_keys_are_told_with_the_nearest_right_one():
+    with pytest.raises(InvalidInputError, match=r"spring.1.\.stifness: got an unknown.*stiffness"):
+        known_keys(("spring", 1), {"stifness": 3}, ("between", "stiffness"))
+    with pytest.raises(InvalidInputError, match="no table dof"):
+        known_keys((), {}, ("dof",), ("dof",))
+    assert spelled("quite else", ("dof", "spring")) == "Check its spelling."
+
+
+def test_what_is_wrong_inside_says_where():
+    says = r"^delays\.F\.seconds: got -1"
+    with pytest.raises(InvalidInputError, match=says) as caught, inside(("delays", "F")):
+        raise invalid("seconds", -1, "more", "Wait.")
+    assert caught.value.key == ("delays", "F", "seconds")

@@ -29,6 +29,7 @@ ROOMS = {
     "synthesis": "Synthesis and certificates",
     "loops": "Loops: margins, bandwidths, effort",
     "implementation": "From continuous to code",
+    "machine_design": "Controllers for any machine",
     "closed_loop": "Closed loop",
     "measurements": "Measurements",
     "datasets": "Measured records",

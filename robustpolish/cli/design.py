@@ -9,6 +9,8 @@ from typing import Any
 import click
 
 import robustpolish
+from robustpolish.cli.any_machine.design import machine_design
+from robustpolish.cli.any_machine.either import or_any_machine
 from robustpolish.cli.machine import READINGS, machine_options
 from robustpolish.cli.options import brush_options, result_options, show, to_json
 from robustpolish.closed_loop import design_against_brush
@@ -24,7 +26,7 @@ from robustpolish.saving import new_file, new_folder
 DEFAULT_OUT = "robustpolish-results"
 
 
-@click.command()
+@click.command(cls=or_any_machine(machine_design))
 @brush_options
 @click.option(
     "--ideal",

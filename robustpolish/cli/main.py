@@ -9,9 +9,9 @@ import click
 import robustpolish
 
 _COMMANDS = {
-    "design": "Design a controller, certify it and try it on the brush's disturbance.",
-    "modes": "Show the air bearing's modes and damping ratios.",
-    "norms": "Show the air bearing's H-infinity and H2 norms without control.",
+    "design": "Design a controller and certify it, for the polishing robot or any --model.",
+    "modes": "Show modes and damping ratios, of the polishing robot or any --model.",
+    "norms": "Show H-infinity and H2 norms without control, of the polishing robot or any --model.",
     "margins": "Tell what the loop of a saved design is like, and whether it can be built.",
     "export": "Sample a saved design, certify the loop and write C, MAT, JSON or an FMU.",
     "brush": "Simulate the brush on its mould and show the forces.",
@@ -47,5 +47,6 @@ class _Group(click.Group):
 def main() -> None:
     """Robust control design with certificates, for machines with contact.
 
-    Without arguments, design, modes, norms and brush work on the thesis's polishing robot.
+    Without arguments, design, modes, norms and brush work on the thesis's polishing robot; with
+    --model machine.toml or --plant plant.json the first three work on any machine.
     """

@@ -10,6 +10,7 @@ import matplotlib.pyplot as plt
 
 from robustpolish.cli.options import choice, result_options, show, to_json
 from robustpolish.loops import LoopRequirements, loop_analysis
+from robustpolish.machine_design import read_design_task
 from robustpolish.models import GeneralizedPlant, MechanicalModel
 from robustpolish.saving import new_file
 from robustpolish.synthesis import Design
@@ -90,14 +91,27 @@ def _machine(design: Design, plant: str | None, model: str | None) -> Generalize
     wanted = design.plant
     if plant is not None:
         given = GeneralizedPlant.load(plant)
-        found = [given, given.with_full_state()]
     elif model is not None:
-        controls = [name.removeprefix("u_") for name in wanted.control_names]
-        given = MechanicalModel.from_toml(Path(model)).linearize(controls)
-        found = [given, given.with_full_state()]
+        given = _as_wired(Path(model), wanted)
     else:
         return wanted
+    found = [given] if given.delays else [given, given.with_full_state()]
     for candidate in found:
         if candidate.measurement_names == wanted.measurement_names:
             return candidate
     return next((candidate for candidate in found if candidate.ny == wanted.ny), given)
+
+
+def _as_wired(model: Path, wanted: GeneralizedPlant) -> GeneralizedPlant:
+    """Return a machine with its actuators, sensors and delays, measured as a design wants it."""
+    machine = MechanicalModel.from_toml(model)
+    known = {*machine.output_names, *machine.free, *(f"d{name}" for name in machine.free)}
+    names = [name.removeprefix("measured_") for name in wanted.measurement_names]
+    task = read_design_task(
+        model,
+        controls=wanted.control_names,
+        measurements=names if known.issuperset(names) else (),
+        weights={},
+        full_state=False,
+    )
+    return task.plant

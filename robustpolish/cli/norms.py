@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import click
-import numpy as np
 
-from robustpolish.analysis import h2_norm, hinf_norm
+from robustpolish.cli.any_machine.either import or_any_machine
+from robustpolish.cli.any_machine.norms import machine_norms, shown_norms
 from robustpolish.cli.machine import READINGS, machine_options
 from robustpolish.cli.options import result_options, show
 from robustpolish.models import air_bearing
 
 
-@click.command()
+@click.command(cls=or_any_machine(machine_norms))
 @machine_options
 @result_options
 def norms(reading: str, dissipation: float, json_out: str | None, force: bool) -> None:
@@ -20,23 +20,5 @@ def norms(reading: str, dissipation: float, json_out: str | None, force: bool) -
     Nothing is controlled; the norms are what a controller has to reduce.
     """
     system = air_bearing(READINGS[reading](), dissipation).open_loop
-    hinf, h2 = hinf_norm(system), h2_norm(system)
-    peak_hz = hinf.frequency / (2 * np.pi)
-    content = {
-        "hinf": {
-            "value": hinf.value,
-            "lower": hinf.lower,
-            "upper": hinf.upper,
-            "frequency_hz": peak_hz,
-            "reason": hinf.reason,
-        },
-        "h2": {"value": h2.value, "reason": h2.reason},
-        "unit": {"hinf": "m/N", "h2": "m/N s^-0.5"},
-    }
-    lines = (
-        f"H-infinity  {hinf.value:.7g} m/N at {peak_hz:.6g} Hz",
-        f"            certified between {hinf.lower:.10g} and {hinf.upper:.10g}",
-        f"H2          {h2.value:.7g} m/N s^-1/2",
-        *filter(None, (hinf.reason, h2.reason)),
-    )
-    show(content, "\n".join(lines), json_out, force)
+    content, text = shown_norms(system, "m/N")
+    show(content, text, json_out, force)

@@ -252,7 +252,9 @@ def loop_analysis(
     -----
     Margins: S. Skogestad, I. Postlethwaite, Multivariable Feedback Control, 2nd ed., section 2.4;
     P. Seiler, A. Packard, P. Gahinet, "An Introduction to Disk Margins", IEEE Control Systems
-    Magazine 40 (2020) 78-95. Delays are exact, exp(-s tau), in every margin.
+    Magazine 40 (2020) 78-95. Delays that are asked for are exact, exp(-s tau), in every margin; so
+    are those of the plant in stability, margins of single loops, bandwidths and peaks of S and T.
+    Margins of several signals at once, efforts and systems have Padé models of these.
 
     Examples
     --------

@@ -85,7 +85,7 @@ def bandwidths(loop: Loop, margins: Sequence[LoopMargins]) -> tuple[LoopBandwidt
             crossovers = [c.frequency_hz for c in single.gain_crossovers]
             found.append(_bandwidth(loop, place, single.name, [i], crossovers))
         if len(own) > 1:
-            every = Response(loop.opened(place), loop.rates).level_crossings(1.0)
+            every = loop.response(place).level_crossings(1.0)
             crossovers = [omega / (2 * math.pi) for omega in every]
             found.append(_bandwidth(loop, place, "all", list(range(len(own))), crossovers))
     return tuple(found)
@@ -95,14 +95,14 @@ def _bandwidth(
     loop: Loop, place: Place, name: str, signals: list[int], crossovers: list[float]
 ) -> LoopBandwidth:
     at = loop.at(place, signals)
-    S, T = loop.around(at), loop.around(at, -1.0, -1.0)
+    S, T = loop.response_around(at), loop.response_around(at, -1.0, -1.0)
     peak_s, peak_t = loop.peak(at), loop.peak(at, -1.0, -1.0)
     return LoopBandwidth(
         name,
         place,
         max(crossovers, default=math.nan),
-        _rising(Response(S)) / (2 * math.pi),
-        _falling(Response(T)) / (2 * math.pi),
+        _rising(S) / (2 * math.pi),
+        _falling(T) / (2 * math.pi),
         peak_s.value,
         peak_t.value,
         peak_s.frequency / (2 * math.pi),

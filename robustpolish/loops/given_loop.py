@@ -65,6 +65,14 @@ def loop_of(
 
 
 def _as_plant(plant: Any) -> GeneralizedPlant:
+    own = plant.system if isinstance(plant, GeneralizedPlant) else plant
+    if isinstance(own, control.FrequencyResponseData):
+        shown = described("a measured FrequencyResponseData, between whose lines all is possible")
+        remedy = (
+            "Fit a model to it. Margins of the lines alone are those of "
+            "control.stability_margins(-G K); they prove no stability."
+        )
+        raise invalid("plant", shown, "a model, of which stability can be decided", remedy)
     if isinstance(plant, GeneralizedPlant):
         return plant
     if isinstance(plant, control.StateSpace | control.TransferFunction):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -11,9 +11,19 @@ import control
 import numpy as np
 import scipy.linalg as sla
 
-from robustpolish.analysis import HinfNorm, Stability, hinf_norm, stability
-from robustpolish.arrays import AnyVector, Matrix
+from robustpolish.analysis import (
+    DelayedSystem,
+    HinfNorm,
+    Stability,
+    delay_stability,
+    hinf_norm,
+    stability,
+)
+from robustpolish.arrays import AnyArray, AnyVector, Matrix, Vector
+from robustpolish.loops.delayed import DelayedLoop, DelayedResponse
+from robustpolish.loops.response import Response
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.blocks import closed_loop as plant_loop
 from robustpolish.models.plant.blocks import matrices_of, named_system
 from robustpolish.models.plant.wired import NOISE_PREFIX
 
@@ -28,9 +38,9 @@ _Matrices = tuple[Matrix, Matrix, Matrix, Matrix]
 class Loop:
     """A plant from u to y and a controller u = K y, with what lies outside the loop left out.
 
-    Delays that a plant keeps beside its state-space system would enter in :meth:`opened` and
-    :meth:`closed`, from which every response of the room is made: today they are analysed as the
-    plant's ``system`` has them, by their Padé approximation.
+    Delays that a plant keeps beside its state-space system are in :meth:`response`,
+    :meth:`peak` and :attr:`stability` as they are. The systems :meth:`opened` and :attr:`closed`
+    have Padé approximations of them, as the plant's ``system`` has.
 
     Attributes
     ----------
@@ -45,8 +55,17 @@ class Loop:
 
     @property
     def approximated_delays(self) -> dict[str, float]:
-        """Delays in s that the plant keeps beside its system, by signal; analysed as Padé's."""
+        """Delays in s that the plant keeps beside its system, by signal; Padé's in systems."""
         return dict(self.plant.delays)
+
+    @cached_property
+    def delayed(self) -> DelayedLoop | None:
+        """The loop with its delays as they are; None without delays and in discrete time."""
+        wiring = self.plant.wiring
+        if self.is_discrete or not wiring.lines:
+            return None
+        inner = wiring.chosen([], range(wiring.nu), [], range(wiring.ny))
+        return DelayedLoop(inner.with_ports_last(), self.controller_matrices)
 
     @property
     def dt(self) -> float | bool:
@@ -140,8 +159,23 @@ class Loop:
 
     @cached_property
     def stability(self) -> Stability:
-        """Whether the closed loop is stable."""
-        return stability(self.closed)
+        """Whether the closed loop is stable, with its delays as they are."""
+        found = stability(self.closed)
+        if self.delayed is None:
+            return found
+        inner = self.plant.wiring.chosen([], range(self.plant.nu), [], range(self.plant.ny))
+        system = DelayedSystem(plant_loop(inner, self.controller), inner.lines)
+        exact = delay_stability(system)
+        if exact and found:
+            return replace(found, reason=f"{exact.reason}; with Padé models all poles are stable")
+        if exact:
+            reason = (
+                "stable with exact delays, but not with the Padé models that the plant has of "
+                "them: give with_delay a higher order="
+            )
+            return replace(found, reason=reason)
+        reason = f"with exact delays {exact.verdict}: {exact.reason}"
+        return replace(found, verdict="unstable", reason=reason, pole=exact.rightmost)
 
     @cached_property
     def rates(self) -> AnyVector:
@@ -209,7 +243,9 @@ class Loop:
         """
         key = (*at, weight, less)
         if key not in self._peaks:
-            self._peaks[key] = norm_of(self.around(at, weight, less))
+            around = self.response_around(at, weight, less)
+            delayed = isinstance(around, DelayedResponse)
+            self._peaks[key] = around.peak() if delayed else norm_of(around.system)
         return self._peaks[key]
 
     def balanced_peak(self, at: Sequence[int]) -> HinfNorm:
@@ -268,6 +304,53 @@ class Loop:
         matrices = _opened(first, second, broken)
         labels = [names[i] for i in broken]
         return named_system(matrices, self.dt, labels, labels, self._states(place))
+
+    def response(self, place: Place, signals: Sequence[int] | None = None) -> Response:
+        """Return :meth:`opened` over frequency, delays as they are.
+
+        Parameters
+        ----------
+        place : {"input", "output"}
+        signals : sequence of int, optional
+
+        Returns
+        -------
+        Response
+        """
+        opened, exact = self.opened(place, signals), self.delayed
+        if exact is None:
+            return Response(opened, self.rates)
+        broken = list(range(len(self.names(place))) if signals is None else signals)
+        return DelayedResponse(
+            opened,
+            self.rates,
+            exact=lambda omega: exact.opened(place == "input", broken, omega),
+            seconds=exact.seconds,
+        )
+
+    def response_around(
+        self, at: Sequence[int], weight: float = 1.0, less: float = 0.0
+    ) -> Response:
+        """Return :meth:`around` over frequency, delays as they are.
+
+        Parameters
+        ----------
+        at : sequence of int
+        weight, less : float, optional
+
+        Returns
+        -------
+        Response
+        """
+        system, exact = self.around(at, weight, less), self.delayed
+        if exact is None:
+            return Response(system)
+        one, at = np.eye(len(at)), list(at)
+
+        def values(omega: Vector) -> AnyArray:
+            return weight * exact.closed(omega)[:, at][:, :, at] - less * one
+
+        return DelayedResponse(system, self.rates, exact=values, seconds=exact.seconds)
 
     def _states(self, place: Place = "input") -> list[str]:
         """Name the states of plant and controller, in the order in which they are connected."""

@@ -83,7 +83,7 @@ def sample_rate(
     crossover = max((c.frequency_hz for m in margins for c in m.gain_crossovers), default=0.0)
     singles = [row.complementary_hz for row in widths if row.name != "all"]
     width = max((hertz for hertz in singles if math.isfinite(hertz)), default=0.0)
-    fastest = float(np.abs(loop.rates).max(initial=0.0))
+    fastest = _fastest(loop)
     if delay_s == 0:
         for_delay = math.inf
     else:
@@ -97,6 +97,17 @@ def sample_rate(
     limit = max(rules, key=lambda rule: rules[rule])
     samples = math.ceil(asked.computation_samples)
     return SampleRate(rules[limit], limit, rules, lowest_stable_rate(loop, samples), samples)
+
+
+def _fastest(loop: Loop) -> float:
+    """Return the size of the fastest pole; those of Pade models are none of the loop."""
+    sizes = np.abs(loop.rates)
+    if loop.delayed is not None:
+        # Beyond a phase of its order in rad, such a model is no model of its delay.
+        lines = loop.delayed.plant.lines
+        sizes = sizes[sizes <= min(line.order / line.seconds for line in lines)]
+        sizes = np.append(sizes, np.abs(np.linalg.eigvals(loop.controller_matrices[0])))
+    return float(sizes.max(initial=0.0))
 
 
 def lowest_stable_rate(loop: Loop, computation_samples: int) -> float:

@@ -276,7 +276,11 @@ def _approximated(found: LoopFigures) -> str:
     if not delays:
         return ""
     named = [f"{_quantity(delay, 's')} at {name}" for name, delay in delays.items()]
-    return f"Delays of the plant ({_listed(named)}) are in these figures by Padé approximation."
+    return (
+        f"Delays of the plant ({_listed(named)}) are exact in stability, in margins of single "
+        "loops, bandwidths and peaks of S and T, which are found over frequency and not proven; "
+        "margins of several signals at once, efforts and systems have Padé models of them."
+    )
 
 
 def _disk(disk: Any) -> str:

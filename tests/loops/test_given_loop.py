@@ -1,5 +1,7 @@
 """Everything that users call a plant and a controller, and what is none."""
 
+from typing import Any
+
 import control
 import numpy as np
 import pytest
@@ -63,3 +65,10 @@ def test_a_design_brings_its_controller_and_a_gain_of_states_is_known():
         loop_of(design, -1)
     with pytest.raises(rp.InvalidInputError, match="with_full_state"):
         loop_of(plant, [[-1.0, -2.0]])
+
+
+def test_a_measured_response_is_refused_with_what_to_do():
+    response: Any = control.frd([1.0, 0.5 - 0.5j], [0.1, 1.0])
+    for plant in (response, rp.GeneralizedPlant(response, measurements=1, controls=1)):
+        with pytest.raises(rp.InvalidInputError, match="Fit a model to it"):
+            rp.loop_analysis(plant, -1)

@@ -67,8 +67,7 @@ def test_all_states_measured_is_told():
 def test_delays_that_the_plant_keeps_are_named():
     plant = rp.GeneralizedPlant.from_matrices([[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
     assert "Padé" not in words(plant)
-    object.__setattr__(plant, "delays", {"u1": 2e-3})
-    assert "Delays of the plant (2 ms at u1)" in words(plant)
+    assert "Delays of the plant (2 ms at u1) are exact" in words(plant.with_delay("u1", 2e-3))
 
 
 def test_discrete_loops_count_samples():

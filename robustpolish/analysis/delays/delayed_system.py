@@ -146,22 +146,20 @@ class DelayedSystem:
         k = len(self.lines)
         m, p, n = B.shape[1] - k, C.shape[0] - k, len(A)
         s = 1j * frequencies("omega", omega)
-        values = np.empty((s.size, p, m), dtype=complex)
-        for i, point in enumerate(s):
-            # States and lines at once: a pole of H alone need not be one of the whole.
-            E = np.exp(-point * self.seconds)[:, None]
-            whole = np.block(
-                [
-                    [point * np.eye(n) - A, -B[:, m:].astype(complex)],
-                    [-E * C[p:], np.eye(k) - E * D[p:, m:]],
-                ]
-            )
-            try:
-                inside = np.linalg.solve(whole, np.vstack([B[:, :m], E * D[p:, :m]]))
-            except np.linalg.LinAlgError:
-                values[i] = np.inf
-                continue
-            values[i] = np.hstack([C[:p], D[:p, m:]]) @ inside + D[:p, :m]
+        # States and lines at once: a pole of H alone need not be one of the whole.
+        E = np.exp(-s[:, None] * self.seconds)[:, :, None]
+        whole = np.zeros((s.size, n + k, n + k), dtype=complex)
+        whole[:, :n, :n] = s[:, None, None] * np.eye(n) - A
+        whole[:, :n, n:] = -B[:, m:]
+        whole[:, n:, :n] = -E * C[p:]
+        whole[:, n:, n:] = np.eye(k) - E * D[p:, m:]
+        entries = np.zeros((s.size, n + k, m), dtype=complex)
+        entries[:, :n] = B[:, :m]
+        entries[:, n:] = E * D[p:, :m]
+        inside = _solved(whole, entries)
+        with np.errstate(invalid="ignore"):
+            values = np.hstack([C[:p], D[:p, m:]]) @ inside + D[:p, :m]
+        values[~np.isfinite(inside).all(axis=(1, 2))] = np.inf
         return values
 
     def pade_model(self) -> control.StateSpace:
@@ -226,12 +224,24 @@ def resolvent_response(A: Matrix, B: Matrix, C: Matrix, D: Matrix, s: AnyArray) 
     values = np.broadcast_to(D.astype(complex), (s.size, *D.shape)).copy()
     if not A.size or not D.size:
         return values
-    for i, point in enumerate(s):
-        try:
-            values[i] += C @ np.linalg.solve(point * np.eye(len(A)) - A, B.astype(complex))
-        except np.linalg.LinAlgError:
-            values[i] = np.inf
+    pencils = s[:, None, None] * np.eye(len(A)) - A
+    inside = _solved(pencils, np.broadcast_to(B.astype(complex), (s.size, *B.shape)))
+    with np.errstate(invalid="ignore"):
+        values += C @ inside
+    values[~np.isfinite(inside).all(axis=(1, 2))] = np.inf
     return values
+
+
+def _solved(matrices: AnyArray, right: AnyArray) -> AnyArray:
+    """Solve many equations at once; infinite where a matrix is singular."""
+    try:
+        return np.linalg.solve(matrices, right)
+    except np.linalg.LinAlgError:
+        if len(matrices) == 1:
+            return np.full(right.shape, np.inf, dtype=complex)
+        half = len(matrices) // 2
+        parts = (slice(None, half), slice(half, None))
+        return np.concatenate([_solved(matrices[part], right[part]) for part in parts])
 
 
 def _different(names: list[str]) -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 from robustpolish.errors import InvalidInputError
 from robustpolish.implementation.discretization.certify_sampled import MOST_PERIODS
 from robustpolish.implementation.discretization.emulation import emulated
+from robustpolish.implementation.sampled.loop_delays import loop_delay_taken_out
 from robustpolish.implementation.sampled.period_map import period_map
 from robustpolish.implementation.sampled.scaled_map import scaled
 from robustpolish.models import GeneralizedPlant
@@ -58,6 +59,8 @@ def longest_period(
     longer than the one before; where stability is lost, the limit is bisected. Beyond it a loop may
     be stable once more.
     """
+    plant, own = loop_delay_taken_out(plant)
+    delay += own
 
     def stable(period: float) -> bool:
         try:

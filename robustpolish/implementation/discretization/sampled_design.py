@@ -17,6 +17,10 @@ from matplotlib.axes import Axes
 from robustpolish.analysis import singular_values, stability
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.errors import InfeasibleError, SolverError
+from robustpolish.implementation.discretization.sampled_file import (
+    sampled_content,
+    sampled_fields,
+)
 from robustpolish.implementation.export.c_file import write_c
 from robustpolish.implementation.export.code_spec import CodeSpec
 from robustpolish.implementation.export.fmu import write_fmu
@@ -37,6 +41,7 @@ from robustpolish.implementation.sampled.run import sampled_run
 from robustpolish.implementation.sampled.tone_gains import tone_gains
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_gains
+from robustpolish.saved_file import Fields, read_saved, write_saved
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -98,6 +103,67 @@ class SampledDesign(Displayed):
         """By how much the norm has risen, relative: 0.05 is 5 percent."""
         before = self.continuous_norm
         return self.certificate.achieved / before - 1 if before > 0 else np.inf
+
+    def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
+        """Write the sampled design to one JSON file, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.json``; its folder has to exist.
+        force : bool, optional
+            Replace an existing file.
+
+        Raises
+        ------
+        InvalidInputError
+            If the file exists and `force` is not set, or it cannot be written there.
+
+        Examples
+        --------
+        >>> import os, tempfile
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> sampled = rp.given_controller(plant, [[-3.0]]).discretize(0.1, delay=0.05)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     sampled.save(os.path.join(folder, "sampled.json"))
+        ...     again = rp.SampledDesign.load(os.path.join(folder, "sampled.json"))
+        >>> again.certificate.valid, again.certificate.bound == sampled.certificate.bound
+        (True, True)
+        """
+        write_saved(path, "sampled design", sampled_content(self), force)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> SampledDesign:
+        """Read a sampled design from a file, and certify it again: the file is not believed.
+
+        Parameters
+        ----------
+        path : path
+            A file that :meth:`save` wrote.
+
+        Returns
+        -------
+        SampledDesign
+            Of its details only the ``form`` is kept.
+
+        Raises
+        ------
+        InvalidInputError
+            If it is no such file, or if its controller does not earn a certificate for the norm
+            that the file claims.
+
+        Examples
+        --------
+        See :meth:`save`.
+
+        >>> import robustpolish as rp
+        >>> rp.SampledDesign.load("missing.json")
+        Traceback (most recent call last):
+        ...
+        robustpolish.errors.InvalidInputError: path: got missing.json (No such file or directory)...
+        """
+        return sampled_from(read_saved(path, "sampled design"))
 
     def realization(self, form: str = "balanced") -> SampledDesign:
         """Return the same controller in other coordinates, and say what single precision costs it.
@@ -499,3 +565,8 @@ class SampledDesign(Displayed):
         verdict = "valid" if c.valid else "NOT valid"
         notes = (self.message, *c.reasons, *c.notes)
         return Card(f"Sampled design ({self.method}): {verdict}", (quantities(*rows),), notes)
+
+
+def sampled_from(fields: Fields) -> SampledDesign:
+    """Return the sampled design in a file that has been opened; see :meth:`SampledDesign.load`."""
+    return SampledDesign(**sampled_fields(fields))

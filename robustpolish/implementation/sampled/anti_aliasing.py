@@ -70,19 +70,10 @@ def with_filter(plant: GeneralizedPlant, found: control.StateSpace | None) -> Ge
     Returns
     -------
     GeneralizedPlant
-
-    Raises
-    ------
-    InvalidInputError
-        If there is a filter, and the plant has delays that it would have to stand behind.
+        With the delays of the plant, which stand before the filter.
     """
     if found is None:
         return plant
-    if plant.delays:
-        named = ", ".join(plant.delays)
-        remedy = "Put the filter into the plant: plant.with_filter(measurement, filter)."
-        shown = described(f"a filter beside a plant with delays of {named}")
-        raise invalid("anti_aliasing", shown, "none, or a plant without delays", remedy)
     wiring = plant.wiring
     return plant.rewired(wiring.matrix_series(wiring.nz, found, "filter"))
 

@@ -14,6 +14,7 @@ from robustpolish.arrays import Matrix
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.implementation.sampled.average_power import average_power
 from robustpolish.implementation.sampled.induced_norm import GainTest, bracket, judge_gain
+from robustpolish.implementation.sampled.loop_delays import loop_delay_taken_out
 from robustpolish.implementation.sampled.norm_proof import prove_above, prove_below
 from robustpolish.implementation.sampled.peak import peak_frequency
 from robustpolish.implementation.sampled.period_map import period_map
@@ -148,11 +149,13 @@ def certificate_of(
 ) -> SampledCertificate:
     """Certify a loop whose arguments have been checked; see `certify_sampled`."""
     period = float(controller.dt)
-    found = period_map(plant, controller, period, delay)
+    given = plant
+    plant, own = loop_delay_taken_out(plant)
+    found = period_map(plant, controller, period, delay + own)
     loop = scaled(found)
     poles: Any = np.linalg.eigvals(loop.transition()).astype(complex)
     poles = poles[np.argsort(-np.abs(poles), kind="stable")]
-    notes = (*_delay_note(plant), *_noise_note(plant, found.noisy))
+    notes = (*_delay_note(given, plant, own), *_noise_note(plant, found.noisy))
     size = float(np.abs(poles).max(initial=0.0))
     reasons: list[str] = []
     lower, achieved, bound, storage, peak = 0.0, np.inf, np.inf, None, None
@@ -219,12 +222,17 @@ def _proven_gain(loop: ScaledMap, failed: GainTest) -> float:
     return 0.0
 
 
-def _delay_note(plant: GeneralizedPlant) -> tuple[str, ...]:
-    """Say that delays of the plant, other than that of the computation, are models."""
-    if not plant.delays:
-        return ()
-    named = ", ".join(f"{seconds:.6g} s at {name}" for name, seconds in plant.delays.items())
-    return (f"proven for Pade models of the plant's own delays ({named})",)
+def _delay_note(given: GeneralizedPlant, plant: GeneralizedPlant, own: float) -> tuple[str, ...]:
+    """Say which delays of the plant, other than that of the computation, are models."""
+    notes = []
+    if own:
+        named = ", ".join(given.delays)
+        exact = f"the plant's own delays ({named}) are exact: {own:.6g} s round the loop"
+        notes.append(exact if not plant.delays else f"{exact}, the rest is not")
+    if plant.delays:
+        left = ", ".join(f"{seconds:.6g} s at {name}" for name, seconds in plant.delays.items())
+        notes.append(f"proven for Pade models of the plant's own delays ({left})")
+    return tuple(notes)
 
 
 def _noise_note(plant: GeneralizedPlant, noisy: tuple[int, ...]) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import xarray as xr
 from scipy import linalg
 
 from robustpolish.arrays import AnyMatrix, Vector
+from robustpolish.implementation.sampled.loop_delays import loop_delay_taken_out
 from robustpolish.implementation.sampled.period_map import period_map
 from robustpolish.implementation.sampled.scaled_map import ScaledMap, scaled
 from robustpolish.models import GeneralizedPlant
@@ -37,7 +38,8 @@ def tone_gains(
         which count too.
     """
     period = float(controller.dt)
-    loop = scaled(period_map(plant, controller, period, delay))
+    plant, own = loop_delay_taken_out(plant)
+    loop = scaled(period_map(plant, controller, period, delay + own))
     half = 0.5 / period
     poles = np.abs(np.angle(np.linalg.eigvals(loop.transition()))) / (2 * np.pi * period)
     grid = half * np.logspace(-_DECADES, 0, _POINTS)

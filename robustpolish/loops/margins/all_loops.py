@@ -71,7 +71,7 @@ def margins_at_once(loop: Loop, where: Where) -> MarginsAtOnce:
         common = math.nan
     else:
         at, opened = loop.at(place), loop.opened(place)
-        common = common_delay(Response(opened, loop.rates))
+        common = common_delay(loop.response(place))
     names = tuple(loop.closed.input_labels[i] for i in at)
     balanced = _Axis.of(loop.around(at, 2.0, 1.0))
     if len(at) == 1:  # no scales to choose

@@ -161,8 +161,7 @@ class LoopMargins(Displayed):
 
 def margins_of(loop: Loop, place: Place, signal: int) -> LoopMargins:
     """Return the margins of a stable loop at one signal of a place."""
-    opened = loop.opened(place, [signal])
-    response = Response(opened, loop.rates)
+    response = loop.response(place, [signal])
     at_gain = tuple(_gain_crossover(response, omega) for omega in response.level_crossings(1.0))
     at_phase = tuple(_phase_crossovers(response))
     return LoopMargins(
@@ -176,7 +175,7 @@ def margins_of(loop: Loop, place: Place, signal: int) -> LoopMargins:
         disk=disk_of(loop.balanced_peak(loop.at(place, [signal]))),
         gain_crossovers=at_gain,
         phase_crossovers=at_phase,
-        loop=opened,
+        loop=response.system,
         unstable_poles=_unstable(response),
     )
 

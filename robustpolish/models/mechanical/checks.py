@@ -29,7 +29,7 @@ from robustpolish.models.mechanical.parts import (
     number,
     places,
 )
-from robustpolish.validation import Key, described, invalid, one_of, positive
+from robustpolish.validation import Key, described, instance_of, invalid, one_of, positive
 
 _KINDS: Mapping[str, type] = {
     "dofs": Dof,
@@ -78,7 +78,8 @@ def checked_fields(given: Mapping[str, Any]) -> dict[str, Any]:
     signals = {key: [i.name for i in found[f"{key}s"]] for key in ("input", "output")}
     for i, effect in enumerate(found["effects"]):
         _check_place(("effect", i, "at"), effect, dofs, signals, moved)
-    return {**found, "spin_frequency": spin, "name": given["name"]}
+    design = instance_of("design", given["design"], Mapping, "a mapping", "Write {key: value}.")
+    return {**found, "spin_frequency": spin, "name": given["name"], "design": dict(design)}
 
 
 def _tuple_of(attribute: str, given: Any, kind: type) -> tuple[Any, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -42,6 +42,7 @@ class MechanicalData:
     spin_frequency: float | None = None
     name: str = ""
     coupled_inertias: tuple[CoupledInertia, ...] = ()
+    design: Mapping[str, Any] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         for name, value in checked_fields(vars(self)).items():

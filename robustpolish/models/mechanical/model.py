@@ -49,6 +49,9 @@ class MechanicalModel(MechanicalData, Displayed):
         What the model is of.
     coupled_inertias : sequence of CoupledInertia, optional
         Inertias between two coordinates, as a double pendulum has.
+    design : mapping, optional
+        What is asked of a controller, as the section [design] of a file has it; it is kept, and
+        read by :func:`robustpolish.read_design_task`.
 
     Raises
     ------

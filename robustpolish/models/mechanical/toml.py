@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -25,19 +26,37 @@ from robustpolish.models.mechanical.parts import (
 )
 from robustpolish.models.mechanical.toml_lines import line_of
 from robustpolish.saving import write_file
-from robustpolish.validation import Key, described, invalid, one_of
+from robustpolish.validation import Key, described, invalid, known_keys, one_of
 from robustpolish.versions import __version__
 
 Table = Mapping[str, Any]
 
 _TOP = (
     "name", "spin_frequency", "dof", "coupled_inertia", "spring", "damper", "input", "output",
-    "effect",
+    "effect", "design", "weights",
 )  # fmt: skip
 
 
 def read_model(source: str | Path) -> MechanicalData:
     """Read a model from a file, or from TOML text if `source` has a line break."""
+    with located(source) as table:
+        return _model(table)
+
+
+@contextmanager
+def located(source: str | Path) -> Iterator[Table]:
+    """Read a TOML file, or text; what is complained about inside gets the number of its line.
+
+    Parameters
+    ----------
+    source : path or str
+        A file, or TOML text if it has a line break.
+
+    Yields
+    ------
+    mapping
+        The tables.
+    """
     if isinstance(source, str) and "\n" in source:
         text, where = source, "model"
     else:
@@ -49,7 +68,7 @@ def read_model(source: str | Path) -> MechanicalData:
     except RecursionError:
         raise InvalidInputError(f"{where}: not a model: tables nested too deeply.") from None
     try:
-        return _model(table)
+        yield table
     except InvalidInputError as error:
         line = line_of(text, error.key)
         at = f"{where}, line {line}" if line else where
@@ -68,7 +87,7 @@ def _read(source: str | Path) -> str:
 
 
 def _model(table: Table) -> MechanicalData:
-    _keys((), table, _TOP, required=("dof", "output"))
+    known_keys((), table, _TOP, required=("dof", "output"))
     dofs = [_dof(name, item) for name, item in _table(("dof",), table["dof"]).items()]
     return MechanicalData(
         dofs=tuple(dofs),
@@ -80,7 +99,33 @@ def _model(table: Table) -> MechanicalData:
         spin_frequency=table.get("spin_frequency"),
         name=table.get("name", ""),
         coupled_inertias=_list(table, "coupled_inertia", _coupled),
+        design=design_section(table),
     )
+
+
+def design_section(table: Table) -> dict[str, Any]:
+    """Return the sections [design] and [weights] of a file, the latter as a key of the former.
+
+    They say what is asked of a controller; here nobody reads them, a file that is written anew has
+    them again.
+    """
+    design, weights = (_table((key,), table.get(key, {})) for key in ("design", "weights"))
+    if weights and "weights" in design:
+        shown = described("weights of a [design] that has its own")
+        raise invalid("weights", shown, "one table of weights", "Join them.")
+    section = {**design, "weights": weights} if weights else dict(design)
+    _check_kept(("design",), section)
+    return section
+
+
+def _check_kept(where: Key, value: Any) -> None:
+    """Refuse values of a section that could not be written again, such as dates."""
+    if isinstance(value, dict | list):
+        inside = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, item in inside:
+            _check_kept((*where, key), item)
+    elif not isinstance(value, str | bool | int | float):
+        raise invalid(where, str(value), "a number, text or true or false", "Correct it.")
 
 
 def _table(where: Key, value: Any) -> Table:
@@ -100,22 +145,10 @@ def _list(table: Table, key: str, make: Callable[[Key, Table], Any]) -> tuple[An
     return tuple(make((key, i), _table((key, i), item)) for i, item in enumerate(items))
 
 
-def _keys(where: Key, table: Table, known: Iterable[str], required: Iterable[str] = ()) -> None:
-    known = tuple(known)
-    for key in table:
-        if key not in known:
-            one_of_these, shown = f"one of {', '.join(known)}", described("an unknown key")
-            raise invalid((*where, key), shown, one_of_these, "Correct it.")
-    for key in required:
-        if key not in table:
-            what = f"no {key}" if where else f"no table {key}"
-            raise invalid(where or (key,), described(what), f"{key} to be given", f"Add {key}.")
-
-
 def _dof(name: str, item: Any) -> Dof:
     where = ("dof", name)
     item = _table(where, item)
-    _keys(where, item, ("mass", "inertia"))
+    known_keys(where, item, ("mass", "inertia"))
     if len(item) != 1:
         shown = described(" and ".join(item) or "neither")
         raise invalid(where, shown, "either mass or inertia", "Give one of them.")
@@ -124,23 +157,23 @@ def _dof(name: str, item: Any) -> Dof:
 
 
 def _spring(where: Key, item: Table) -> Spring:
-    _keys(where, item, ("between", "stiffness"), ("between", "stiffness"))
+    known_keys(where, item, ("between", "stiffness"), ("between", "stiffness"))
     return Spring(item["between"], item["stiffness"])
 
 
 def _damper(where: Key, item: Table) -> Damper:
-    _keys(where, item, ("between", "damping"), ("between", "damping"))
+    known_keys(where, item, ("between", "damping"), ("between", "damping"))
     return Damper(item["between"], item["damping"])
 
 
 def _coupled(where: Key, item: Table) -> CoupledInertia:
-    _keys(where, item, ("between", "value"), ("between", "value"))
+    known_keys(where, item, ("between", "value"), ("between", "value"))
     return CoupledInertia(item["between"], item["value"])
 
 
 def _input(where: Key, item: Table, dofs: list[Dof]) -> Input:
     places = ("force_on", "torque_on", "motion_of")
-    _keys(where, item, ("name", *places, "gain", "quantity", "unit"), ("name",))
+    known_keys(where, item, ("name", *places, "gain", "quantity", "unit"), ("name",))
     given = [key for key in places if key in item]
     if len(given) != 1:
         shown = described(" and ".join(given) or "none of them")
@@ -177,18 +210,20 @@ def _force_fits(where: Key, key: str, place: Any, dofs: list[Dof]) -> None:
 
 
 def _output(where: Key, item: Table) -> Output:
-    _keys(where, item, ("name", "measures", "quantity", "relative_to", "of", "unit"), ("name",))
+    known_keys(
+        where, item, ("name", "measures", "quantity", "relative_to", "of", "unit"), ("name",)
+    )
     quantity = item.get("quantity", DISPLACEMENT)
     one_of((*where, "quantity"), quantity, tuple(QUANTITIES))
     unit = item.get("unit")
     if QUANTITIES[quantity] == FORCE:
-        _keys(where, item, ("name", "quantity", "of", "unit"), ("of",))
+        known_keys(where, item, ("name", "quantity", "of", "unit"), ("of",))
         of = item["of"]
         return Output(item["name"], of, quantity, isinstance(of, str) or len(of) == 1, unit)
-    _keys(where, item, ("name", "measures", "quantity", "relative_to", "unit"), ("measures",))
+    known_keys(where, item, ("name", "measures", "quantity", "relative_to", "unit"), ("measures",))
     measures = item["measures"]
     if isinstance(measures, dict):
-        _keys(where, item, ("name", "measures", "quantity", "unit"))
+        known_keys(where, item, ("name", "measures", "quantity", "unit"))
         weights = tuple(measures.values())
         return Output(item["name"], tuple(measures), quantity, unit=unit, weights=weights)
     of = (measures, item.get("relative_to", GROUND))
@@ -198,7 +233,7 @@ def _output(where: Key, item: Table) -> Output:
 def _effect(where: Key, item: Table) -> Effect:
     formula = "formula" in item
     what = OWN_KEYS if formula else ("kind",)
-    _keys(where, item, (*what, "at", "parameters"), (what[0], "at"))
+    known_keys(where, item, (*what, "at", "parameters"), (what[0], "at"))
     at = item["at"]
     if not isinstance(at, str | list) or not at:
         raise invalid((*where, "at"), at, "a list of names", "Write at = ['x', 'ground'].")
@@ -251,6 +286,7 @@ def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
         what = own_table(effect.definition) or {"kind": effect.kind}
         table = {**what, "at": effect.at, "parameters": dict(effect.parameters)}
         lines += _entry("effect", table)
+    lines += _section("design", model.design)
     text = "\n".join(lines).lstrip("\n") + "\n"
     if path is not None:
         write_file(path, text, force=True)
@@ -292,6 +328,22 @@ def _entry(name: str, table: Mapping[str, Any]) -> list[str]:
     return ["", f"[[{name}]]", *(f"{_key(key)} = {_value(value)}" for key, value in table.items())]
 
 
+def _section(name: str, table: Mapping[str, Any]) -> list[str]:
+    """Write a table, and below it those of its tables that hold tables in turn."""
+    if not table:
+        return []
+    deep = {
+        key: value
+        for key, value in table.items()
+        if isinstance(value, Mapping) and any(isinstance(v, Mapping) for v in value.values())
+    }
+    flat = {key: value for key, value in table.items() if key not in deep}
+    lines = ["", f"[{name}]", *(f"{_key(key)} = {_value(value)}" for key, value in flat.items())]
+    for key, value in deep.items():
+        lines += _section(f"{name}.{_key(key)}", value)
+    return lines
+
+
 def _key(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _value(name)
 
@@ -305,4 +357,6 @@ def _value(value: Any) -> str:
         return f"{{ {inside} }}" if inside else "{}"
     if isinstance(value, tuple | list):
         return "[" + ", ".join(_value(item) for item in value) + "]"
-    return repr(float(value))
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(value if isinstance(value, int) else float(value))

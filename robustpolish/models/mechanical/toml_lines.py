@@ -37,12 +37,12 @@ def line_of(text: str, key: Key) -> int | None:
     if not key:
         return None
     lines = text.splitlines()
-    block = _block(lines, key)
+    block, inside = _block(lines, key)
     if block is None:
         outermost = [part for part in key[:2] if isinstance(part, str)][-1]
         return _mention(lines, 0, len(lines), rf"(\[\[?\s*)?{_quoted(outermost)}\s*[\]=.]")
     first, last = block
-    for part in reversed(key[2:]):
+    for part in reversed(inside):
         line = _mention(lines, first, last, rf"{_quoted(part)}\s*[=.]")
         if line is not None:
             return line
@@ -59,8 +59,11 @@ def _mention(lines: list[str], first: int, last: int, pattern: str) -> int | Non
     return next((i + 1 for i in range(first, last) if begins.match(lines[i])), None)
 
 
-def _block(lines: list[str], key: Key) -> tuple[int, int] | None:
-    """Return the line of a table's header, from 1, and the line where the next table begins."""
+def _block(lines: list[str], key: Key) -> tuple[tuple[int, int] | None, Key]:
+    """Return the line of a table's header, from 1, and that where the next table begins.
+
+    And what is left of the key inside the table.
+    """
     headers = [
         (i, _bare(found["name"]))
         for i, line in enumerate(lines, 1)
@@ -69,17 +72,25 @@ def _block(lines: list[str], key: Key) -> tuple[int, int] | None:
     ends = [i - 1 for i, _ in headers[1:]] + [len(lines)]
     blocks = [(i, end, name) for (i, name), end in zip(headers, ends, strict=False)]
     if len(key) < 2:
-        return None
+        return None, ()
     table, entry = key[:2]
-    if table == "dof":
-        chosen = [block for block in blocks if block[2] == _bare(f"dof.{entry}")][:1]
-    elif isinstance(entry, int):
-        chosen = [block for block in blocks if block[2] == table][entry : entry + 1]
+    for length in range(len(key), 1, -1):  # a table in tables, such as [dof.x]
+        dotted = _bare(".".join(map(str, key[:length])))
+        for first, last, name in blocks:
+            if name == dotted:
+                return (first, last), key[length:]
+    same = [block for block in blocks if block[2] == table]
+    if isinstance(entry, int):
+        chosen = same[entry : entry + 1]
     else:
         named = rf"name\s*=\s*{_quoted(entry)}\s*(#|$)"
-        same = [b for b in blocks if b[2] == table and _mention(lines, b[0], b[1], named)]
-        chosen = same[-1:]  # of two with one name the later one is too many
-    return (chosen[0][0], chosen[0][1]) if chosen else None
+        found = [b for b in same if _mention(lines, b[0], b[1], named)]
+        chosen = found[-1:]  # of two with one name the later one is too many
+        if not found and any(
+            _mention(lines, b[0], b[1], rf"{_quoted(entry)}\s*[=.]") for b in same
+        ):
+            return (same[0][0], same[0][1]), key[1:]
+    return ((chosen[0][0], chosen[0][1]) if chosen else None), key[2:]
 
 
 def _bare(name: str) -> str:

@@ -120,7 +120,10 @@ def mixed_sensitivity(
     outs = wiring.performance_names[: wiring.nz - len(wiring.lines)]
     z = sorted(range(len(outs)), key=lambda i: order[outs[i].partition("_")[0]])
     w = range(wiring.nw - len(wiring.lines))
-    return G.rewired(wiring.chosen(w, range(G.nu), z, range(G.ny)), units=units)
+    whole = wiring.chosen(w, range(G.nu), z, range(G.ny))
+    # Disturbances and outputs of a generalised plant are gone, and their units with them.
+    there = {*whole.system.input_labels, *whole.system.output_labels, *whole.states}
+    return G.rewired(whole, units={name: units[name] for name in units if name in there})
 
 
 def _of_loop(plant: Any) -> GeneralizedPlant:

@@ -146,11 +146,17 @@ def test_a_loop_without_disturbance_has_norm_zero():
     assert found.bound < 1e-25
 
 
-def test_delays_of_the_plant_are_models_and_said_to_be():
+def test_delays_round_the_loop_are_exact():
     lag = control.tf([1], [1, 1], inputs="u", outputs="y")
-    plant = rp.GeneralizedPlant.from_loop(lag).with_delay("u", 0.02)
-    certificate = rp.certify_sampled(plant, [[-1.0]], period=0.05)
-    assert certificate.valid
-    assert "Pade models of the plant's own delays (0.02 s at u)" in certificate.notes[0]
-    with pytest.raises(rp.InvalidInputError, match="anti_aliasing: got a filter beside"):
-        rp.certify_sampled(plant, [[-1.0]], period=0.05, anti_aliasing=5.0)
+    plant = rp.GeneralizedPlant.from_loop(lag)
+    late = plant.with_delay("u", 0.02).with_delay("y", 0.05)
+    exact = rp.certify_sampled(late, [[-1.0]], period=0.05)
+    same = rp.certify_sampled(plant, [[-1.0]], period=0.05, delay=0.07)
+    assert exact.valid
+    assert exact.bound == pytest.approx(same.bound, rel=1e-6)
+    np.testing.assert_allclose(np.sort(exact.poles), np.sort(same.poles), atol=1e-12)
+    assert "are exact: 0.07 s round the loop" in exact.notes[0]
+    # A filter beside delays, which stand before it.
+    filtered = rp.certify_sampled(plant.with_delay("u", 0.02), [[-1.0]], 0.05, anti_aliasing=5.0)
+    by_hand = rp.certify_sampled(plant, [[-1.0]], 0.05, 0.02, anti_aliasing=5.0)
+    assert filtered.bound == pytest.approx(by_hand.bound, rel=1e-6)

@@ -146,3 +146,11 @@ def test_bad_plants_are_named():
         rp.mixed_sensitivity(rp.GeneralizedPlant(two_by_two(), 2, 0), 1.0)
     with pytest.raises(rp.InvalidInputError, match="plant: got 'G'"):
         rp.mixed_sensitivity("G", 1.0)
+
+
+def test_units_of_signals_that_are_left_out_are_no_hindrance():
+    plant = rp.air_bearing().part(controls=[0], measurements=[0])
+    weighted = rp.mixed_sensitivity(plant, performance=rp.weight(10.0, 5.0, 0.1))
+    assert "F_x" in plant.units
+    assert "F_x" not in weighted.units
+    assert weighted.units["u_x_m"] == plant.units["u_x_m"]

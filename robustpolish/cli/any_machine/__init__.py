@@ -1,0 +1,1 @@
+"""Commands for any machine, which --model or --plant names instead of the polishing robot."""
