@@ -93,7 +93,7 @@ class BlockGain:
         on_m = (on_t + (M @ around @ self.wires).T @ on_t) @ around.T
         found = np.zeros(self.size)
         for wired in self.stages:
-            own = on_m[np.ix_(wired.rows, wired.columns)]
+            own = on_m[wired.rows[:, None], wired.columns]
             slopes = wired.stage.back(wired.values(numbers), own)
             for number, slope, size in zip(wired.numbers, slopes, wired.sizes, strict=True):
                 if number >= 0:
@@ -103,7 +103,7 @@ class BlockGain:
     def _side_by_side(self, numbers: Vector) -> Matrix:
         M = np.zeros(self.wires.T.shape)
         for wired in self.stages:
-            M[np.ix_(wired.rows, wired.columns)] = wired.stage.matrix(wired.values(numbers))
+            M[wired.rows[:, None], wired.columns] = wired.stage.matrix(wired.values(numbers))
         return M
 
     def _around(self, M: Matrix) -> Matrix:

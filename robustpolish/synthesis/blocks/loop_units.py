@@ -70,5 +70,5 @@ class LoopUnits:
         rate = self.middle ** (-slot.time)
         if slot.out is None or stage != block.carrier:
             return rate
-        gain = float(np.linalg.norm(self.response[np.ix_(block.read, block.driven)]))
+        gain = float(np.linalg.norm(self.response[block.read[:, None], block.driven]))
         return rate / gain if gain > 0 else rate

@@ -98,7 +98,7 @@ class Placement:
         """Which controls the blocks join to which measurements, shape (nu, ny)."""
         mask = np.zeros((self.plant.nu, self.plant.ny), bool)
         for block in self.blocks:
-            mask[np.ix_(block.driven, block.read)] = True
+            mask[block.driven[:, None], block.read] = True
         return mask
 
     @property

@@ -142,7 +142,7 @@ def _entries_alone(placement: Placement) -> bool:
         (stage, *more) = block.stages
         if more or not stage.resizable or any(slot.given is not None for slot in stage.slots):
             return False
-        joined[np.ix_(block.driven, block.read)] += 1
+        joined[block.driven[:, None], block.read] += 1
     return bool((joined <= 1).all())
 
 
