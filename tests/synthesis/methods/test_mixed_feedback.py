@@ -95,6 +95,7 @@ def test_channels_poles_and_gain_together():
     assert np.linalg.norm(design.gain, 2) <= 5.0 * (1 + 1e-6)
 
 
+@pytest.mark.slow
 def test_the_polishing_robot_with_a_sector():
     """12 states; a matrix shared by norm and region alone would be conservative."""
     plant = rp.air_bearing(actuation="force")

@@ -172,6 +172,7 @@ def test_thesis_plant_by_axes(actuation):
     assert not design.gain[:2, 2:].any()
 
 
+@pytest.mark.slow
 def test_an_infimum_of_zero_is_said():
     plant = air_bearing(actuation="displacement", measured="displacement")
     design = static_output_feedback(plant)
