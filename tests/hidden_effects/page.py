@@ -99,7 +99,7 @@ def _several(rows):
         "masses or two axes, sensors of displacement, velocity and acceleration mixed, white and "
         "coloured noise 20 to 60 dB below the signal, free decays and blows beside noise, "
         "multisines and sweeps, wrong numbers in two of five. Leaving any effect out changes a "
-        "signal by more than the noise, even after a refit.",
+        "signal by more than the noise, even after a refit of springs, dampers and the start.",
         "",
         "| asked | found | at least |",
         "|---|---|---|",

@@ -1,8 +1,10 @@
 """A hundred cases drawn at random with up to three effects, mixed sensors, decays and blows.
 
 Beside those of `drawn.py`, whose plan holds mostly single effects. Every effect shows: leaving it
-out changes a signal by more than the noise, and springs and dampers cannot do its work
-(`visible.py`). Effects of one case differ in family or in place, so that there is one truth.
+out changes a signal by more than the noise, and springs, dampers and the start of the motion cannot
+do its work (`visible.py`). Effects of one case differ in family or in place, so that there is one
+truth. The start was added after the first examination, and two cases were drawn anew by that: behind
+velocity sensors a constant force is another place to begin, which nobody can tell.
 """
 
 from dataclasses import replace
