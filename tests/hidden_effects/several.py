@@ -3,8 +3,8 @@
 Beside those of `drawn.py`, whose plan holds mostly single effects. Every effect shows: leaving it
 out changes a signal by more than the noise, and springs, dampers and the start of the motion cannot
 do its work (`visible.py`). Effects of one case differ in family or in place, so that there is one
-truth. The start was added after the first examination, and two cases were drawn anew by that: behind
-velocity sensors a constant force is another place to begin, which nobody can tell.
+truth. The start was added after the first examination, and two cases were drawn anew by that:
+behind velocity sensors a constant force is another place to begin, which nobody can tell.
 """
 
 from dataclasses import replace
