@@ -4,6 +4,9 @@ from pathlib import Path
 
 import pytest
 
+import robustpolish as rp
+from robustpolish.closed_loop import BuildableBrushDesign, limits_of_hardware
+
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 
@@ -13,3 +16,15 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip("the folder ../shared with measurements and benchmarks is not here")
     return SHARED
+
+
+@pytest.fixture(scope="session")
+def buildable_job() -> BuildableBrushDesign:
+    """The default design against the brush, of one relaxed limit instead of four."""
+    job = rp.design_against_brush(duration=0.02)
+    assert isinstance(job, BuildableBrushDesign)
+    all_relaxed = limits_of_hardware.relaxed
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(limits_of_hardware, "relaxed", lambda hardware: [*all_relaxed(hardware)][-1:])
+        assert job.limits  # they stay with the job
+    return job

@@ -81,6 +81,10 @@ class BuildableBrushDesign(BrushDesign):
     (True, True)
     >>> bool(job.loop.disk_margin.gain_db > 6), bool(job.ideal_loop.delay_margin < 1e-6)
     (True, True)
+    >>> job.verdict().split(":")[0]
+    'The controller can be built'
+    >>> [table.caption for table in job.tables()]
+    ["Built, beside the thesis's ideal", 'The same code on other machines']
     """
 
     hardware: PolishingHardware
@@ -159,9 +163,7 @@ class BuildableBrushDesign(BrushDesign):
 
         Examples
         --------
-        >>> import robustpolish as rp
-        >>> rp.design_against_brush(duration=0.01).verdict().split(":")[0]
-        'The controller can be built'
+        See :class:`BuildableBrushDesign`.
         """
         h, c, disk = self.hardware, self.sampled.certificate, self.loop.disk_margin
         can = "can be built" if self.good else "does NOT keep all that is asked of it"
@@ -198,10 +200,7 @@ class BuildableBrushDesign(BrushDesign):
 
         Examples
         --------
-        >>> import robustpolish as rp
-        >>> job = rp.design_against_brush(duration=0.01)
-        >>> [table.caption for table in job.tables()]
-        ["Built, beside the thesis's ideal", 'The same code on other machines']
+        See :class:`BuildableBrushDesign`.
         """
         disk, ideal = self.loop.disk_margin, self.ideal_loop.disk_margin
         least = self.ideal_loop.sample_rate
@@ -259,7 +258,13 @@ def build_against_brush(
     sampled = given_controller(plant, controller).discretize(
         hardware.period, hardware.computation_delay, prewarp_hz=axis.problem.prewarp_hz
     )
-    at_samples = plant_at_samples(plant, hardware.period, hardware.computation_delay)
+    names = *plant.measurement_names, *plant.control_names
+    at_samples = GeneralizedPlant(
+        plant_at_samples(plant, hardware.period, hardware.computation_delay),
+        plant.ny,
+        plant.nu,
+        units={name: plant.units[name] for name in names if name in plant.units},
+    )
     survived = {
         what: certify_sampled(
             polishing_plant(machine.hardware, machine.parameters, dissipation, AXES),
@@ -269,8 +274,7 @@ def build_against_brush(
         for what, machine in changed(axis.problem).items()
     }
     tell("Simulating the sampled loop under the brush's forces ...")
-    limit = hardware.actuator_limit
-    run = sampled.simulate(load, limits=limit if math.isfinite(limit) else None)
+    run = sampled.simulate(load)
     closed = delayed.closed_loop(controller)
     forces = [i for i, name in enumerate(delayed.disturbance_names) if name.startswith("F_")]
     return BuildableBrushDesign(

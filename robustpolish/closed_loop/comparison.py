@@ -20,6 +20,9 @@ from robustpolish.validation import instance_of, invalid, one_of
 
 SAME_LOAD = "every row is driven by the same disturbance"
 
+_ROUNDING = 1e-9
+"""Percent below which two runs of the same differ by rounding alone."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ControllerComparison(Displayed):
@@ -193,6 +196,7 @@ def tabulate(
     deviation = np.array([largest[row] for row in rows])
     with np.errstate(invalid="ignore", divide="ignore"):
         improvement = np.where(deviation[0] > 0, 100 * (1 - deviation / deviation[0]), np.nan)
+    improvement[np.abs(improvement) < _ROUNDING] = 0.0
     effort, effort_unit = _efforts(responses, controls)
     units = {responses[rows[0]][name].attrs.get("units", "") for name in signals}
     table = xr.Dataset(

@@ -6,6 +6,7 @@ import control
 import numpy as np
 import xarray as xr
 
+from robustpolish.implementation import SampledDesign
 from robustpolish.models import GeneralizedPlant
 from robustpolish.models.plant.wired import NOISE_PREFIX
 from robustpolish.simulation import linear_response
@@ -14,15 +15,17 @@ from robustpolish.validation import described, instance_of, invalid
 
 
 def simulate(
-    design: Design | GeneralizedPlant | control.StateSpace, disturbance: xr.Dataset
+    design: Design | SampledDesign | GeneralizedPlant | control.StateSpace, disturbance: xr.Dataset
 ) -> xr.Dataset:
     """Simulate a closed or open loop under a disturbance, exactly for first-order hold.
 
     Parameters
     ----------
-    design : Design, GeneralizedPlant or control.StateSpace
-        A design gives its closed loop with the control effort; a plant its open loop, u = 0; a
-        state-space system is simulated as it is.
+    design : Design, SampledDesign, GeneralizedPlant or control.StateSpace
+        A design gives its closed loop with the control effort; a sampled design what its method
+        :meth:`~robustpolish.SampledDesign.simulate` gives, on a finer grid and within the limits
+        that its plant knows; a plant its open loop, u = 0; a state-space system is simulated as
+        it is.
     disturbance : xarray.Dataset
         One variable over `time` (s, uniform) for every disturbance w, by name, such as the
         forces of :func:`robustpolish.simulate_brush`; other variables are ignored. Measurement
@@ -57,6 +60,8 @@ def simulate(
     """
     remedy = "Build one with a variable per disturbance, or take simulate_brush(...)."
     instance_of("disturbance", disturbance, xr.Dataset, "an xarray.Dataset over time", remedy)
+    if isinstance(design, SampledDesign):
+        return design.simulate(disturbance)
     system, units = _loop(design)
     if "time" not in disturbance.coords:
         raise invalid(
@@ -86,7 +91,7 @@ def _loop(
         return design.open_loop, dict(design.units)
     if isinstance(design, control.StateSpace):
         return design, {}
-    expected = "a Design, a GeneralizedPlant or a control.StateSpace"
+    expected = "a Design, a SampledDesign, a GeneralizedPlant or a control.StateSpace"
     remedy = "Pass what state_feedback(...) or air_bearing(...) returned."
     plant = instance_of("design", design, Design, expected, remedy).plant
     return plant.with_control_outputs().closed_loop(design.controller), dict(plant.units)

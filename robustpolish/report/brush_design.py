@@ -113,10 +113,8 @@ def save_brush_design(job: BrushDesign, folder: Path) -> None:
     pd.DataFrame(body, columns=("row", *header[1:])).to_csv(folder / "table.csv", index=False)
     if isinstance(job, BuildableBrushDesign):
         pd.DataFrame([vars(row) for row in job.limits]).to_csv(folder / "limits.csv", index=False)
-        limit = job.hardware.actuator_limit
-        bounds = limit if np.isfinite(limit) else None
-        job.sampled.export_c(folder / "controller.c", limits=bounds)
-        job.sampled.export_json(folder / "controller.json", limits=bounds)
+        job.sampled.export_c(folder / "controller.c")
+        job.sampled.export_json(folder / "controller.json")
     else:
         gain = pd.DataFrame(
             job.design.controller.D, index=job.plant.control_names, columns=job.plant.states
@@ -135,7 +133,7 @@ def _gained(job: BrushDesign) -> Section:
     header, body = job.comparison.rows()
     return Section(
         "What was gained",
-        ("The brush's forces drive both loops from rest; " + job.comparison.load + ".",),
+        ("The brush's forces drive all loops from rest; " + job.comparison.load + ".",),
         (
             panels(
                 "Deviation of the brush, without and with control.", job.comparison.responses, AXES
@@ -174,10 +172,12 @@ def _effort(job: BrushDesign) -> Section:
 
 def _certificate(job: BrushDesign) -> Section:
     c = job.design.certificate
+    built = isinstance(job, BuildableBrushDesign)
+    counted = "the sensors' noise" if built else "the price on u"
     facts = (
         ("status of the design", job.design.status),
         ("all poles stable", "yes" if c.stable else "no"),
-        ("norm achieved by the loop, price included", c.achieved),
+        (f"norm achieved by the loop, {counted} included", c.achieved),
         ("norm claimed by the solver", float("nan") if c.claimed is None else c.claimed),
         ("norm proven as an upper bound", c.bound),
         ("largest entry of the gain", c.largest_gain),
@@ -186,7 +186,7 @@ def _certificate(job: BrushDesign) -> Section:
     modes = tuple(
         (float(c.frequencies_hz[i]), float(c.damping[i]), float(c.poles[i].real)) for i in order
     )
-    sampled = (sampled_certificate(job),) if isinstance(job, BuildableBrushDesign) else ()
+    sampled = (sampled_certificate(job),) if built else ()
     text = (
         "Computed afresh from the closed loop; nothing is taken over from the solver. A matrix "
         "that proves stability and norm was checked in ball arithmetic.",
@@ -196,9 +196,7 @@ def _certificate(job: BrushDesign) -> Section:
         "Certificate",
         text,
         (
-            picture(
-                "Gain from the forces to the outputs, the price on u included.", job.design.plot
-            ),
+            picture(f"Gain from the forces to the outputs, {counted} included.", job.design.plot),
             picture("Poles of the closed loop.", job.design.plot_poles),
         ),
         (

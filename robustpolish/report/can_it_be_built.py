@@ -25,7 +25,8 @@ def can_it_be_built(job: BuildableBrushDesign) -> Section:
         f"The thesis's ideal bears a delay of {_time(ideal.delay_margin)}, this one "
         f"{_time(job.loop.delay_margin)} besides the {_time(h.computation_delay)} of computation "
         "and the hold that it has.",
-        job.sampled.message,
+        f"{job.sampled.message} That is the norm of x, y and z together; of y alone it is "
+        f"{job.axis.sampled.certificate.achieved:.4g} m/N.",
         _dearest(job),
     )
     return Section(
@@ -227,7 +228,7 @@ def _slower(job: BuildableBrushDesign) -> str:
         return "no bandwidth was found that makes the loop unstable."
     return (
         f"below {slowest:.0f} Hz the loop is unstable; they have {nominal:g} Hz, and with "
-        f"{100 * POLICY.actuator_loss:g} % less it is certified below."
+        f"{100 * POLICY.actuator_loss:g} % less it is certified in the table below."
     )
 
 

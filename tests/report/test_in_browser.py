@@ -56,10 +56,10 @@ def diagnosis():
 
 
 @pytest.fixture(scope="module")
-def pages(tmp_path_factory):
+def pages(tmp_path_factory, buildable_job):
     folder = tmp_path_factory.mktemp("pages")
     reports = {
-        "design": brush_design_report(rp.design_against_brush(duration=0.05)),
+        "design": brush_design_report(buildable_job),
         "diagnosis": diagnosis(),
     }
     for name, report in reports.items():

@@ -15,6 +15,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from robustpolish.analysis import singular_values, stability
+from robustpolish.arrays import Vector
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.implementation.discretization.sampled_file import (
@@ -26,6 +27,7 @@ from robustpolish.implementation.export.code_spec import CodeSpec
 from robustpolish.implementation.export.fmu import write_fmu
 from robustpolish.implementation.export.json_file import write_json
 from robustpolish.implementation.export.mat_file import write_mat
+from robustpolish.implementation.over_time.run import sampled_run
 from robustpolish.implementation.realization.float32 import RoundoffBound
 from robustpolish.implementation.realization.forms import realized
 from robustpolish.implementation.realization.limits import Limits, control_limits
@@ -37,7 +39,6 @@ from robustpolish.implementation.sampled.certificate import (
     SampledCertificate,
     certificate_of,
 )
-from robustpolish.implementation.sampled.run import sampled_run
 from robustpolish.implementation.sampled.tone_gains import tone_gains
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_gains
@@ -231,7 +232,8 @@ class SampledDesign(Displayed):
             One variable over `time` (s) per disturbance w, by name, linear between its samples;
             those that are missing are zero, other variables are ignored.
         limits : float, (float, float), mapping or list, optional
-            Of the controls: a size, (low, high), either by name, or an entry per control.
+            Of the controls: a size, (low, high), either by name, or an entry per control. By
+            default those of the plant (``with_actuator(..., limit=)``); `math.inf` for none.
         anti_windup : {"auto", "conditioned", "observer", "none"}, optional
             How the controller's states follow a control that was cut off at a limit: as if y had
             asked for it (Hanus), or by an observer; "auto" takes the first where it is stable.
@@ -241,7 +243,8 @@ class SampledDesign(Displayed):
         xarray.Dataset
             Every z, and every control as it acts (held, late, within its limits), over `time` with
             at least ten steps per sample. ``at_limit`` among a control's attributes tells
-            at which part of the samples it was cut off.
+            at which part of the samples it was cut off. A control that is called as a z gets
+            a number behind its name, as in :func:`robustpolish.simulate`.
 
         Raises
         ------
@@ -260,8 +263,7 @@ class SampledDesign(Displayed):
         >>> round(float(run["z1"][-1]), 3), round(float(run["u1"][-1]), 3)
         (0.5, -1.5)
         """
-        found = control_limits(limits, self.controller.output_labels)
-        K = self.controller
+        found, K = self._limits(limits), self.controller
         if found is None:
             windup = np.zeros((K.nstates, K.noutputs))
         else:
@@ -481,6 +483,11 @@ class SampledDesign(Displayed):
     def _filtered(self) -> GeneralizedPlant:
         return with_filter(self.plant, self.anti_aliasing)
 
+    def _limits(self, limits: Limits) -> tuple[Vector, Vector] | None:
+        """Return the limits that are meant: by default those that the plant knows."""
+        given = self.plant.limits if limits is None else limits
+        return control_limits(given, self.controller.output_labels)
+
     def _single(self) -> tuple[RoundoffBound, tuple[str, ...]]:
         """Certify the loop in single precision, and return the bound and what there is to tell."""
         loss = self.details.get("single_precision")
@@ -497,7 +504,7 @@ class SampledDesign(Displayed):
 
     def _spec(self, limits: Limits, anti_windup: str, about: tuple[str, ...] = ()) -> CodeSpec:
         K, plant, c = self.controller, self.plant, self.certificate
-        found = control_limits(limits, K.output_labels)
+        found = self._limits(limits)
         windup = anti_windup_gain(K, anti_windup if found is not None else "none")
         kind = "induced L2" if self.norm == "hinf" else "H2"
         filtered = self.anti_aliasing

@@ -44,7 +44,7 @@ def control_limits(limits: Limits, names: Sequence[str]) -> tuple[Vector, Vector
     Returns
     -------
     (low, high) or None
-        Infinite where there is no limit.
+        Infinite where there is no limit; None if there is none at all.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def control_limits(limits: Limits, names: Sequence[str]) -> tuple[Vector, Vector
     for i, name in enumerate(names):
         if name in given and given[name] is not None:
             low[i], high[i] = _pair(name, given[name])
-    return low, high
+    return (low, high) if np.isfinite([low, high]).any() else None
 
 
 def anti_windup(controller: control.StateSpace, form: str = "auto") -> AntiWindup:

@@ -9,10 +9,9 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.arrays import Array, Matrix, Vector
-from robustpolish.implementation.sampled.period_map import split_delay
+from robustpolish.implementation.over_time.period_flow import PeriodFlow
 from robustpolish.models import GeneralizedPlant
 from robustpolish.models.plant.blocks import matrices_of
-from robustpolish.simulation import first_order_hold
 from robustpolish.validation import described, instance_of, invalid
 
 LEAST_STEPS = 10
@@ -58,81 +57,65 @@ def sampled_run(
     step = period / count
     total = max(1, math.floor((time[-1] - time[0]) / step + _SAME)) + 1
     grid = step * np.arange(total)
-    whole, rest = split_delay(period, delay)
-    cut, left = int(rest / step + _SAME), rest - int(rest / step + _SAME) * step
-    split = left > _SAME * step
+    flow = PeriodFlow.of(plant, period, count, delay)
+    # whole periods, w staying as it is at the end: what lies beyond is thrown away again
+    periods = math.ceil(total / count)
 
-    loop = _Flow(plant, period)
-    nw, nu = plant.nw, plant.nu
-    steps = {
-        length: loop.step(length) for length in {step, *((left, step - left) if split else ())}
-    }
-    drive = np.column_stack([np.interp(grid, time - time[0], w[:, i]) for i in range(nw)])
-    middle = np.zeros((0, nw))
-    if split:
-        middle = np.column_stack(
-            [np.interp(grid + left, time - time[0], w[:, i]) for i in range(nw)]
-        )
+    def at(instants: Vector) -> Array:
+        return np.column_stack([np.interp(instants, time - time[0], column) for column in w.T])
+
+    drive = (
+        at(step * np.arange(periods * count + 1, dtype=float)),
+        at(period * np.arange(periods, dtype=float) + step * flow.cut + flow.left),
+    )
+    still = np.zeros((periods, plant.nu))
+    pushed, _ = flow.through(*drive, np.zeros((periods, flow.states)), still, still)
+    starts, sent, at_limit = _from_sample_to_sample(flow, controller, pushed, limits, feedback)
+    before, after = sent[:periods], sent[1 : periods + 1]
+    _, z = flow.through(*drive, starts, before, after)
+    u = flow.held(before, after)
+    return _dataset(plant, grid + time[0], z[:total], u[:total], at_limit / periods)
+
+
+def _from_sample_to_sample(
+    flow: PeriodFlow,
+    controller: control.StateSpace,
+    pushed: Array,
+    limits: tuple[Vector, Vector] | None,
+    feedback: Matrix,
+) -> tuple[Array, Array, Vector]:
+    """Return the plant's state after every sample, what is put out, and how often it was cut off.
+
+    One matrix tells of the states of plant and controller what is wanted and what they will be.
+    Before what is put out stand as many zeros as it takes time to act.
+    """
     A, B, C, D = matrices_of(controller)
+    plant, n, nk = flow.plant, flow.states, len(A)
+    nu = plant.nu
+    onward, by_before, by_after = flow.maps()
+    onward[:, plant.nx :] = 0.0  # a sample begins new averages
+    see = np.hstack([plant.C2, np.eye(plant.ny)])
+    step = np.block([[D @ see, C], [onward, np.zeros((n, nk))], [B @ see, A]])
+    held = np.vstack([D @ plant.D22, by_before, B @ plant.D22])
+    acts = np.vstack([by_after, np.zeros((nk, nu))])
     low, high = limits if limits is not None else (-np.inf, np.inf)
-    x, xk = np.zeros(loop.states), np.zeros(len(A))
-    queue = np.zeros((whole + 2, nu))
-    acting = np.zeros(nu)
-    z, u = np.zeros((total, plant.nz)), np.zeros((total, nu))
-    at_limit = np.zeros(nu)
-    for k in range(total):
-        phase = k % count
-        if phase == 0:
-            y = loop.measured(x, acting)
-            wanted = C @ xk + D @ y
-            given = np.clip(wanted, low, high)
+    ahead = flow.whole + 1
+    sent = np.zeros((len(pushed) + ahead, nu))
+    starts, at_limit = np.empty((len(pushed), n)), np.zeros(nu)
+    state = np.zeros(n + nk)
+    for k, push in enumerate(pushed):
+        starts[k] = state[:n]
+        following = step @ state + held @ sent[k]
+        wanted = following[:nu]
+        given = np.minimum(np.maximum(wanted, low), high)
+        sent[k + ahead] = given
+        state = following[nu:] + acts @ sent[k + 1]
+        state[:n] += push
+        if limits is not None and (given != wanted).any():
             at_limit += given != wanted
-            xk = A @ xk + B @ y + feedback @ (given - wanted)
-            queue = np.vstack([given, queue[:-1]])
-        if phase == cut and not split:
-            acting = queue[whole]
-        z[k] = loop.see[:, : loop.plain] @ x[: loop.plain] + loop.direct @ np.concatenate(
-            [drive[k], acting]
-        )
-        u[k] = acting
-        if k + 1 == total:
-            break
-        if phase == cut and split:
-            x = loop.advance(steps[left], x, drive[k], middle[k], acting)
-            acting = queue[whole]
-            x = loop.advance(steps[step - left], x, middle[k], drive[k + 1], acting)
-        else:
-            x = loop.advance(steps[step], x, drive[k], drive[k + 1], acting)
-    return _dataset(plant, grid + time[0], z, u, at_limit / max(1, math.ceil(total / count)))
-
-
-class _Flow:
-    """The plant between events, with the integrals of what w adds directly to y."""
-
-    def __init__(self, plant: GeneralizedPlant, period: float) -> None:
-        n, ny = plant.nx, plant.ny
-        self.plain, self.states = n, n + ny
-        self.A = np.zeros((n + ny, n + ny))
-        self.A[:n, :n] = plant.A
-        self.B = np.block([[plant.B1, plant.B2], [plant.D21 / period, np.zeros((ny, plant.nu))]])
-        self.see = np.hstack([plant.C1, np.zeros((plant.nz, ny))])
-        self.direct = np.hstack([plant.D11, plant.D12])
-        self.C2, self.D22 = plant.C2, plant.D22
-
-    def step(self, length: float) -> tuple[Matrix, Matrix, Matrix]:
-        return first_order_hold(self.A, self.B, length)
-
-    def advance(
-        self, step: tuple[Matrix, Matrix, Matrix], x: Vector, now: Vector, later: Vector, u: Vector
-    ) -> Vector:
-        first = np.concatenate([now, u])
-        return step[0] @ x + step[1] @ first + step[2] @ np.concatenate([later, u])
-
-    def measured(self, x: Vector, acting: Vector) -> Vector:
-        """Read the sensors and start a new average."""
-        y = self.C2 @ x[: self.plain] + x[self.plain :] + self.D22 @ acting
-        x[self.plain :] = 0.0
-        return y
+            state[n:] += feedback @ (given - wanted)
+    starts[:, plant.nx :] = 0.0
+    return starts, sent, at_limit
 
 
 def _steps(period: float, time: Vector) -> int:
@@ -190,8 +173,10 @@ def _dataset(
     found = {}
     for i, name in enumerate(plant.performance_names):
         found[name] = ("time", z[:, i], _unit(plant, name))
-    for i, name in enumerate(plant.control_names):
-        attributes = {**_unit(plant, name), "at_limit": float(at_limit[i])}
+    # A z may be called as a control is: then the control gets another name, as in rp.simulate.
+    shown = plant.with_control_outputs().performance_names[plant.nz :]
+    for i, (name, own) in enumerate(zip(shown, plant.control_names, strict=True)):
+        attributes = {**_unit(plant, own), "at_limit": float(at_limit[i])}
         found[name] = ("time", u[:, i], attributes)
     return xr.Dataset(found, coords={"time": ("time", time, {"units": "s"})})
 

@@ -81,6 +81,36 @@ def test_limits_are_kept_and_anti_windup_helps():
     assert free["F"].attrs["at_limit"] == 0
 
 
+def test_limits_that_the_plant_knows_are_kept_unless_others_are_given(tmp_path):
+    sampled = rp.given_controller(servo().with_actuator("F", limit=0.3), servo_design().controller)
+    sampled = sampled.discretize(0.05)
+    load = push(np.linspace(0, 20, 401), w1=1.0)
+    by_default, by_hand = sampled.simulate(load), sampled.simulate(load, limits={"F": 0.3})
+    xr.testing.assert_identical(by_default, by_hand)
+    xr.testing.assert_identical(rp.simulate(sampled, load), by_default)
+    assert np.abs(by_default["F"]).max() == 0.3
+    assert by_default["F"].attrs["at_limit"] > 0
+    free = sampled.simulate(load, limits=np.inf)
+    assert np.abs(free["F"]).max() > 0.3
+    assert free["F"].attrs["at_limit"] == 0
+    default = sampled.export_c(tmp_path / "a.c", name="servo").read_text()
+    assert default == sampled.export_c(tmp_path / "b.c", name="servo", limits=0.3).read_text()
+    assert "0.3" not in sampled.export_c(tmp_path / "c.c", name="servo", limits=np.inf).read_text()
+
+
+def test_a_z_with_the_name_of_a_control_stays_beside_it():
+    plant = rp.GeneralizedPlant.from_matrices(
+        [[-1.0]], [[1.0]], [[1.0]], [[1.0], [0.0]], [[1.0]], D12=[[0.0], [0.1]],
+        performance=["x", "F"], controls=["F"],
+    )  # fmt: skip
+    design = rp.given_controller(plant, [[-3.0]])
+    load = push(np.linspace(0, 1, 11), w1=1.0)
+    run = design.discretize(0.1).simulate(load)
+    assert list(run) == list(rp.simulate(design, load)) == ["x", "F", "F_2"]
+    assert np.abs(run["F"]).max() > 0
+    np.testing.assert_allclose(run["F"], 0.1 * run["F_2"], rtol=1e-12)
+
+
 def test_wrong_disturbances_are_refused():
     sampled = sampled_servo()
     time = np.linspace(0, 1, 11)

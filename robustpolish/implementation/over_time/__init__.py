@@ -1,0 +1,1 @@
+"""Sampled loops run over time, with the limits of their actuators."""
