@@ -65,7 +65,7 @@ class Design(Displayed):
         What the method wants to tell besides: diagnosis, observer gain, ...
     lower_bound : float or None
         A norm below which no controller of this kind comes, computed in double precision (how, is
-        in the message); None if none is known.
+        in the message); None if none is known, or the infimum is no more than estimated.
 
     Examples
     --------

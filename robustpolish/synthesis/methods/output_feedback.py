@@ -213,7 +213,7 @@ def output_feedback(
                 "work": budget.spent,
             }
         ),
-        lower_bound=None if all(c.bound is None for c in done) else bound,
+        lower_bound=bound if _is_known(done) else None,
     )
 
 
@@ -340,9 +340,9 @@ def _keep(
         return
     kind = norm_in_words(certificate.norm)
     how = " and ".join(dict.fromkeys(c.bound.how for c in done if c.bound is not None))
-    if bound > wanted.below and all(c.bound is None or c.bound.proven for c in done):
+    if bound > wanted.below and _is_known(done):
         raise out_of_reach(wanted, bound, certificate.norm, how)
-    floor = f"no controller comes below {bound:.6g}, {how}" if how else "no lower bound is known"
+    floor = _floor(bound, how, done) or "no lower bound is known"
     raise SolverError(
         f"No controller with {wanted.in_words()} was found; the best one that is certified "
         f"has the {kind} norm {certificate.achieved:.6g}, and {floor}. Ask for a larger gamma, or "
@@ -420,7 +420,7 @@ def _overall(
     """Return the status of the whole: that of the parts that decide its norm."""
     if budget.stopped:
         return "time_limit"
-    if certificate.achieved <= bound * (1 + tolerance):
+    if _is_known(done) and certificate.achieved <= bound * (1 + tolerance):
         return "optimal"
     largest = max((c.certificate.achieved for c in done), default=0.0)
     return worst_status(
@@ -428,6 +428,21 @@ def _overall(
         for c in done
         if certificate.norm == "h2" or c.certificate.achieved >= 0.99 * largest
     )
+
+
+def _is_known(done: Sequence[Chosen]) -> bool:
+    """Tell whether the infimum of some part is bounded from below, and of none only estimated."""
+    bounds = [c.bound for c in done if c.bound is not None]
+    return bool(bounds) and all(b.proven for b in bounds)
+
+
+def _floor(bound: float, how: str, done: Sequence[Chosen]) -> str:
+    """Say how low the norm can be; nothing if that is not known."""
+    if not how:
+        return ""
+    if _is_known(done):
+        return f"no controller comes below {bound:.6g}, {how}"
+    return f"the infimum may be near {bound:.6g}, {how}, which is no bound"
 
 
 def _message(
@@ -442,8 +457,8 @@ def _message(
     kind = norm_in_words(certificate.norm)
     achieved = certificate.achieved
     how = " and ".join(dict.fromkeys(c.bound.how for c in done if c.bound is not None))
-    floor = f"no controller comes below {bound:.6g}, {how}" if how else ""
-    if bound > 0 and status == "suboptimal":
+    floor = _floor(bound, how, done)
+    if bound > 0 and status == "suboptimal" and _is_known(done):
         floor = f"that is at most {achieved / bound - 1:.2g} of it above the infimum: {floor}"
     text = {
         "optimal": f"The {kind} norm is {achieved:.6g}; {floor}.",

@@ -166,7 +166,9 @@ def _zero_level(searches: Sequence[Found], enough: float) -> float:
 
 def _status(problem: Task, searches: Sequence[Found], achieved: float) -> Status:
     bound = problem.bound
-    if bound is not None and achieved <= bound.value * (1 + problem.tolerance):
+    near = bound is not None and achieved <= bound.value * (1 + problem.tolerance)
+    # An estimate of the infimum may lie above it.
+    if bound is not None and bound.proven and near:
         return "optimal"
     return "infimum_not_attained" if any(found.falling for found in searches) else "suboptimal"
 

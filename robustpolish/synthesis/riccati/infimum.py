@@ -1,13 +1,7 @@
 """The infimum of the H-infinity norm: the smallest gamma for which both Riccati equations hold.
 
-Where some control has no price or some measurement no noise the equations do not exist as they
-stand. There a measurement without noise tells a part of the state exactly, and its derivative is
-a new measurement, of the other states and with the noise of the process. Repeated until all that
-is left is noisy, this reduces the equation to the states that stay uncertain, without changing
-the infimum; and likewise, transposed, for controls without price.
-
-Stoorvogel, "The singular H-infinity control problem with dynamic measurement feedback", SIAM J.
-Control and Optimization 29 (1991) 160-184.
+Where some control has no price or some measurement no noise they are those of
+:mod:`robustpolish.synthesis.riccati.reduction`.
 """
 
 from __future__ import annotations
@@ -21,9 +15,9 @@ import numpy as np
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.long_calls import Budget, step_cost
 from robustpolish.synthesis.problem.matrices import PlantMatrices, regularise, shifted
+from robustpolish.synthesis.riccati.reduction import reduced_halves
 from robustpolish.synthesis.riccati.two_riccati import (
     Attempt,
-    Half,
     TwoHalves,
     has_full_rank,
     normalise,
@@ -45,13 +39,6 @@ class GammaPolicy:
     zero : float
         An infimum so far below the first feasible gamma counts as zero: AC1, AC12 and UWV of
         COMPleib reach 1e-14 before rounding ends the descent.
-    noiseless : float
-        Relative size of noise on a measurement, or of a price on a control, that counts as none;
-        its inverse squared enters the equations.
-    unseen : float
-        Relative size of what a measurement without noise sees that counts as nothing.
-    rounding : float
-        Size of an entry beside the largest one that is nothing but rounding (ROC6 in other units).
     hardly : float
         How little a plant with zeros on the axis is regularised for an estimate: less, and
         rounding decides (the Riccati solutions hold 1 / hardly^2).
@@ -59,6 +46,16 @@ class GammaPolicy:
         By how much the axis is moved, over the plant's unit of frequency, where zeros lie on it, as
         those of a weighted servo with an integrator do. Rounding moves double zeros by 1e-8, and
         weights have poles at 1e-5.
+    copies : int
+        Copies of a plant, of other units and last digits, in which a bound has to hold too.
+    below, above : tuple of float
+        Factors on a bracket at which the equations of copies have to fail, and to hold.
+    last_digits : float
+        Relative change of the numbers of a copy, as data in doubles are known.
+    octaves : int
+        The units of its states change by up to so many factors of two.
+    costly_states : int
+        Above so many states a single copy is tried, at fewer norms.
     """
 
     growth: float = 8.0
@@ -66,11 +63,14 @@ class GammaPolicy:
     most_steps: int = 60
     least: float = 1e-12
     zero: float = 1e-10
-    noiseless: float = 1e-7
-    unseen: float = 1e-9
-    rounding: float = 1e-12
     hardly: float = 1e-6
     shifts: tuple[float, ...] = (1e-7, 1e-8, 1e-6, 1e-5)
+    copies: int = 3
+    below: tuple[float, ...] = (0.995, 0.9, 0.97, 0.6, 0.2)
+    above: tuple[float, ...] = (1.005, 1.3, 3.0)
+    last_digits: float = 1e-14
+    octaves: int = 6
+    costly_states: int = 24
 
 
 _POLICY = GammaPolicy()
@@ -132,7 +132,7 @@ def lower_bound(
 
 def _largest_infeasible(
     plant: PlantMatrices,
-    halves: Callable[[PlantMatrices], TwoHalves],
+    halves: Callable[[PlantMatrices], TwoHalves | None],
     tolerance: float,
     budget: Budget,
 ) -> float | None:
@@ -142,63 +142,73 @@ def _largest_infeasible(
     if they hold once the axis is moved to the left, which makes the problem harder; then what
     they say with the axis moved to the right, where it is easier, holds for the plant too.
     """
-    exact = search_gamma(halves(plant), 1.0, tolerance, budget)
+    own = halves(plant)
+    if own is None:
+        return None
+    exact = search_gamma(own, 1.0, tolerance, budget)
     for shift in _POLICY.shifts:
-        if exact is not None:
-            harder = halves(shifted(plant, shift))
-            if not _tried(harder, exact.lower * (1 - tolerance), budget).feasible:
-                continue
-        easier = search_gamma(halves(shifted(plant, -shift)), 1.0, tolerance, budget)
-        if easier is not None:
-            return easier.lower
-    return None if exact is None else exact.lower
+        harder, easier = halves(shifted(plant, shift)), shifted(plant, -shift)
+        if harder is None:
+            continue
+        bound = None if exact is None else exact.lower * (1 - tolerance)
+        if bound is not None and not _tried(harder, bound, budget).feasible:
+            continue
+        if (left := halves(easier)) is None:
+            continue
+        bracket = search_gamma(left, 1.0, tolerance, budget)
+        if bracket is not None and _is_beyond_rounding(bracket, easier, halves):
+            return bracket.lower
+    if exact is None or not _is_beyond_rounding(exact, plant, halves):
+        return None
+    return exact.lower
+
+
+def _is_beyond_rounding(
+    bracket: GammaBracket,
+    plant: PlantMatrices,
+    halves: Callable[[PlantMatrices], TwoHalves | None],
+) -> bool:
+    """Tell whether the equations fail below a bracket and hold above it in other units too.
+
+    Where rounding decides, it decides otherwise in copies of the plant whose numbers and units
+    of states differ a little. Like a certificate, this is done in any case and takes no work
+    from the search.
+    """
+    if bracket.lower <= bracket.upper * _POLICY.zero:
+        return True  # nothing is claimed
+    draw = np.random.default_rng(0)
+    costly = plant.nx > _POLICY.costly_states
+    for _ in range(1 if costly else _POLICY.copies):
+        copy = halves(_rounded(plant, draw))
+        if copy is None:
+            return False
+        for factor in _POLICY.below[:2] if costly else _POLICY.below:
+            if copy.attempt(bracket.lower * factor).feasible:
+                return False
+        for factor in _POLICY.above[:1] if costly else _POLICY.above:
+            if not copy.attempt(bracket.upper * factor).feasible:
+                return False
+    return True
+
+
+def _rounded(plant: PlantMatrices, draw: np.random.Generator) -> PlantMatrices:
+    """Return a copy of a plant in other units of states, its numbers changed in their last digits.
+
+    Zeros stay zeros.
+    """
+
+    def changed(M: Matrix) -> Matrix:
+        return M * (1 + _POLICY.last_digits * draw.standard_normal(M.shape))
+
+    unit = 2.0 ** draw.integers(-_POLICY.octaves, _POLICY.octaves + 1, plant.nx)
+    copy = plant.in_states(np.diag(1 / unit), np.diag(unit))
+    names = ("A", "B1", "B2", "C1", "C2")
+    return copy.replace(**{name: changed(getattr(copy, name)) for name in names})
 
 
 def _regular_halves(plant: PlantMatrices) -> TwoHalves:
     """Return the equations of a plant whose D12 and D21 have full rank."""
     return normalise(plant).halves
-
-
-def reduced_halves(plant: PlantMatrices) -> TwoHalves:
-    """Return the equations of a plant, reduced where D12 or D21 is rank-deficient."""
-    P = plant
-    return TwoHalves(
-        _reduced(P.A, P.B1, P.B2, P.C1, P.D11, P.D12),
-        _reduced(P.A.T, P.C1.T, P.C2.T, P.B1.T, P.D11.T, P.D21.T),
-    )
-
-
-def _reduced(A: Matrix, B1: Matrix, B2: Matrix, C: Matrix, D11: Matrix, D12: Matrix) -> Half:
-    """Replace controls without price by the states that they set at will, until none is left.
-
-    Written for controls; measurements are their transpose.
-    """
-    basis: Matrix | None = None
-    nothing = 0.0
-    while True:
-        size = np.linalg.norm(np.vstack([B2, D12]), axis=0)
-        used = size > nothing
-        B2, D12 = B2[:, used] / size[used], D12[:, used] / size[used]
-        U, s, Vt = np.linalg.svd(D12)
-        priced = int((s > _POLICY.noiseless).sum())
-        if priced == D12.shape[1]:
-            break
-        B2, D12 = B2 @ Vt.T, D12 @ Vt.T
-        W, reach, _ = np.linalg.svd(B2[:, priced:])
-        free = int((reach > _POLICY.unseen).sum())
-        B2, D12 = B2[:, :priced], D12[:, :priced]
-        if free:
-            # The states that cost nothing become controls of the others, at the price of z.
-            at_will, left = W[:, :free], W[:, free:]
-            B2 = left.T @ np.hstack([B2, A @ at_will])
-            D12 = np.hstack([D12, C @ at_will])
-            A, B1, C = left.T @ A @ left, left.T @ B1, C @ left
-            basis = left if basis is None else basis @ left
-            nothing = _POLICY.rounding * max(np.abs(A).max(initial=0), np.abs(C).max(initial=0))
-    nu = D12.shape[1]
-    turn = np.vstack([U[:, nu:].T, U[:, :nu].T])
-    price = np.vstack([np.zeros((len(D12) - nu, nu)), np.eye(nu)])
-    return Half(A, B1, B2 @ Vt.T / s[:nu], turn @ C, turn @ D11, price, basis)
 
 
 def search_gamma(

@@ -14,7 +14,8 @@ from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.errors import InfeasibleError
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, close
 from robustpolish.synthesis.riccati.equations import solve_riccati
-from robustpolish.synthesis.riccati.infimum import EXACT, LowerBound, reduced_halves
+from robustpolish.synthesis.riccati.infimum import EXACT, LowerBound
+from robustpolish.synthesis.riccati.reduction import reduced_halves
 
 # How much of D11 may be left, relative, where a static controller cancels it.
 _CANCELLED = 1e-9
@@ -83,6 +84,8 @@ def h2_lower_bound(plant: PlantMatrices) -> LowerBound | None:
             return None
         return LowerBound(float(h2_norm(control.StateSpace(*close(plant, K), True))), EXACT)
     P, halves = plant, reduced_halves(plant)
+    if halves is None:
+        return None
     X, Y = halves.control.solve(np.inf), halves.measurement.solve(np.inf)
     if X is None or Y is None:
         return None

@@ -7,7 +7,8 @@ import robustpolish as rp
 from robustpolish.long_calls import Budget
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import scale_plant
-from robustpolish.synthesis.riccati.infimum import EXACT, lower_bound, reduced_halves
+from robustpolish.synthesis.riccati.infimum import EXACT, lower_bound
+from robustpolish.synthesis.riccati.reduction import reduced_halves
 
 # Infima of the full-order H-infinity norm of COMPleib plants, most of them singular.
 INFIMUM = {
