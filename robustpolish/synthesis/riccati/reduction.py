@@ -25,6 +25,8 @@ from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.riccati.two_riccati import Half, TwoHalves
 
 Gains = NDArray[Any]
+# Untyped on purpose: the matrices of the loop below hang on them, which checkers follow for long.
+_svd: Any = np.linalg.svd
 
 
 @dataclass(frozen=True)
@@ -112,13 +114,13 @@ def _reduced_by(
         used = size > nothing
         B2, D12 = B2[:, used] / size[used], D12[:, used] / size[used]
         controls = controls[:, used] * size[used, None]
-        U, s, Vt = np.linalg.svd(D12)
+        U, s, Vt = _svd(D12)
         priced = int((s > noiseless).sum())
         if priced == D12.shape[1]:
             break
         B2, D12 = B2 @ Vt.T, D12 @ Vt.T
         controls = Vt @ controls
-        W, reach, _ = np.linalg.svd(B2[:, priced:])
+        W, reach, _ = _svd(B2[:, priced:])
         free = int((reach > _POLICY.unseen).sum())
         states = _states(probe.frequencies, A, B2 @ controls) if free else controls
         B2, D12, controls = B2[:, :priced], D12[:, :priced], controls[:, :priced]

@@ -51,6 +51,7 @@ def test_poles_stay_in_their_region(region):
         assert each.contains(poles)
 
 
+@pytest.mark.slow
 def test_gain_bound_holds_at_all_frequencies():
     design = mixed_output_feedback(oscillator(), gain_bound=0.5, time_limit=20)
     assert float(hinf_norm(design.controller)) <= 0.5 * (1 + 1e-6)

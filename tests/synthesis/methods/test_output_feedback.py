@@ -290,7 +290,9 @@ def test_a_plant_without_controls_is_refused():
         lambda: heat_rod(16),
         lambda: mass_chain(6, priced=True),
         lambda: random_plant(16, 0),
-        lambda: random_plant(20, 5, unstable=4, singular=False),
+        pytest.param(
+            lambda: random_plant(20, 5, unstable=4, singular=False), marks=pytest.mark.slow
+        ),
     ],
 )
 def test_larger_plants_reach_the_regularised_optimum(make):

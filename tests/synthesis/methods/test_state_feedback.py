@@ -74,7 +74,7 @@ def test_whole_solve_by_inequalities_agrees_with_the_axes():
     assert whole.certificate.achieved == pytest.approx(split.certificate.achieved, rel=1e-6)
 
 
-@pytest.mark.parametrize("method", ["lmi", "riccati"])
+@pytest.mark.parametrize("method", [pytest.param("lmi", marks=pytest.mark.slow), "riccati"])
 @pytest.mark.parametrize("actuation", ACTUATIONS)
 def test_gain_no_larger_than_the_printed_one_does_no_worse(actuation, method):
     bound, printed_norm = PRINTED[actuation]
