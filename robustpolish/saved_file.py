@@ -19,6 +19,9 @@ from robustpolish.versions import __version__
 FORMAT = 1
 """Raised when an older version of the package could not read the files any more."""
 
+SAME_NORM = 1e-6
+"""How far, relative, a norm computed anew may lie from the one in a file."""
+
 _WORDS = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 
 
@@ -234,3 +237,29 @@ def _words_out(value: Any) -> Any:
 
 def _no_constant(word: str) -> Any:
     raise ValueError(f"{word} is not JSON")
+
+
+def confirm_norm(fields: Fields, certificate: Any, remedy: str) -> float:
+    """Return the norm that a file states, if the certificate of its loop, made anew, bears it out.
+
+    Parameters
+    ----------
+    fields : Fields
+        With the key ``achieved``.
+    certificate : Certificate or SampledCertificate
+    remedy : str
+        What to do with a file that was changed.
+
+    Raises
+    ------
+    InvalidInputError
+        If the controller earns no certificate, or its loop has another norm.
+    """
+    if not certificate.valid:
+        shown = described(f"a controller without a valid certificate: {certificate.reasons[0]}")
+        raise invalid(fields.where, shown, "a controller that keeps its promise", remedy)
+    told = fields.number("achieved")
+    if not math.isclose(told, certificate.achieved, rel_tol=SAME_NORM):
+        shown = described(f"a norm of {told:.6g} for a loop that has {certificate.achieved:.6g}")
+        raise invalid(f"{fields.where}: achieved", shown, "the norm of the loop", remedy)
+    return told

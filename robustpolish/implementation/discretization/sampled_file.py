@@ -21,11 +21,9 @@ from robustpolish.implementation.realization.forms import FORMS
 from robustpolish.implementation.sampled.anti_aliasing import filter_system
 from robustpolish.models.plant.file import plant_content, system_content, system_from
 from robustpolish.models.plant.plant import plant_from
-from robustpolish.saved_file import Fields
-from robustpolish.validation import described, invalid
+from robustpolish.saved_file import Fields, confirm_norm
+from robustpolish.validation import invalid
 
-_SAME = 1e-6
-"""How far, relative, a norm computed anew may lie from the one in the file."""
 _REMEDY = "Plant, controller or timing were changed after saving; discretize it anew."
 
 
@@ -73,13 +71,7 @@ def sampled_fields(fields: Fields) -> dict[str, Any]:
         norm="h2" if norm == "h2" else "hinf",
         anti_aliasing=analogue,
     )
-    if not certificate.valid:
-        shown = described(f"a controller without a valid certificate: {certificate.reasons[0]}")
-        raise invalid(fields.where, shown, "a controller that keeps its promise", _REMEDY)
-    told = fields.number("achieved")
-    if not math.isclose(told, certificate.achieved, rel_tol=_SAME):
-        shown = described(f"a norm of {told:.6g} for a loop that has {certificate.achieved:.6g}")
-        raise invalid(f"{fields.where}: achieved", shown, "the norm of the loop", _REMEDY)
+    confirm_norm(fields, certificate, _REMEDY)
     before = fields.number("continuous_norm")
     if np.isnan(before) or before < 0:
         raise invalid(f"{fields.where}: continuous_norm", before, "a norm", _REMEDY)

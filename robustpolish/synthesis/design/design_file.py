@@ -5,7 +5,6 @@ It lies below the design, which writes and reads itself with it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, get_args
@@ -15,7 +14,7 @@ import numpy as np
 
 from robustpolish.models.plant.file import plant_content, system_content, system_from
 from robustpolish.models.plant.plant import plant_from
-from robustpolish.saved_file import Fields, plain
+from robustpolish.saved_file import SAME_NORM, Fields, confirm_norm, plain
 from robustpolish.synthesis.blocks.tuned import TunedBlocks
 from robustpolish.synthesis.certificate.certificate import certify
 from robustpolish.synthesis.design.status import Status
@@ -23,8 +22,6 @@ from robustpolish.synthesis.problem.passive_element import PassiveElement
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
 from robustpolish.validation import described, invalid
 
-# How far, relative, a norm computed anew may lie from the one in the file.
-_SAME = 1e-6
 _REGIONS = {"HalfPlane": HalfPlane, "Disk": Disk, "Sector": Sector}
 
 
@@ -62,16 +59,10 @@ def design_fields(fields: Fields) -> dict[str, Any]:
     norm = fields.text("norm", ("hinf", "h2"))
     claimed = None if fields.raw("claimed") is None else fields.number("claimed")
     certificate = certify(plant, controller, "h2" if norm == "h2" else "hinf", claimed)
-    if not certificate.valid:
-        shown = described(f"a controller without a valid certificate: {certificate.reasons[0]}")
-        raise invalid(fields.where, shown, "a controller that keeps its promise", _REMEDY)
-    told = fields.number("achieved")
-    if not math.isclose(told, certificate.achieved, rel_tol=_SAME):
-        shown = described(f"a norm of {told:.6g} for a loop that has {certificate.achieved:.6g}")
-        raise invalid(f"{fields.where}: achieved", shown, "the norm of the loop", _REMEDY)
+    told = confirm_norm(fields, certificate, _REMEDY)
     known = "lower_bound" in fields and fields.raw("lower_bound") is not None
     bound = fields.number("lower_bound") if known else None
-    if bound is not None and bound > told * (1 + _SAME):
+    if bound is not None and bound > told * (1 + SAME_NORM):
         shown = described(f"{bound:.6g} for a loop that has {told:.6g}")
         raise invalid(f"{fields.where}: lower_bound", shown, "at most the norm", _REMEDY)
     details = _heard(fields.table("details"))
