@@ -33,7 +33,7 @@ test-slow: $(READY) ## Run the long checks too
 lint: $(READY) ## Check style, types, the direction of imports, cycles and crowded folders
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright
+	$(BIN)/pyright --threads 2
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.structure.imports
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import control
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
-from scipy.optimize import root
+from scipy import optimize
 
 from robustpolish.analysis import modes
 from robustpolish.arrays import Vector
@@ -18,6 +19,9 @@ from robustpolish.errors import SolverError
 from robustpolish.validation import described, invalid
 
 VectorField = Callable[[Vector, Vector], ArrayLike]
+
+# Untyped on purpose: checkers would read all of scipy's solvers for what it returns.
+_root: Any = optimize.root
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -203,7 +207,7 @@ def linearize(
 
 def _equilibrium(f: Callable[[Vector], Vector], q: Vector, u: Vector, size: Vector) -> Vector:
     """Solve f(q, u) = 0 for q, each state in units of its size."""
-    answer = root(lambda scaled: f(np.concatenate([scaled * size, u])), q / size, tol=1e-12)
+    answer = _root(lambda scaled: f(np.concatenate([scaled * size, u])), q / size, tol=1e-12)
     found = answer.x * size
     if not np.isfinite(found).all():
         raise SolverError(
