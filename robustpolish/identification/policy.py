@@ -82,6 +82,9 @@ class Policy:
     lost : float
         Times by which an error jumps where a fit lost the data that the one before followed.
 
+    vanished : float
+        Share of its first size below which an effect has vanished in a stage of a fit.
+
     direct_steps, many_steps, few_steps : int
         Most steps of a direct fit, and of a stage for records up to and beyond `long_record`.
     better : float
@@ -199,6 +202,7 @@ class Policy:
     far: float = 3.0
     alike: tuple[float, float] = (0.003, 0.03)
     lost: float = 5.0
+    vanished: float = 0.01
 
     direct_steps: int = 20
     many_steps: int = 15

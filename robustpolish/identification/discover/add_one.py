@@ -23,7 +23,7 @@ def add_one(search: Search) -> bool:
         search.say(f"screening for effect {number}")
         screening = search.screening = screen(start, search.prepared)
         search.say(f"a look at free runs for effect {number}")
-        found = hopeful(screening, search.stage.fit, search.prepared)
+        found = hopeful(screening, search.stage.fit, search.prepared).without(search.barred)
         refits = _refits(search, start, found)
         refits += _instead(refits, found, start, search)
         ranked = sorted(refits, key=lambda item: judgement(item.fitted, refits))
@@ -74,7 +74,7 @@ def _instead(
     # at the floor nothing is left that another kind could explain
     if effect.definition.family and not search.at_floor(earned[0].fitted):
         candidates += rivals_of(effect, search.stage.fit, prepared, search.screening)
-    done = {item.screened.place for item in refits}
+    done = {item.screened.place for item in refits}.union(search.barred)
     tried = []
     for candidate in candidates:
         if candidate.place not in done:

@@ -10,7 +10,8 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.judge import undetermined
+from robustpolish.identification.discover.judge import tolerance, undetermined
+from robustpolish.identification.discover.reconsider import simpler
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.findings.diagnosis import Diagnosis
@@ -88,27 +89,50 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
 
 
 def _without_idle(search: Search, final: Fit, error: Array, calm: bool) -> tuple[Fit, Array]:
-    """Return the final fit without effects whose size the whole record leaves open.
+    """Return the final fit without effects or numbers that the whole record leaves open.
 
-    An effect that was added early may have nothing left to do beside those that came after it.
+    An effect that was added early may have nothing left to do beside those that came after it, and
+    of a family at one place a kind with fewer numbers may do the same.
     """
-    first, at = len(search.reference.effects), len(final.model.effects) - 1
-    while at >= first and len(final.model.effects) > first + 1:
-        effects = final.model.effects
-        without = None
-        if undetermined(final, at, search.policy):
+    first, policy = len(search.reference.effects), search.policy
+    for at in reversed(range(first, len(final.model.effects))):
+        effect = final.model.effects[at]
+        if len(final.model.effects) > first + 1 and undetermined(final, at, policy):
             without = search.fitted_without(final.model, at)
-        if without is not None:
-            before, search.stage = search.stage, without
-            shorter, left = _final_fit(search, search.stage, calm)
-            if np.mean(np.log(left / error)) < np.log(1 + search.policy.together):
-                final, error = shorter, left
+            shorter = _no_worse(search, without, error, calm, np.log(1 + policy.together))
+            if shorter is not None:
+                final, error = shorter
                 del search.steps[2 + at - first]
-                search.reasons.append(f"{effects[at]} was not kept: the others explain as much.")
-            else:
-                search.stage = before
-        at -= 1
+                search.reasons.append(f"{effect} was not kept: the others explain as much.")
+                continue
+        if not undetermined(final, at, policy, every=True):
+            continue
+        for instead in simpler(search, at):
+            shorter = _no_worse(search, instead, error, calm, tolerance(search))
+            if shorter is not None:
+                final, error = shorter
+                last = final.model.effects[-1]
+                del search.steps[2 + at - first]
+                search.steps.append((last.kind, final.model))
+                search.confusions.append(confused(last, effect))
+                break
     return final, error
+
+
+def _no_worse(
+    search: Search, instead: JudgedFit | None, error: Array, calm: bool, most: float
+) -> tuple[Fit, Array] | None:
+    """Go on with a model if its final fit leaves at most so much more; return that and its error.
+
+    `most` is a difference of the mean log of errors.
+    """
+    if instead is None:
+        return None
+    fitted, left = _final_fit(search, instead, calm)
+    if not np.mean(np.log(left / error)) < most:
+        return None
+    search.stage = instead
+    return fitted, left
 
 
 def _crowded(model: MechanicalModel, first: int) -> bool:
@@ -236,9 +260,12 @@ def _verdict(
     if added:
         share = _explained(refitted, error, floor)
         told = [f"The effects explain {100 * share:.0f} % of the error above the noise."]
+        times = float(np.max(error / floor))
+        if times > policy.far:
+            told.insert(0, f"What is left is {times:.3g} times the noise.")
         if at_floor or share > policy.explained or not calm:
             return Verdict("missing_effect", told if share > 0 else [], floor)
-        told[0] += f" {100 * (1 - share):.0f} % is left."
+        told[-1] += f" {100 * (1 - share):.0f} % is left."
         return Verdict("partly_explained", told, floor)
     if not at_floor:
         why = "No effect of the catalogue makes the error fall visibly."

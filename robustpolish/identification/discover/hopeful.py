@@ -40,6 +40,15 @@ class Hopeful(NamedTuple):
             return []
         return [c for c in alike if c is not here and 1 - c.fall < near * (1 - here.fall)]
 
+    def without(self, barred: Sequence[tuple[str, tuple[str, ...]]]) -> Hopeful:
+        """Return what is left when some kinds at some places are not to be refitted."""
+
+        def left(found: Sequence[ScreenedEffect]) -> list[ScreenedEffect]:
+            return [c for c in found if c.place not in barred]
+
+        pairs = [pair for pair in self.pairs if len(left(pair)) == len(pair)]
+        return Hopeful(left(self.first), left(self.further), pairs, left(self.seen))
+
 
 def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopeful:
     """Choose among all candidates.

@@ -6,12 +6,12 @@ do beside them, or another kind of its family may do it better.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from robustpolish.effects import CONSTANT, Effect
+from robustpolish.effects import CONSTANT, Effect, kinds
 from robustpolish.identification.discover.hopeful import rivals_of
 from robustpolish.identification.discover.judge import (
     judgement,
@@ -24,6 +24,8 @@ from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.fit.homotopy import JudgedFit
 from robustpolish.identification.fit.least_squares import covariance_of, errors_from
 from robustpolish.identification.fit.parameters import turns_over_gently
+from robustpolish.identification.screening.candidates import places, rivals
+from robustpolish.identification.screening.screen import ScreenedEffect
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_rows
 
@@ -52,17 +54,17 @@ def without_the_needless(search: Search, last: bool = False) -> Search:
 def renamed(search: Search) -> Search:
     """Return the search with the kinds of each family that are best beside all other effects.
 
-    The rivals of the last effect have been tried beside all others when it was added.
+    The rivals of the last effect have been tried beside all others when it was added. Constants at
+    two places are rivals too, the last one as well: a fit from another start may tell them apart.
     """
     first, count = len(search.reference.effects), len(search.stage.model.effects)
-    for at in reversed(range(first, count - 1)):
+    for at in reversed(range(first, count)):
         effect = search.stage.model.effects[at]
         kind = effect.definition
-        if not kind.family or kind.family == CONSTANT:
+        if not kind.family or (at == count - 1 and kind.family != CONSTANT):
             continue
-        without = search.fitted_without(search.stage.model, at)
-        rivals = [] if without is None else _rivals(search, without, at)
-        ranked = sorted(rivals, key=lambda item: judgement(item.fitted, rivals))
+        others = _elsewhere(search, at) if kind.family == CONSTANT else _rivals(search, at)
+        ranked = sorted(others, key=lambda item: judgement(item.fitted, others))
         for item in ranked:
             apart = judgement(item.fitted, ranked) - judgement(search.stage, ranked)
             if apart < -tolerance(search) and not objection(
@@ -76,10 +78,28 @@ def renamed(search: Search) -> Search:
     return search
 
 
-def _rivals(search: Search, without: JudgedFit, at: int) -> list[RefittedEffect]:
+def _elsewhere(search: Search, at: int) -> list[RefittedEffect]:
+    """Refit a constant at all other places, beside all other effects."""
+    effect = search.stage.model.effects[at]
+    taken = [other.at for other in search.stage.model.effects if other.kind == effect.kind]
+    tried = []
+    for place in places(search.stage.model, effect.definition):
+        if place not in taken:
+            other = Effect(effect.kind, place, effect.parameters)
+            search.say(f"refit with {other} in place of {effect}")
+            fitted = search.fitted_without(search.stage.model, at, other)
+            if fitted is not None:
+                tried.append(RefittedEffect(ScreenedEffect(other, 0.0, 0.0), fitted))
+    return tried
+
+
+def _rivals(search: Search, at: int) -> list[RefittedEffect]:
     """Refit the other kinds that free runs find nearly as good, beside all other effects."""
     prepared, screening = search.prepared, search.screening
     assert screening is not None  # effects have been added
+    without = search.fitted_without(search.stage.model, at)
+    if without is None:
+        return []
     found = rivals_of(search.stage.model.effects[at], without.fit, prepared, screening)
     most = search.policy.near_error * (1 - max((c.fall for c in found), default=0.0))
     tried = []
@@ -92,6 +112,24 @@ def _rivals(search: Search, without: JudgedFit, at: int) -> list[RefittedEffect]
     return tried + rounded_friction(tried, without.model, search)
 
 
+def simpler(search: Search, at: int) -> Iterator[JudgedFit]:
+    """Fit simpler kinds in place of an effect, the fewest numbers first.
+
+    A kind is simpler if the effect has all of its numbers and more: it is tried from their values.
+    """
+    model = search.stage.model
+    effect = model.effects[at]
+    kind, values = effect.definition, effect.values
+    names = {k: [p.name for p in k.parameters if p.fitted] for k in kinds().values()}
+    for other in sorted(names, key=lambda k: len(names[k])):
+        if other.kind != kind.kind and rivals(other, kind) and set(values) > set(names[other]):
+            instead = Effect(other.kind, effect.at, {name: values[name] for name in names[other]})
+            search.say(f"refit with {instead} in place of {effect}")
+            fitted = search.fitted_without(model, at, instead)
+            if fitted is not None:
+                yield fitted
+
+
 def still_alike(search: Search) -> Search:
     """Return the search with those pairs that the data cannot tell apart beside all other effects.
 
@@ -102,14 +140,14 @@ def still_alike(search: Search) -> Search:
         something else was missing may be told apart beside it, and two that were found are none.
     """
     first = len(search.reference.effects)
-    places = [(effect.kind, effect.at) for effect in search.stage.model.effects]
+    here = [(effect.kind, effect.at) for effect in search.stage.model.effects]
     kept = []
     for pair in search.confusions:
         one, other = ((effect.kind, effect.at) for effect in (pair.first, pair.second))
-        if one not in places[first:] or other in places[first:]:
+        if one not in here[first:] or other in here[first:]:
             continue
-        at = places.index(one, first)
-        if at == len(places) - 1 or _does_as_well(search, at, pair.second):
+        at = here.index(one, first)
+        if at == len(here) - 1 or _does_as_well(search, at, pair.second):
             kept.append(pair)
     return search if len(kept) == len(search.confusions) else replace(search, confusions=kept)
 

@@ -80,6 +80,8 @@ class Search:
         The entries of the ledger to come.
     turns : list of Turn
         How it came here.
+    barred : tuple of (str, tuple of str)
+        Kinds with their places that are not to be added: taken out, to see what comes instead.
     """
 
     prepared: PreparedRecord
@@ -94,6 +96,7 @@ class Search:
     reasons: list[str] = field(default_factory=list)
     screening: Screening | None = None
     turns: list[Turn] = field(default_factory=list)
+    barred: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
     @property
     def policy(self) -> Policy:

@@ -2,12 +2,14 @@
 
 The first effect is chosen while the others are still missing, so it may be the one that mimics them
 all. What came close at its place in the search is followed in its stead, and what has nothing left
-to do beside the others goes.
+to do beside the others goes. In the end each effect is taken out to see what the others ask for in
+its stead: beside them the screening sees what it could not see before.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -33,17 +35,39 @@ def second_look(search: Search, grow: Callable[[Search], Search]) -> Search:
     """
     search = without_the_needless(search)
     for turn, item in _runners_up(search):
-        if _noise_alone(search):
+        if _noise_alone(search, search.policy.at_floor):
             break
         instead = f" in place of {turn.added[0].effect}" if turn.added else ", to see what follows"
         search.say(f"{item.effect}{instead}")
         other = turn.before.copy()
         other.accept([item])
-        other = without_the_needless(grow(other), last=not turn.added)
-        least = _worth(search, other) + np.log(1 - search.policy.together)
-        if _worth(other, search) < least and _sound(other):
-            search = other
-    return retold(still_alike(renamed(search)))
+        search = _better(search, without_the_needless(grow(other), last=not turn.added))
+    return retold(still_alike(renamed(_each_taken_out(search, grow))))
+
+
+def _each_taken_out(search: Search, grow: Callable[[Search], Search]) -> Search:
+    """Return the search, or the one in which others came in place of an effect that was found.
+
+    Where there is but one, what came close in its place has been followed already.
+    """
+    places = [(e.kind, e.at) for e in search.stage.model.effects[len(search.reference.effects) :]]
+    for place in places:
+        there = [(e.kind, e.at) for e in search.stage.model.effects]
+        if place not in there or len(places) < 2 or _noise_alone(search, search.policy.shape_above):
+            continue
+        without = search.fitted_without(search.stage.model, there.index(place))
+        if without is None:
+            continue
+        search.say(f"what comes without {search.stage.model.effects[there.index(place)]}")
+        other = replace(search.copy(), stage=without, barred=(place,))
+        search = _better(search, replace(without_the_needless(grow(other)), barred=()))
+    return search
+
+
+def _better(search: Search, other: Search) -> Search:
+    """Return the other search if it left visibly less, each effect counted, and is sound."""
+    least = _worth(search, other) + np.log(1 - search.policy.together)
+    return other if _worth(other, search) < least and _sound(other) else search
 
 
 def _runners_up(search: Search) -> list[tuple[Turn, RefittedEffect]]:
@@ -65,13 +89,13 @@ def _runners_up(search: Search) -> list[tuple[Turn, RefittedEffect]]:
     return found
 
 
-def _noise_alone(search: Search) -> bool:
+def _noise_alone(search: Search, times: float) -> bool:
     """Return whether the model leaves noise alone: white noise, or the coloured one it shows."""
     stage = search.stage
     if search.at_floor(stage):
         return True
     floor = search.floor_beside(stage.model, stage.reproducible)
-    return bool(np.all(stage.error < search.policy.at_floor * floor))
+    return bool(np.all(stage.error < times * floor))
 
 
 def _sound(search: Search) -> bool:

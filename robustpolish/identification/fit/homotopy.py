@@ -9,7 +9,7 @@ runs those of lightly damped systems have many minima, and a distant start ends 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,7 +35,9 @@ def homotopy(
     """Fit over windows that grow; return the fit of every stage.
 
     A stage whose errors jump is no start for the next: the last one that followed the data is,
-    and that is among the last two that are returned.
+    and that is among the last two that are returned. An effect that vanished in a stage begins the
+    next one as it began the first: over short windows the starts may do its work, and where it is
+    nothing no number of it makes a difference, so that no longer window would bring it back.
 
     Parameters
     ----------
@@ -56,7 +58,7 @@ def homotopy(
     """
     stages: list[Fit] = []
     kept: Fit | None = None
-    model = with_units_of_force(model, reference)
+    first = model = with_units_of_force(model, reference)
     for span in spans if model.free else spans[-1:]:  # what is imposed cannot go astray
         free = free_parameters(model, prepared.scales.bandwidth, prepared.policy, reference)
         free = [number for number in free if number.key not in prepared.held]
@@ -71,10 +73,20 @@ def homotopy(
         stages.append(result)
         if kept is not None and np.max(result.rmse / kept.rmse) > prepared.policy.lost:
             continue  # the next stage starts where this one did
-        kept, model = result, result.model
+        kept, model = result, _revived(result.model, first, prepared.policy.vanished)
     if kept is not None and all(kept is not stage for stage in stages[-2:]):
         stages.insert(len(stages) - 1, kept)
     return stages
+
+
+def _revived(model: MechanicalModel, first: MechanicalModel, vanished: float) -> MechanicalModel:
+    """Return a model with the first values of those effects that have vanished since."""
+    effects = list(model.effects)
+    for i, (effect, began) in enumerate(zip(effects, first.effects, strict=True)):
+        sizes = [p.name for p in effect.definition.parameters if p.fitted and p.counts_force]
+        if any(abs(effect.values[n]) < vanished * abs(began.values[n]) for n in sizes):
+            effects[i] = began
+    return replace(model, effects=tuple(effects))
 
 
 def windows_after(

@@ -8,6 +8,7 @@ from robustpolish.effects import Effect
 from robustpolish.identification.discover.conclude import add_wrong_gains, conclude
 from robustpolish.identification.discover.search import RefittedEffect
 from robustpolish.identification.observer.kalman import FREE, Level
+from robustpolish.identification.policy import POLICY
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
 from tests.hidden_effects.cases import Case, model_of, one, records, two
 from tests.identification.discover.searches import search_of
@@ -103,6 +104,28 @@ def test_what_explains_a_part_is_kept_and_the_rest_is_told():
     assert 0 < explained < 100
     floor, error = found.noise_floor["f"], found.ledger.entries[-1].nrmse["f"]
     assert error > 1.25 * floor
+
+
+def test_what_is_left_far_above_the_noise_is_told_though_most_is_explained():
+    push = 400 * X**3 + 9 * X**2 * V
+    found = concluded(push, Effect("cubic_stiffness", PLACE, {"stiffness": 100.0}))
+    assert found.verdict == "missing_effect"
+    times, shares = found.reasons[-2:]
+    floor, error = found.noise_floor["f"], found.ledger.entries[-1].nrmse["f"]
+    assert float(re.findall(r"[\d.]+\d", times)[0]) == pytest.approx(error / floor, rel=0.01)
+    assert error > POLICY.far * floor
+    assert int(re.findall(r"(\d+) %", shares)[0]) > 100 * POLICY.explained
+
+
+def test_a_simpler_kind_stays_where_the_data_leave_numbers_open():
+    """A drag that does nothing above the jump: only the force of the friction is determined."""
+    more = {"force": 30.0, "static_force": 30.0, "velocity": 1e-3}
+    found = concluded(30.0 * np.sign(V), Effect("stribeck_friction", PLACE, more))
+    (effect,) = found.effects
+    assert effect.kind == "coulomb_friction"
+    assert [entry.step for entry in found.ledger.entries] == ["base", "refit", "coulomb_friction"]
+    pairs = [{pair.first.kind, pair.second.kind} for pair in found.indistinguishable]
+    assert {"coulomb_friction", "stribeck_friction"} in pairs
 
 
 def test_what_explains_next_to_nothing_of_the_whole_is_not_kept(monkeypatch):

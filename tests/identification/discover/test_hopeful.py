@@ -142,3 +142,16 @@ def test_rivals_are_the_other_kinds_of_a_family_at_its_place(begun):
     assert "harmonic_force" not in kinds_of(
         rivals_of(alone, stage, prepared, Screening((), (), FREE))
     )
+
+
+def test_what_is_barred_is_left_out_everywhere(begun, monkeypatch):
+    likely = [candidate("cubic_stiffness", 100.0), candidate("quadratic_damping", 90.0)]
+    pair = evident(0.9, "cubic_stiffness", "coulomb_friction")
+    large = [evident(0.6, "cubic_stiffness")]
+    found = asked(begun, monkeypatch, likely, large, [pair])
+    assert "cubic_stiffness" in kinds_of(found.first)
+    assert len(found.pairs) == len(found.seen) > 0
+    left = found.without([("cubic_stiffness", PLACE)])
+    assert kinds_of(left.first) == ["quadratic_damping"]
+    assert not left.pairs
+    assert not left.seen

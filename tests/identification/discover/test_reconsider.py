@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from robustpolish.effects import Effect
 from robustpolish.identification.discover import reconsider
@@ -11,6 +12,7 @@ from robustpolish.identification.discover.reconsider import (
     renamed,
     retold,
     rounded_friction,
+    simpler,
     still_alike,
     without_the_needless,
 )
@@ -19,6 +21,8 @@ from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.fit.parameters import free_parameters, turns_over_gently
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.screening.screen import ScreenedEffect
+from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+from robustpolish.simulation import linear_response
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
@@ -66,6 +70,37 @@ def fitting(errors):
     return fitted_with
 
 
+def chain():
+    """Two masses on springs, the first pushed and both seen."""
+    return MechanicalModel(
+        [Dof("m1", 1.0), Dof("m2", 1.0)],
+        [Spring(("m1", "ground"), 400.0), Spring(("m2", "m1"), 300.0)],
+        [Damper(("m1", "ground"), 2.0), Damper(("m2", "m1"), 1.0)],
+        [Input("F", ("m1", "ground"))],
+        [Output("x1", ("m1", "ground")), Output("x2", ("m2", "ground"))],
+    )
+
+
+def of_chain():
+    """What it does under a broad force."""
+    rng, time = np.random.default_rng(0), np.arange(1000) * 0.02
+    push = rng.standard_normal(time.size)
+    seen = linear_response(chain().state_space(), time, push[:, None]).outputs
+    seen = seen + 0.01 * np.std(seen, axis=0) * rng.standard_normal(seen.shape)
+    columns = {"F": push, "x1": seen[:, 0], "x2": seen[:, 1]}
+    return xr.Dataset({k: ("time", v) for k, v in columns.items()}, coords={"time": time})
+
+
+def placed(errors):
+    """Fits whose error follows from the place of a constant force."""
+
+    def fitted_with(self, model, effect):
+        fitted = model.with_effect(effect.kind, effect.at, effect.values)
+        return judged(fitted, errors[effect.at]) if effect.at in errors else None
+
+    return fitted_with
+
+
 @pytest.mark.parametrize(
     ("error", "taken", "alike"), [(5.0, True, False), (10.1, False, True), (20.0, False, False)]
 )
@@ -85,6 +120,42 @@ def test_a_kind_gives_way_to_a_better_one_of_its_family(monkeypatch, error, take
         assert {found.confusions[0].first.kind, found.confusions[0].second.kind} == {
             "coulomb_friction", "dahl_friction",
         }  # fmt: skip
+
+
+@pytest.mark.parametrize("last", [True, False])
+def test_a_constant_is_asked_for_at_all_other_places(monkeypatch, last):
+    """As long as something else was missing, it may have bent to that."""
+    push, other = ("constant_force", ("m1",), {"force": 3.0}), ("cubic_stiffness", ("m1", "m2"))
+    model = chain()
+    begun = search_of(model, of_chain())
+    found = replace(begun, stage=judged(model, 100.0), linear=judged(model, 100.0))
+    for kind, at, values in [(*other, {"stiffness": 2.0}), push][:: 1 if last else -1]:
+        found.accept([refitted(found.stage.model, kind, at, values, 10.0)])
+    monkeypatch.setattr(Search, "fitted_with", placed({("m1",): 10.0, ("m2",): 10.01}))
+    (pair,) = renamed(found).confusions
+    assert (pair.first.at, pair.second.at) == (("m1",), ("m2",))
+    monkeypatch.setattr(Search, "fitted_with", placed({("m2",): 5.0}))
+    moved = renamed(found)
+    assert [e.at for e in moved.stage.model.effects if e.kind == push[0]] == [("m2",)]
+
+
+def test_simpler_kinds_begin_with_the_values_they_have_in_common(monkeypatch):
+    search = two(COULOMB)
+    values = {"force": 3.0, "stiffness": 50.0, "exponent": 9.0, "beta": 0.4, "gamma": 0.6}
+    search.stage = judged(rig().with_effect("bouc_wen_hysteresis", PLACE, values), 10.0)
+    tried = []
+
+    def fitted_with(self, model, effect):
+        tried.append(effect)
+        return judged(model.with_effect(effect.kind, effect.at, effect.values), 10.0)
+
+    monkeypatch.setattr(Search, "fitted_with", fitted_with)
+    assert len(list(simpler(search, 0))) == len(tried) == 3
+    found = {e.kind: e.parameters for e in tried}
+    both = {"force": 3.0, "stiffness": 50.0}
+    assert found["elastic_coulomb_friction"] == found["dahl_friction"] == both
+    assert tried[0].kind == "coulomb_friction"
+    assert tried[0].values["force"] == 3.0
 
 
 def test_steps_are_told_anew_where_effects_changed(monkeypatch):

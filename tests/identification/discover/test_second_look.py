@@ -127,3 +127,22 @@ def test_what_the_data_leave_open_is_not_followed(begun):
         return other
 
     assert second_look(search, grow) is search
+
+
+def test_what_comes_without_an_effect_takes_its_place(begun):
+    """The first of two mimics what the second lets show."""
+    search = went(begun, refitted(rig(), *DRAG, 50.0))
+    search.accept([refitted(search.stage.model, *CUBIC, 40.0)])
+    barred = []
+
+    def grow(other):
+        barred.append(other.barred)
+        if other.barred == (DRAG[:2],):
+            more = other.stage.model.with_effect("quadratic_stiffness", PLACE, {"stiffness": 1.0})
+            other.stage = judged(more, 10.0)
+        return other
+
+    found = second_look(search, grow)
+    assert {e.kind for e in found.stage.model.effects} == {"cubic_stiffness", "quadratic_stiffness"}
+    assert barred == [(DRAG[:2],), (CUBIC[:2],)]
+    assert not found.barred

@@ -95,6 +95,24 @@ def test_a_stage_that_loses_the_data_is_no_start_for_the_next(monkeypatch):
     assert began[3].parameters != pytest.approx(stages[0].model.parameters)
 
 
+def test_an_effect_that_vanished_begins_anew_over_longer_windows(monkeypatch):
+    """At no stiffness its force has none to change it: no longer window would bring it back."""
+    push = {"force": 2.0, "stiffness": 30.0}
+    model = oscillator().with_effect("elastic_coulomb_friction", ("x", "ground"), push)
+    began = []
+
+    def emptied(residuals, *rest):
+        began.append(residuals.model.effects[0].values)
+        result = fit(residuals, *rest)
+        gone = result.model.with_parameters({"effect[0].stiffness": 1e-5})
+        return replace(result, model=gone) if len(began) == 1 else result
+
+    monkeypatch.setattr("robustpolish.identification.fit.homotopy.fit", emptied)
+    fitted(model)
+    assert began[1] == began[0]
+    assert began[1]["stiffness"] == 30.0
+
+
 def test_the_last_stage_that_followed_the_data_is_among_the_last_two(monkeypatch):
     path = "robustpolish.identification.fit.homotopy.fit"
     found = []
