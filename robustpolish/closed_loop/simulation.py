@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import control
 import numpy as np
 import xarray as xr
 
 from robustpolish.implementation import SampledDesign
 from robustpolish.models import GeneralizedPlant
-from robustpolish.models.plant.wired import NOISE_PREFIX
 from robustpolish.simulation import linear_response
 from robustpolish.synthesis.design.design import Design
 from robustpolish.validation import described, instance_of, invalid
@@ -27,9 +28,9 @@ def simulate(
         that its plant knows; a plant its open loop, u = 0; a state-space system is simulated as
         it is.
     disturbance : xarray.Dataset
-        One variable over `time` (s, uniform) for every disturbance w, by name, such as the
-        forces of :func:`robustpolish.simulate_brush`; other variables are ignored. Measurement
-        noise that a synthesis added to w, ``"noise_..."``, is zero unless it is given.
+        Variables over `time` (s, uniform) named as disturbances w, such as the forces of
+        :func:`robustpolish.simulate_brush`; other variables are ignored, and disturbances that are
+        not given are zero, as in :meth:`~robustpolish.SampledDesign.simulate`. One has to be given.
 
     Returns
     -------
@@ -40,8 +41,8 @@ def simulate(
     Raises
     ------
     InvalidInputError
-        If a disturbance is missing, has another unit than the plant's, is not finite, or if the
-        time grid is not uniform.
+        If no disturbance is given, one is misspelt (in case or separators), has another unit than
+        the plant's or is not finite, or if the time grid is not uniform.
 
     Examples
     --------
@@ -50,9 +51,7 @@ def simulate(
     >>> import robustpolish as rp
     >>> time = np.arange(2001) / 20e3
     >>> push = xr.Dataset(
-    ...     {name: ("time", np.full(time.size, 10.0 * (name == "F_y")), {"units": "N"})
-    ...      for name in ("F_x", "F_y", "F_z", "F_p")},
-    ...     coords={"time": time},
+    ...     {"F_y": ("time", np.full(time.size, 10.0), {"units": "N"})}, coords={"time": time}
     ... )
     >>> response = rp.simulate(rp.air_bearing(), push)
     >>> response["y"].attrs["units"], bool(response["x"].max() == 0)
@@ -69,6 +68,13 @@ def simulate(
             described("no coordinate 'time'"),
             "samples over 'time', in s",
             "Add the coordinate with .assign_coords(time=...).",
+        )
+    if system.input_labels and not any(name in disturbance for name in system.input_labels):
+        raise invalid(
+            "disturbance",
+            described(f"variables {', '.join(map(str, disturbance.data_vars)) or 'none'}"),
+            f"one of {', '.join(map(repr, system.input_labels))} or several",
+            "Rename the variables; those that are left out are zero.",
         )
     inputs = [_column(disturbance, name, units.get(name)) for name in system.input_labels]
     time = disturbance["time"].to_numpy()
@@ -97,16 +103,18 @@ def _loop(
     return plant.with_control_outputs().closed_loop(design.controller), dict(plant.units)
 
 
+def _bare(name: Any) -> str:
+    """Return a name without case and separators, by which misspelt ones are known."""
+    return "".join(c for c in str(name).lower() if c.isalnum())
+
+
 def _column(disturbance: xr.Dataset, name: str, unit: str | None) -> np.ndarray:
-    if name not in disturbance and name.startswith(NOISE_PREFIX):
-        return np.zeros(disturbance.sizes["time"])
     if name not in disturbance:
-        raise invalid(
-            "disturbance",
-            described(f"variables {', '.join(map(str, disturbance.data_vars))}"),
-            f"one named {name!r}",
-            "Rename the variable, or add one of zeros.",
-        )
+        meant = [str(other) for other in disturbance.data_vars if _bare(other) == _bare(name)]
+        if meant:
+            shown = described(f"a variable {meant[0]!r}")
+            raise invalid("disturbance", shown, f"one named {name!r}", "Rename the variable.")
+        return np.zeros(disturbance.sizes["time"])
     variable = disturbance[name]
     if variable.dims != ("time",):
         raise invalid(

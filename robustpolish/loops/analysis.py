@@ -16,10 +16,11 @@ from robustpolish.long_calls import same_bits
 from robustpolish.loops.bandwidth import bandwidths
 from robustpolish.loops.effort import disturbance_effort, given_effort, noise_effort
 from robustpolish.loops.figures import LoopFigures
-from robustpolish.loops.given_loop import loop_of
+from robustpolish.loops.given_loop import given_controller, loop_of, measured_plant
 from robustpolish.loops.loop import PLACES, Loop, Place
 from robustpolish.loops.margins.all_loops import Where, margins_at_once
 from robustpolish.loops.margins.one_loop import LoopMargins, margins_of
+from robustpolish.loops.measured.analysis import MeasuredLoopAnalysis, measured_analysis
 from robustpolish.loops.pictures import (
     plot_loop_bode,
     plot_loop_nichols,
@@ -211,12 +212,17 @@ class LoopAnalysis(LoopFigures, Displayed):
 
 @same_bits
 def loop_analysis(
-    plant: Design | GeneralizedPlant | control.StateSpace | control.TransferFunction,
+    plant: Design
+    | GeneralizedPlant
+    | control.StateSpace
+    | control.TransferFunction
+    | control.FrequencyResponseData,
     controller: Design | GivenController | None = None,
     *,
     disturbance: xr.Dataset | None = None,
     requirements: LoopRequirements | None = None,
-) -> LoopAnalysis:
+    unstable_poles: int = 0,
+) -> LoopAnalysis | MeasuredLoopAnalysis:
     r"""Find out what a loop is like, whether it can be built, and what limits it.
 
     The frequencies at which margins are decided are not those of a grid. Gain crossovers are
@@ -226,8 +232,9 @@ def loop_analysis(
 
     Parameters
     ----------
-    plant : Design, GeneralizedPlant, control.StateSpace or control.TransferFunction
-        A design alone; or a plant, whose lower block from u to y counts (all of a plain system).
+    plant : Design, GeneralizedPlant, control.StateSpace, TransferFunction or FrequencyResponseData
+        A design alone; or a plant, whose lower block from u to y counts (all of a plain system). Of
+        a measured response, or a plant made of one, the lines alone count.
     controller : control.StateSpace, control.TransferFunction, array_like or Design, optional
         K in u = K y, shape (nu, ny), with **positive** sign: for a textbook's negative feedback
         pass -C.
@@ -236,11 +243,16 @@ def loop_analysis(
         Their controls are told in `given`.
     requirements : LoopRequirements, optional
         What is asked of a loop that is to be built.
+    unstable_poles : int, optional
+        Of a measured plant, in the right half plane: its response does not tell, and Nyquist's
+        criterion needs their number. A wrong one makes a wrong verdict.
 
     Returns
     -------
-    LoopAnalysis
-        Of an unstable loop without margins, and with words that say so.
+    LoopAnalysis or MeasuredLoopAnalysis
+        Of an unstable loop without margins, and with words that say so. The second of a measured
+        plant: the same fields; S, T, KS and GS are frequency responses, and what needs a
+        model is empty. Between its lines nothing is proven.
 
     Raises
     ------
@@ -271,10 +283,19 @@ def loop_analysis(
     >>> round(disk.gain_db, 2), round(disk.phase_deg, 2)
     (0.87, 5.7)
     """
-    loop = loop_of(plant, controller)
     asked = LoopRequirements() if requirements is None else requirements
     remedy = "Pass rp.LoopRequirements(...)."
     instance_of("requirements", asked, LoopRequirements, "a LoopRequirements", remedy)
+    lines = measured_plant(plant)
+    if lines is not None:
+        if disturbance is not None:
+            shown = described("a disturbance of a measured plant")
+            raise invalid("disturbance", shown, "a model to run", "Fit one, or leave it out.")
+        return measured_analysis(lines, given_controller(controller), unstable_poles, asked)
+    if unstable_poles != 0:
+        shown, want = described("a count for a model"), "a count for a measured plant only"
+        raise invalid("unstable_poles", shown, want, "Leave it out: a model tells its poles.")
+    loop = loop_of(plant, controller)  # type: ignore[arg-type]
     at = {place: sensitivities(loop, place) for place in PLACES}
     if not loop.stability:
         return LoopAnalysis(

@@ -25,6 +25,44 @@ _CANDIDATES = 5
 """Highest points of a grid that are climbed to their tops."""
 
 
+def closed_values(G: AnyArray, K: AnyArray) -> AnyArray:
+    """Return a loop from (disturbance at u, noise at y) to (u, y), frequency by frequency.
+
+    Parameters
+    ----------
+    G, K : ndarray of complex, shapes (k, ny, nu) and (k, nu, ny)
+
+    Returns
+    -------
+    ndarray of complex, shape (k, nu + ny, nu + ny)
+    """
+    nu, ny = K.shape[1], G.shape[1]
+    both = np.concatenate([np.broadcast_to(np.eye(nu), (len(K), nu, nu)), K], axis=2)
+    u = np.linalg.solve(np.eye(nu) - K @ G, both)
+    return np.concatenate([u, G @ u + np.eye(ny, nu + ny, k=nu)], axis=1)
+
+
+def opened_values(G: AnyArray, K: AnyArray, at_input: bool, broken: Sequence[int]) -> AnyArray:
+    """Return L where a loop is broken, at inputs or outputs of the plant, the rest closed.
+
+    Parameters
+    ----------
+    G, K : ndarray of complex, shapes (k, ny, nu) and (k, nu, ny)
+    at_input : bool
+    broken : sequence of int
+
+    Returns
+    -------
+    ndarray of complex, shape (k, len(broken), len(broken))
+    """
+    around = K @ G if at_input else G @ K
+    shut = np.eye(around.shape[1])
+    entry = shut[:, broken]
+    shut[broken, broken] = 0.0
+    back = np.linalg.solve(np.eye(len(shut)) - around @ shut, around @ entry)
+    return -back[:, broken]
+
+
 @dataclass(frozen=True, eq=False)
 class DelayedLoop:
     """Plant and controller over frequency, exp(-s tau) for every delay.
@@ -47,21 +85,11 @@ class DelayedLoop:
 
     def closed(self, omega: Vector) -> AnyArray:
         """Return the loop from (disturbance at u, noise at y) to (u, y) at frequencies in rad/s."""
-        G, K = self._values(omega)
-        nu, ny = K.shape[1], G.shape[1]
-        both = np.concatenate([np.broadcast_to(np.eye(nu), (len(K), nu, nu)), K], axis=2)
-        u = np.linalg.solve(np.eye(nu) - K @ G, both)
-        return np.concatenate([u, G @ u + np.eye(ny, nu + ny, k=nu)], axis=1)
+        return closed_values(*self._values(omega))
 
     def opened(self, at_input: bool, broken: Sequence[int], omega: Vector) -> AnyArray:
         """Return L where it is broken, at inputs or outputs of the plant, the rest closed."""
-        G, K = self._values(omega)
-        around = K @ G if at_input else G @ K
-        shut = np.eye(around.shape[1])
-        entry = shut[:, broken]
-        shut[broken, broken] = 0.0
-        back = np.linalg.solve(np.eye(len(shut)) - around @ shut, around @ entry)
-        return -back[:, broken]
+        return opened_values(*self._values(omega), at_input, broken)
 
     def _values(self, omega: Vector) -> tuple[AnyArray, AnyArray]:
         """Return plant and controller at frequencies."""

@@ -7,6 +7,7 @@ from typing import Any
 import control
 import numpy as np
 
+from robustpolish.errors import InvalidInputError
 from robustpolish.loops.loop import Loop
 from robustpolish.models import GeneralizedPlant
 from robustpolish.models.plant.given_system import as_state_space
@@ -36,15 +37,9 @@ def loop_of(
             )
         plant, controller = plant.plant, plant.controller
     whole = _as_plant(plant)
-    if isinstance(controller, Design):
-        controller = controller.controller
-    if controller is None:
-        remedy = "Call loop_analysis(plant, controller), with u = K y."
-        raise invalid("controller", None, "a controller beside the plant", remedy)
+    controller = given_controller(controller)
     if whole.nu == 0 or whole.ny == 0:
-        shown = described(f"{whole.nu} controls and {whole.ny} measurements")
-        remedy = "Name measurements= and controls= of the plant."
-        raise invalid("plant", shown, "at least one of each", remedy)
+        raise _lacks_signals(whole)
     _complain_about_states(whole, controller)
     K = controller_system(whole, controller)
     if K.nstates and K.dt is not None and K.dt != whole.dt and not _same_step(K.dt, whole.dt):
@@ -64,15 +59,36 @@ def loop_of(
     return loop
 
 
-def _as_plant(plant: Any) -> GeneralizedPlant:
+def given_controller(controller: Design | GivenController | None) -> GivenController:
+    """Return the controller that was given, out of its design if it is in one."""
+    if isinstance(controller, Design):
+        return controller.controller
+    if controller is None:
+        remedy = "Call loop_analysis(plant, controller), with u = K y."
+        raise invalid("controller", None, "a controller beside the plant", remedy)
+    return controller
+
+
+def measured_plant(plant: Any) -> GeneralizedPlant | None:
+    """Return a plant that is known by its frequency response; None of others."""
     own = plant.system if isinstance(plant, GeneralizedPlant) else plant
-    if isinstance(own, control.FrequencyResponseData):
-        shown = described("a measured FrequencyResponseData, between whose lines all is possible")
-        remedy = (
-            "Fit a model to it. Margins of the lines alone are those of "
-            "control.stability_margins(-G K); they prove no stability."
-        )
-        raise invalid("plant", shown, "a model, of which stability can be decided", remedy)
+    if not isinstance(own, control.FrequencyResponseData):
+        return None
+    whole = plant
+    if not isinstance(plant, GeneralizedPlant):
+        whole = GeneralizedPlant(own, own.noutputs or 0, own.ninputs or 0)
+    if whole.nu == 0 or whole.ny == 0:
+        raise _lacks_signals(whole)
+    return whole
+
+
+def _lacks_signals(whole: GeneralizedPlant) -> InvalidInputError:
+    shown = described(f"{whole.nu} controls and {whole.ny} measurements")
+    remedy = "Name measurements= and controls= of the plant."
+    return invalid("plant", shown, "at least one of each", remedy)
+
+
+def _as_plant(plant: Any) -> GeneralizedPlant:
     if isinstance(plant, GeneralizedPlant):
         return plant
     if isinstance(plant, control.StateSpace | control.TransferFunction):

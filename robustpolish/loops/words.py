@@ -21,16 +21,16 @@ def problems(found: LoopFigures) -> list[str]:
     rate = found.sample_rate
     if rate is not None and rate.needed_hz > asked.sample_rate_hz:
         wanted = (
-            f"it needs sampling at {_quantity(rate.needed_hz, 'Hz')} ({rate.limited_by})"
+            f"it needs sampling at {quantity(rate.needed_hz, 'Hz')} ({rate.limited_by})"
             if math.isfinite(rate.needed_hz)
             else "no sampling is fast enough for it"
         )
-        told.append(f"{wanted}, where {_quantity(asked.sample_rate_hz, 'Hz')} can be bought")
+        told.append(f"{wanted}, where {quantity(asked.sample_rate_hz, 'Hz')} can be bought")
     dt = found.loop.dt
     if found.loop.is_discrete and dt is not True and 1 / float(dt) > asked.sample_rate_hz:
         told.append(
-            f"it is sampled at {_quantity(1 / float(dt), 'Hz')}, where "
-            f"{_quantity(asked.sample_rate_hz, 'Hz')} can be bought"
+            f"it is sampled at {quantity(1 / float(dt), 'Hz')}, where "
+            f"{quantity(asked.sample_rate_hz, 'Hz')} can be bought"
         )
     weak = [m for m in found.margins if m.disk.alpha < asked.disk]
     if weak:
@@ -67,7 +67,7 @@ def explain(found: LoopFigures) -> str:
     against = problems(found)
     if not found.stable:
         return f"This loop cannot be built: {against[0]}. There are no margins."
-    sentences = [_verdict(against), _margins(found), _at_once(found), _where(found)]
+    sentences = [verdict(against), margins_in_words(found), at_once_in_words(found), _where(found)]
     sentences += [_sampling(found), _sensors(found), _noise(found), _effort(found)]
     sentences += _conditional(found)
     sentences += [_outside(found), _approximated(found)]
@@ -82,7 +82,8 @@ def _unstable(found: LoopFigures) -> str:
     return text
 
 
-def _verdict(against: list[str]) -> str:
+def verdict(against: list[str]) -> str:
+    """Say whether the loop can be built."""
     if not against:
         return "This loop can be built."
     return f"This loop cannot be built as it is: {'; '.join(against)}."
@@ -94,26 +95,27 @@ def _delays(found: LoopFigures) -> list[str]:
         return []
     if found.loop.is_discrete:
         total = asked.delay_s
-        what = f"a chain of measurement and drive takes {_quantity(total, 's')}"
+        what = f"a chain of measurement and drive takes {quantity(total, 's')}"
     else:
         sampling = asked.sampling_delay_samples / asked.sample_rate_hz
         total = asked.delay_s + sampling
         what = (
             f"{asked.sampling_delay_samples:g} samples at "
-            f"{_quantity(asked.sample_rate_hz, 'Hz')} and the chain of measurement and drive take "
-            f"{_quantity(total, 's')}"
+            f"{quantity(asked.sample_rate_hz, 'Hz')} and the chain of measurement and drive take "
+            f"{quantity(total, 's')}"
         )
     if margin == 0:
         return [f"any delay makes it unstable, and {what}"]
     if margin <= total:
-        return [f"a delay of {_quantity(margin, 's')} makes it unstable, and {what}"]
+        return [f"a delay of {quantity(margin, 's')} makes it unstable, and {what}"]
     if asked.delay_share * margin < total:
         share = f"{100 * total / margin:.0f} %"
-        return [f"of its delay margin of {_quantity(margin, 's')}, {share} are used up: {what}"]
+        return [f"of its delay margin of {quantity(margin, 's')}, {share} are used up: {what}"]
     return []
 
 
-def _margins(found: LoopFigures) -> str:
+def margins_in_words(found: LoopFigures) -> str:
+    """Say what one loop at a time bears."""
     down, up = found.gain_margin
     gains = f"the gain may {_gain_words(down, up)}"
     phase = found.phase_margin
@@ -140,7 +142,8 @@ def _gain_words(down: float, up: float) -> str:
     return f"{falls} and {rises}"
 
 
-def _at_once(found: LoopFigures) -> str:
+def at_once_in_words(found: LoopFigures) -> str:
+    """Say what all loops bear at once; nothing of a single one."""
     several = {where: m for where, m in found.at_once.items() if len(m.signals) > 1}
     single = [m for where, m in several.items() if where != "inputs and outputs"]
     if not single:
@@ -184,12 +187,12 @@ def _sampling(found: LoopFigures) -> str:
     rate = found.sample_rate
     if rate is None:
         dt = found.loop.dt
-        unit = "" if dt is True else f" ({_quantity(1 / float(dt), 'Hz')})"
+        unit = "" if dt is True else f" ({quantity(1 / float(dt), 'Hz')})"
         extra = min((m.delay_samples for m in found.margins), default=math.inf)
         if not math.isfinite(extra):
             return f"It is sampled{unit}, and bears any further delay."
         return f"It is sampled{unit}, and bears a further delay of less than {extra:.3g} samples."
-    text = f"It needs sampling at {_quantity(rate.needed_hz, 'Hz')} for its {rate.limited_by}"
+    text = f"It needs sampling at {quantity(rate.needed_hz, 'Hz')} for its {rate.limited_by}"
     if rate.lowest_stable_hz == 0:
         return text + ", and no slower rate makes it unstable."
     if not math.isfinite(rate.needed_hz):
@@ -198,7 +201,7 @@ def _sampling(found: LoopFigures) -> str:
         return text + ", and no rate was found at which the sampled loop is stable."
     late = rate.computation_samples
     return (
-        f"{text}; below {_quantity(rate.lowest_stable_hz, 'Hz')}, with {late} "
+        f"{text}; below {quantity(rate.lowest_stable_hz, 'Hz')}, with {late} "
         f"{'sample' if late == 1 else 'samples'} of computation, the sampled loop is unstable."
     )
 
@@ -275,7 +278,7 @@ def _approximated(found: LoopFigures) -> str:
     delays = {} if found.loop.is_discrete else found.loop.approximated_delays
     if not delays:
         return ""
-    named = [f"{_quantity(delay, 's')} at {name}" for name, delay in delays.items()]
+    named = [f"{quantity(delay, 's')} at {name}" for name, delay in delays.items()]
     return (
         f"Delays of the plant ({_listed(named)}) are exact in stability, in margins of single "
         "loops, bandwidths and peaks of S and T, which are found over frequency and not proven; "
@@ -295,11 +298,11 @@ def _at(found: LoopFigures, hertz: float) -> str:
 
 def _frequency(found: LoopFigures, hertz: float) -> str:
     """Return a frequency; without a sampling time it is counted per sample."""
-    return f"{hertz:.3g} per sample" if found.loop.dt is True else _quantity(hertz, "Hz")
+    return f"{hertz:.3g} per sample" if found.loop.dt is True else quantity(hertz, "Hz")
 
 
 def _delay(found: LoopFigures, delay: float) -> str:
-    return f"{delay:.3g} samples" if found.loop.dt is True else _quantity(delay, "s")
+    return f"{delay:.3g} samples" if found.loop.dt is True else quantity(delay, "s")
 
 
 def _listed(names: list[str], most: int = 3) -> str:
@@ -309,7 +312,7 @@ def _listed(names: list[str], most: int = 3) -> str:
     return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"
 
 
-def _quantity(value: float, unit: str) -> str:
+def quantity(value: float, unit: str) -> str:
     """Return a number with its unit and SI prefix, three digits."""
     if not math.isfinite(value) or value == 0:
         return f"{value:g} {unit}"

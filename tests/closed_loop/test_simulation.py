@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
@@ -35,10 +36,19 @@ def test_a_system_is_simulated_as_it_is(stiff, load):
     np.testing.assert_allclose(direct["y"], through_design["y"], rtol=1e-12, atol=1e-18)
 
 
+def test_disturbances_that_are_not_given_are_zero(load):
+    plant = rp.air_bearing()
+    zero = load.assign(F_y=0 * load["F_y"])
+    left_out = rp.simulate(plant, load.drop_vars("F_y"))
+    xr.testing.assert_allclose(left_out, rp.simulate(plant, zero))
+
+
 def test_bad_disturbances_are_named(load):
     plant = rp.air_bearing()
-    with pytest.raises(InvalidInputError, match="'F_y'"):
-        rp.simulate(plant, load.drop_vars("F_y"))
+    with pytest.raises(InvalidInputError, match=r"'f_y'.*one named 'F_y'"):
+        rp.simulate(plant, load.rename(F_y="f_y"))
+    with pytest.raises(InvalidInputError, match="got variables none, expected one of 'F_x', 'F_y'"):
+        rp.simulate(plant, xr.Dataset(coords={"time": load["time"]}))
     with pytest.raises(InvalidInputError, match="unit kN"):
         rp.simulate(plant, load.assign(F_y=load["F_y"].assign_attrs(units="kN")))
     with pytest.raises(InvalidInputError, match="no coordinate 'time'"):

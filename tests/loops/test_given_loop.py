@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.loops.given_loop import loop_of
+from robustpolish.loops.given_loop import loop_of, measured_plant
 from robustpolish.loops.loop import Loop
 from tests.loops.loops_for_tests import SATELLITE, TEXTBOOK, s
 
@@ -35,7 +35,6 @@ def test_everything_that_is_a_plant_and_a_controller():
     [
         (TEXTBOOK, None, "controller: got None"),
         (3.0, -1, "plant: got float"),
-        (control.frd(TEXTBOOK, np.logspace(-1, 1, 9)), -1, "FrequencyResponseData"),
         (TEXTBOOK, control.frd(TEXTBOOK, np.logspace(-1, 1, 9)), "FrequencyResponseData"),
         (s, -1, "improper"),
         (TEXTBOOK, -s, "improper"),
@@ -67,8 +66,13 @@ def test_a_design_brings_its_controller_and_a_gain_of_states_is_known():
         loop_of(plant, [[-1.0, -2.0]])
 
 
-def test_a_measured_response_is_refused_with_what_to_do():
+def test_a_measured_plant_is_told_from_a_model():
     response: Any = control.frd([1.0, 0.5 - 0.5j], [0.1, 1.0])
-    for plant in (response, rp.GeneralizedPlant(response, measurements=1, controls=1)):
-        with pytest.raises(rp.InvalidInputError, match="Fit a model to it"):
-            rp.loop_analysis(plant, -1)
+    whole = rp.GeneralizedPlant(response, measurements=1, controls=1)
+    assert measured_plant(whole) is whole
+    found = measured_plant(response)
+    assert found is not None
+    assert (found.nu, found.ny) == (1, 1)
+    assert measured_plant(TEXTBOOK) is None
+    with pytest.raises(rp.InvalidInputError, match="at least one"):
+        measured_plant(rp.GeneralizedPlant(response, measurements=1, controls=0))

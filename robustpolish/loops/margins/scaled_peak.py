@@ -28,6 +28,8 @@ _NARROW = 1e-9
 _POWERS = (4, 32)
 # Where one signal does not act back on another, their scales drift apart for ever.
 _LARGEST_LOG = 25.0
+# Scales that a sweep changes by less are even enough to start from.
+_SETTLED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,8 @@ def best_scales(M: AnyMatrix) -> tuple[float, Vector]:
     1.0
     """
     k = M.shape[0]
+    if k == 2:
+        return _best_of_two(M)
     logs = _balanced(np.abs(M))
     best = (_largest(M, logs), logs)
     size = best[0]
@@ -199,22 +203,38 @@ def _largest(M: AnyMatrix, logs: Vector) -> float:
     return float(np.linalg.norm(M * np.exp(logs[:, None] - logs), 2))
 
 
+def _best_of_two(M: AnyMatrix) -> tuple[float, Vector]:
+    """Return the same for two signals, whose best scales even out the entries off the diagonal.
+
+    Scales change neither the determinant nor the diagonal, so that the largest singular value is
+    least where the sum of all squares is.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off = np.log(np.abs([M[0, 1], M[1, 0]]))
+        log = np.clip((off[0] - off[1]) / 2, -_LARGEST_LOG, _LARGEST_LOG)
+    logs = np.array([0.0, log if math.isfinite(log) else 0.0])
+    return _largest(M, logs), np.exp(logs)
+
+
 def _balanced(sizes: Array) -> Vector:
     """Return logarithms of scales that even out rows and columns (Osborne 1960)."""
     logs = np.zeros(len(sizes))
     if not np.isfinite(sizes).all():
         return logs
-    off = sizes - np.diag(np.diag(sizes))
+    squares = (sizes - np.diag(np.diag(sizes))) ** 2
     for _ in range(20):
+        before = logs.copy()
         for i in range(len(logs)):
-            row = np.linalg.norm(off[i] * np.exp(logs[i] - logs))
-            column = np.linalg.norm(off[:, i] * np.exp(logs - logs[i]))
+            turned = np.exp(2 * (logs[i] - logs))
+            row, column = float(squares[i] @ turned), float(squares[:, i] @ (1 / turned))
             if row > 0 and column > 0:
-                logs[i] += 0.5 * math.log(column / row)
+                logs[i] += 0.25 * math.log(column / row)
             elif row > 0:
                 logs[i] -= 1.0  # nothing comes back: the smaller the better
             elif column > 0:
                 logs[i] += 1.0
+        if np.abs(logs - before).max() < _SETTLED:
+            break
     return logs
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from types import MappingProxyType
 from typing import Any
@@ -27,6 +28,8 @@ from robustpolish.synthesis.loop_shaping.coprime import (
     loop_plant,
 )
 from robustpolish.synthesis.loop_shaping.reduced import reduced
+from robustpolish.synthesis.loop_shaping.target import WantedLoop
+from robustpolish.synthesis.loop_shaping.target_weight import limits_in_words, target_weight
 from robustpolish.synthesis.problem.decoupling import named_controller
 from robustpolish.synthesis.problem.matrices import Controller, SystemMatrices, balanced
 from robustpolish.validation import described, invalid, positive
@@ -41,6 +44,8 @@ def loop_shaping(
     W1: Weights = None,
     W2: Weights = None,
     *,
+    target: Weight | None = None,
+    band_hz: Sequence[float] | None = None,
     factor: float = 1.1,
     order: int | None = None,
 ) -> Design:
@@ -65,6 +70,16 @@ def loop_shaping(
         Weights before and behind the plant: one of one input and one output that stands for all
         channels, one per channel, or a system of as many inputs and outputs as there are channels.
         Integrators are welcome: ``rp.weight(np.inf, crossover_hz, high)``.
+    target : control.StateSpace or control.TransferFunction, optional
+        The open-loop gain that is wanted, in place of W1, which is then found: a stable W1 for
+        which the singular values of W2 G W1 are those of the target. One of one input and output
+        stands for all loops; otherwise it has as many of both as the plant has controls or
+        measurements, whichever are fewer. Only its gain counts. Integrators are welcome:
+        ``2 * pi * f / s`` crosses 1 at f in Hz.
+    band_hz : (float, float), optional
+        Where the gain has to be that of the target, in Hz; by default from a hundredth of its
+        first crossover to ten times its last. Above the band W1 no longer inverts the plant, and
+        the loop falls off faster than the target.
     factor : float, optional
         How far above its minimum gamma may lie; above 1. Close to 1 the controller gets a very
         fast pole.
@@ -80,7 +95,11 @@ def loop_shaping(
         ``GeneralizedPlant.from_loop(plant)``, whose norm the certificate proves in the units of the
         plant; without weights that norm is gamma. ``details`` hold the ``gamma`` achieved and
         certified for the shaped loop, the ``optimal_gamma``, the ``ncf_margin``, the
-        ``shaped_plant``, the ``shaped_controller`` and its ``shaped_certificate``.
+        ``shaped_plant``, the ``shaped_controller`` and its ``shaped_certificate``. With a target
+        also the weight ``W1``, the ``band_hz``, the ``shape_factor`` within which the singular
+        values of the shaped plant W2 G W1 are those of the target, and the ``target_factor``: those
+        of the loop W2 G W1 Ks are at least the target over it where the target is above 1, and at
+        most the target times it below 1; both at 300 frequencies of the band, no proof between.
 
     Raises
     ------
@@ -99,10 +118,18 @@ def loop_shaping(
     Notes
     -----
     The sign is that of the package, u = K y, as in MATLAB's ``ncfsyn``; its ``loopsyn`` uses
-    u = -K y. McFarlane, Glover, "A loop shaping design procedure using H-infinity synthesis",
+    u = -K y. The weight that a target asks for inverts the plant within the band, the mirror
+    images of its unstable poles and zeros included. What those forbid (a bandwidth up to half of a
+    zero in the right half plane, from twice an unstable pole on) no weight gives: gamma rises,
+    and the message names the zero or pole. Resonances that W1 cancels are still seen by
+    disturbances at the plant's input. Of a plant with more controls than measurements W1 drives the
+    combinations of controls that have most gain at the first crossover.
+
+    McFarlane, Glover, "A loop shaping design procedure using H-infinity synthesis",
     IEEE Trans. Automatic Control 37 (1992) 759-769; Glover, McFarlane, "Robust stabilization of
     normalized coprime factor plant descriptions with H-infinity-bounded uncertainty", IEEE Trans.
-    Automatic Control 34 (1989) 821-830.
+    Automatic Control 34 (1989) 821-830; Le, Safonov, "Rational matrix GCD's and the design of
+    squaring-down compensators", IEEE Trans. Automatic Control 37 (1992) 384-392, for targets.
 
     Examples
     --------
@@ -117,6 +144,12 @@ def loop_shaping(
     (2.34, 2.55)
     >>> design.certificate.valid
     True
+
+    The same plant for an open loop of 10 / s, which crosses 1 at 10 rad/s:
+
+    >>> design = rp.loop_shaping(G, target=10 / s)
+    >>> round(design.details["gamma"], 2), round(design.details["target_factor"], 1)
+    (1.61, 1.3)
     """
     clock = Budget()
     number = positive("factor", factor)
@@ -124,11 +157,15 @@ def loop_shaping(
         remedy = "1.1 is the usual choice; 1.001 comes close to the minimum."
         raise invalid("factor", factor, "a number above 1", remedy)
     G = loop_plant("plant", plant)
-    before = _matrix_weight("W1", W1, G.nu, G.dt)
     behind = _matrix_weight("W2", W2, G.ny, G.dt)
-    part = SystemMatrices(G.A, G.B2, G.C2, G.D22)
-    whole = in_series(in_series(before, part), behind)
-    names = (list(G.control_names), list(G.measurement_names))
+    part = in_series(SystemMatrices(G.A, G.B2, G.C2, G.D22), behind)
+    wanted = _wanted(target, W1, band_hz, G)
+    before = target_weight(part, wanted) if wanted else _matrix_weight("W1", W1, G.nu, G.dt)
+    whole = in_series(before, part)
+    inputs = list(G.control_names)
+    if whole.D.shape[1] != G.nu:
+        inputs = [f"v[{i}]" for i in range(whole.D.shape[1])]
+    names = (inputs, list(G.measurement_names))
     states = [f"x{i + 1}" for i in range(len(whole.A))]
     shaped = named_system(whole, G.dt, *names, states)
     loop = GeneralizedPlant.from_loop(shaped)
@@ -146,7 +183,7 @@ def loop_shaping(
     K = in_series(in_series(behind, arrays_of(inner)), before)
     real = GeneralizedPlant.from_loop(G)
     controller = named_controller(real, *balanced(Controller(*K)))
-    weighted = W1 is not None or W2 is not None
+    weighted = any(given is not None for given in (W1, W2, target))
     certificate = certify(real, controller, "hinf")
     if not certificate.valid:
         raise SolverError(
@@ -154,13 +191,14 @@ def loop_shaping(
             + "; ".join(certificate.reasons)
             + ". Do not cancel slow or unstable modes of the plant by the weights."
         )
+    near, told = _near(wanted, before, part, inner) if wanted else ({}, "")
     return Design(
         plant=real,
         controller=controller,
         closed_loop=real.closed_loop(controller),
         norm="hinf",
         status="suboptimal",
-        message=_message(proof, optimal, weighted),
+        message=_message(proof, optimal, weighted) + told,
         certificate=certificate,
         method="loop shaping",
         backend="scipy",
@@ -173,10 +211,52 @@ def loop_shaping(
                 "shaped_plant": shaped,
                 "shaped_controller": inner,
                 "shaped_certificate": proof,
+                **near,
             }
         ),
         lower_bound=None if weighted else optimal,
     )
+
+
+def _wanted(target: Any, W1: Weights, band_hz: Any, plant: GeneralizedPlant) -> WantedLoop | None:
+    """Return the loop that is wanted, if weights are not."""
+    if target is None:
+        if band_hz is not None:
+            shown = described("a band without a target")
+            raise invalid("band_hz", shown, "a band of target=", "Leave it out.")
+        return None
+    if W1 is not None:
+        shown = described("a target besides W1")
+        raise invalid("target", shown, "one of them", "The target finds W1; W2 may be given.")
+    if isinstance(target, list | tuple):
+        shown, want = described(f"a {type(target).__name__}"), "one system"
+        raise invalid("target", shown, want, "Pass a diagonal system for a gain per control.")
+    channels = min(plant.nu, plant.ny)
+    system = _matrix_weight("target", target, channels, plant.dt)
+    return WantedLoop.checked(system, plant.dt, band_hz)
+
+
+def _near(
+    wanted: WantedLoop, before: SystemMatrices, part: SystemMatrices, inner: control.StateSpace
+) -> tuple[dict[str, Any], str]:
+    """Return how near the shaped plant and the loop come to the target, and say it."""
+    shaped = in_series(before, part)
+    shape, _ = wanted.distance_of(shaped)
+    factor, worst = wanted.shortfall_of(in_series(arrays_of(inner), shaped))
+    low, high, where = (omega / (2 * math.pi) for omega in (*wanted.band, worst))
+    found = {
+        "target_factor": factor,
+        "shape_factor": shape,
+        "band_hz": (low, high),
+        "W1": control.StateSpace(*before, wanted.dt),
+    }
+    text = (
+        f" From {low:.4g} to {high:.4g} Hz the loop keeps the target within a factor of "
+        f"{factor:.3g}, farthest at {where:.4g} Hz: at least the target over it where that is "
+        f"above 1, at most the target times it below. The shaped plant has the target's gain "
+        f"within {shape:.4g} (at {len(wanted.frequencies)} frequencies, no proof between)."
+    )
+    return found, text + limits_in_words(part, wanted)
 
 
 def _certified(
@@ -252,5 +332,5 @@ def _message(proof: Certificate, optimal: float, weighted: bool) -> str:
         f"normalised coprime factors is {1 / proof.achieved:.3g}"
     )
     if optimal > 4:
-        return text + ": too small. The gains that the weights ask for do not suit the plant."
+        return text + ": too small. The gains that are asked for do not suit the plant."
     return text + "."

@@ -18,17 +18,17 @@ from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.certificate.certificate import Certificate, Norm, certify
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.design.status import Status, worst_status
-from robustpolish.synthesis.output_search.choice import Chosen, choose
-from robustpolish.synthesis.output_search.engine import Found, Settings, Task
-from robustpolish.synthesis.output_search.engines import METHODS, ORDER
-from robustpolish.synthesis.output_search.policy import POLICY
-from robustpolish.synthesis.output_search.wanted_norm import (
+from robustpolish.synthesis.design.wanted_norm import (
     ANY_NORM,
     Gamma,
     WantedNorm,
     norm_in_words,
     out_of_reach,
 )
+from robustpolish.synthesis.output_search.choice import Chosen, choose
+from robustpolish.synthesis.output_search.engine import Found, Settings, Task
+from robustpolish.synthesis.output_search.engines import METHODS, ORDER
+from robustpolish.synthesis.output_search.policy import POLICY
 from robustpolish.synthesis.problem.decoupling import (
     PlantPart,
     decoupled_parts,

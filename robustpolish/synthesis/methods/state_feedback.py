@@ -19,6 +19,7 @@ from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.certificate.certificate import Certificate, certify
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.design.status import Status, worst_status
+from robustpolish.synthesis.design.wanted_norm import Gamma, WantedNorm, norm_in_words, out_of_reach
 from robustpolish.synthesis.lmi.semidefinite import BACKENDS
 from robustpolish.synthesis.lmi.state.engine import LmiStateEngine
 from robustpolish.synthesis.problem.decoupling import PlantPart, decoupled_parts, undivided
@@ -44,6 +45,7 @@ def state_feedback(
     gain_bound: float | None = None,
     pole_region: PoleRegion | Sequence[PoleRegion] | None = None,
     *,
+    gamma: Gamma | None = None,
     solver: str | None = None,
     split: bool = True,
     tolerance: float = 1e-4,
@@ -74,10 +76,16 @@ def state_feedback(
         answer is a local optimum.
     pole_region : PoleRegion or sequence, optional
         HalfPlane, Disk or Sector that the closed-loop poles must lie in, for method "lmi".
+    gamma : float or (float, float), optional
+        A number asks for any gain with a norm below it, and the smallest that the search finds is
+        taken: no control where that will do. A range (low, high) asks for the smallest norm above
+        `low`; a gain near `low` will do. What no gain reaches is refused. In the plant's units, as
+        ``certificate.achieved``, prices of `control_weight` included.
     solver : str, optional
         A solver of the backend: "SCS", "CVXOPT", ...
     split : bool, optional
-        Whether decoupled parts are solved one by one.
+        Whether decoupled parts are solved one by one. Where `gamma` asks for an H2 norm, which
+        adds up over the parts, they are solved together.
     tolerance : float, optional
         Relative. A fifth of it is given away for a smaller gain, because the gain often
         grows without limit towards the optimum.
@@ -89,7 +97,8 @@ def state_feedback(
     -------
     Design
         ``gain`` is F; ``plant`` and ``closed_loop`` have the prices among their outputs;
-        ``details["performance_norm"]`` is the norm to the original z. "optimal" is what comes
+        ``details["performance_norm"]`` is the norm to the original z, ``details["gamma"]`` the
+        range that `gamma` asked for. "optimal" is what comes
         within `tolerance` of ``lower_bound``, which no gain falls below. Without price, bound or
         region the infimum is often zero and not attained: the status says so, and the design
         is one of small norm and moderate gain.
@@ -100,9 +109,9 @@ def state_feedback(
         If an argument does not fit.
     InfeasibleError
         If no gain stabilises the plant (the modes are named), or no gain makes the H2 norm
-        finite.
+        finite, or if the lower bound, which is told, lies above what `gamma` asks for.
     SolverError
-        If no gain was found that passes its certificate.
+        If no gain was found that passes its certificate, or none keeps what `gamma` asks for.
 
     Notes
     -----
@@ -126,16 +135,25 @@ def state_feedback(
     ('optimal', True)
     >>> bool((design.closed_loop.poles().real < 0).all())
     True
+
+    Any gain with a norm below 0.4, which is smaller:
+
+    >>> gentle = rp.state_feedback(plant, "h2", "riccati", control_weight=0.1, gamma=0.4)
+    >>> bool(gentle.certificate.bound <= 0.4)
+    True
     """
     regions = _checked(plant, norm, method, backend, gain_bound, pole_region)
     tolerance, time_limit = positive("tolerance", tolerance), positive("time_limit", time_limit)
     budget = Budget(POLICY.work, time_limit)
+    wanted = WantedNorm.checked(gamma)
     whole = priced(plant, control_weight).with_full_state()
     _refuse_infeasible(whole, norm)
-    pieces = decoupled_parts(whole) if split else (undivided(whole),)
+    together = not split or (wanted.asks and norm == "h2")
+    pieces = (undivided(whole),) if together else decoupled_parts(whole)
     engine = ENGINES[method](norm, tolerance, regions, backend, solver)
     with working("Designing a state feedback"):
-        found = _certified(whole, pieces, engine, gain_bound, budget)
+        found = _certified(whole, pieces, engine, gain_bound, budget, wanted)
+    _keep(wanted, found)
     size = float(np.linalg.norm(found.F, 2))
     controller = whole.static_controller(found.F)
     return Design(
@@ -154,6 +172,7 @@ def state_feedback(
             bool(regions),
             budget.exhausted,
             found.history,
+            wanted,
         ),
         certificate=found.certificate,
         method=method,
@@ -167,6 +186,7 @@ def state_feedback(
                 "largest_singular_value": size,
                 "parts": tuple(piece.plant.states for piece in pieces),
                 "pole_regions": regions,
+                "gamma": (wanted.enough, wanted.below) if wanted.asks else None,
             }
         ),
     )
@@ -240,13 +260,14 @@ def _certified(
     engine: StateEngine,
     gain_bound: float | None,
     budget: Budget,
+    wanted: WantedNorm,
 ) -> _Found:
     """Solve the parts and certify the whole, with a relaxed tolerance where it fails."""
     reasons: tuple[str, ...] = ()
     for relaxation in POLICY.relaxations:
         relaxed = engine.coarser(relaxation * engine.tolerance)
         plants = [piece.plant for piece in pieces]
-        gains = solve_parts(plants, relaxed, engine.tolerance, gain_bound, budget)
+        gains = solve_parts(plants, relaxed, engine.tolerance, gain_bound, budget, wanted)
         late = budget.late
         F = np.zeros((whole.nu, whole.nx))
         for piece, gain in zip(pieces, gains, strict=True):
@@ -278,6 +299,26 @@ def _certified(
     raise SolverError(
         f"A gain was found, but its certificate fails: {'; '.join(reasons)}. "
         "Try the other method or backend, a larger control_weight or a gain_bound."
+    )
+
+
+def _keep(wanted: WantedNorm, found: _Found) -> None:
+    """Refuse a gain that does not keep what was asked for."""
+    certificate = found.certificate
+    if certificate.bound <= wanted.below:
+        return
+    if found.lower_bound > wanted.below:
+        how = "which Riccati equations tell"
+        raise out_of_reach(wanted, found.lower_bound, certificate.norm, how)
+    floor = (
+        f"none comes below {found.lower_bound:.6g}"
+        if found.lower_bound > 0
+        else "no lower bound is known"
+    )
+    raise SolverError(
+        f"No gain with {wanted.in_words()} was found; the best one that is certified has the "
+        f"{norm_in_words(certificate.norm)} norm {certificate.achieved:.6g}, and {floor}. Ask for "
+        "a larger gamma, or leave out what else is asked for (gain_bound, pole_region)."
     )
 
 

@@ -15,8 +15,8 @@ from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.long_calls import Budget, step_cost
 from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.certificate.quick_norm import quick_norm
+from robustpolish.synthesis.design.wanted_norm import ANY_NORM, WantedNorm
 from robustpolish.synthesis.output_search.policy import POLICY
-from robustpolish.synthesis.output_search.wanted_norm import ANY_NORM, WantedNorm
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, balanced, close
 from robustpolish.synthesis.riccati.infimum import LowerBound
 

@@ -22,6 +22,9 @@ from robustpolish.validation import described, invalid
 
 """What the names of added measurement noise begin with."""
 _SUSPECT = 1e-7
+# A price or a noise below this, in scaled units, counts as none.
+_WEAKEST = 1e-6
+_FAINT = f", or one that is too small to count (below {_WEAKEST:.0e} in scaled units)"
 
 
 @dataclass(frozen=True)
@@ -115,9 +118,10 @@ class Preflight:
         """The findings as sentences; empty for a regular plant without fixed modes."""
         found = [f"It has the {mode}." for mode in self.fixed_modes]
         if not self.d12_full:
-            found.append(f"D12 has rank {self.d12_rank} only: some control has no price.")
+            found.append(f"D12 has rank {self.d12_rank} only: some control has no price{_FAINT}.")
         if not self.d21_full:
-            found.append(f"D21 has rank {self.d21_rank} only: some measurement has no noise.")
+            lacking = f"some measurement has no noise{_FAINT}"
+            found.append(f"D21 has rank {self.d21_rank} only: {lacking}.")
         channels = (("u to z", self.control_zeros), ("w to y", self.measurement_zeros))
         for name, zeros in channels:
             if zeros:
@@ -232,8 +236,8 @@ def _participation(vectors: Matrix, i: int) -> Matrix:
 
 
 def _rank(D: Matrix) -> int:
-    """Return the rank in scaled units, counting directions weaker than 1e-6 as absent."""
-    return int((np.linalg.svd(D, compute_uv=False) > 1e-6).sum()) if D.size else 0
+    """Return the rank in scaled units, counting directions that are too weak as absent."""
+    return int((np.linalg.svd(D, compute_uv=False) > _WEAKEST).sum()) if D.size else 0
 
 
 def priced(plant: GeneralizedPlant, weight: ArrayLike | None) -> GeneralizedPlant:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from robustpolish.synthesis.design.status import Status
+from robustpolish.synthesis.design.wanted_norm import ANY_NORM, WantedNorm
 
 
 def message(
@@ -18,6 +19,7 @@ def message(
     has_region: bool,
     exhausted: bool,
     history: Sequence[Mapping[str, Any]],
+    wanted: WantedNorm = ANY_NORM,
 ) -> str:
     """Say what happened and what to try next.
 
@@ -34,6 +36,7 @@ def message(
         Whether the search ended with its work and not by itself.
     history : sequence of mapping
         The trade-off is read from the entries with a price.
+    wanted : WantedNorm, optional
     """
     found = f"Norm {achieved:.6g} with a gain of {gain:.4g} (largest singular value)."
     if lower_bound > 0:
@@ -53,6 +56,10 @@ def message(
         )
     if exhausted:
         return f"{found} The search ended with its work, because the plant is large."
+    if wanted.asks:
+        found += f" It was asked for {wanted.in_words()}."
+        if achieved <= wanted.enough:
+            return found + " What lies below that was given away for a smaller gain."
     if gain_bound is not None:
         return (
             f"{found} The bound {gain_bound:.6g} on the gain is kept. It makes the problem "

@@ -12,6 +12,7 @@ from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.errors import SolverError
 from robustpolish.long_calls import Budget
 from robustpolish.models import GeneralizedPlant
+from robustpolish.synthesis.design.wanted_norm import ANY_NORM, WantedNorm
 from robustpolish.synthesis.problem.full_state import (
     is_regular,
     measuring_states,
@@ -27,6 +28,7 @@ from robustpolish.synthesis.state_search.engine import StateEngine, StateGain
 from robustpolish.synthesis.state_search.gain_bound import GainBound, minimise_bounded
 from robustpolish.synthesis.state_search.policy import POLICY
 from robustpolish.synthesis.state_search.singular_problem import almost_no_control, solve_singular
+from robustpolish.synthesis.state_search.smallest_gain import SmallestGain
 
 
 def solve_parts(
@@ -35,6 +37,7 @@ def solve_parts(
     tolerance: float,
     gain_bound: float | None,
     budget: Budget,
+    wanted: WantedNorm = ANY_NORM,
 ) -> list[StateGain]:
     """Minimise the norm of every part.
 
@@ -49,6 +52,8 @@ def solve_parts(
     gain_bound : float or None
         Bound on the largest singular value of every gain in the plants' units.
     budget : Budget
+    wanted : WantedNorm, optional
+        A norm that will do for every part, in the plants' units.
 
     Returns
     -------
@@ -67,7 +72,7 @@ def solve_parts(
     known: dict[tuple[bytes, ...], StateGain] = {}
     for part in parts:
         if part.fingerprint not in known:
-            known[part.fingerprint] = part.solve(reference, gain_bound, tolerance)
+            known[part.fingerprint] = part.solve(reference, gain_bound, tolerance, wanted)
     return [known[part.fingerprint] for part in parts]
 
 
@@ -121,7 +126,9 @@ class _Part:
         value = almost_no_control(self.plant, self.engine.norm)
         return self.scaled.norm(value, self.engine.norm) if math.isfinite(value) else 0.0
 
-    def solve(self, reference: float, gain_bound: float | None, tolerance: float) -> StateGain:
+    def solve(
+        self, reference: float, gain_bound: float | None, tolerance: float, wanted: WantedNorm
+    ) -> StateGain:
         """Minimise the norm.
 
         Parameters
@@ -130,16 +137,21 @@ class _Part:
             Norm of the whole with almost no control: what a vanishing norm is small against.
         gain_bound : float or None
         tolerance : float
+        wanted : WantedNorm
         """
         p = self.plant
         if p.nu == 0 or self.is_idle:
             return self.in_units(self.stabilised())
+        norm = self.engine.norm
+        enough = wanted.in_unit(self.scaled.norm(1.0, norm)).limited(0.0)
         if gain_bound is not None:
             found = self.bounded(gain_bound)
         else:
             found = self.engine.search(p, self.budget) if self.is_direct else None
-            found = self.singular(reference) if found is None else found
-        norm = self.engine.norm
+            found = self.singular(reference, enough) if found is None else found
+        if found.achieved <= enough:
+            left, right = np.diag(self.scaled.control), np.diag(1 / self.scaled.state)
+            found = SmallestGain(self.engine, p, left, right, self.budget).within(enough, found)
         least = least_state_norm(p, norm, found.achieved, tolerance, self.budget)
         # With regions it says no more than that the region costs nothing visible.
         if found.achieved <= least * (1 + tolerance) and not self.engine.regions:
@@ -172,10 +184,10 @@ class _Part:
             )
         return found
 
-    def singular(self, reference: float) -> StateGain:
-        """Follow the infimum of a norm for which control is free."""
+    def singular(self, reference: float, enough: float) -> StateGain:
+        """Follow the infimum of a norm for which control is free, down to `enough`."""
         norm, regions = self.engine.norm, self.engine.regions
-        target = self.scaled.scaled_norm(POLICY.vanished * reference, norm)
+        target = max(self.scaled.scaled_norm(POLICY.vanished * reference, norm), enough)
         found = solve_singular(self.engine, self.plant, target, self.gain_size, self.budget)
         if found is None:
             raise self.nothing_found()

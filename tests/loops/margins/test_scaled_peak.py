@@ -68,3 +68,16 @@ def test_an_interval_ends_where_the_gain_has_the_level():
 def test_nothing_has_no_peak():
     zero = control.ss([[-1.0]], [[0.0]], [[1.0]], 0, remove_useless_states=False)
     assert peak_of(zero).upper == 0.0
+
+
+def test_two_signals_have_their_best_scales_in_closed_form():
+    rng = np.random.default_rng(5)
+    for _ in range(30):
+        sizes = 10.0 ** rng.uniform(-4, 4, (2, 2))
+        M = sizes * (rng.standard_normal((2, 2)) + 1j * rng.standard_normal((2, 2)))
+        value, scales = best_scales(M)
+        tried = np.exp(np.linspace(-20, 20, 4001))
+        each = [np.linalg.norm(M * np.array([[1, 1 / d], [d, 1]]), 2) for d in tried]
+        assert value <= min(each) * (1 + 1e-12)
+        assert value == pytest.approx(np.linalg.norm(scales[:, None] * M / scales, 2))
+    assert best_scales(np.zeros((2, 2)))[0] == 0

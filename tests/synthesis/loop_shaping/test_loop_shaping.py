@@ -140,3 +140,68 @@ def test_a_shorter_controller_tells_what_it_costs():
     assert full.details["optimal_gamma"] < short.details["gamma"] < 1.5 * full.details["gamma"]
     with pytest.raises(rp.SolverError, match=r"order 0 could not be certified.*ask for more"):
         rp.loop_shaping(control.tf([1], [1, 0, -4]), order=0)
+
+
+@pytest.mark.parametrize("dt", [0, 0.01])
+def test_a_target_in_place_of_weights(dt):
+    s = control.tf("s")
+    G, target = 200 / ((10 * s + 1) * (0.05 * s + 1) ** 2), 10 / s
+    if dt:
+        G, target = (control.c2d(control.ss(system), dt) for system in (G, target))
+    design = rp.loop_shaping(G, target=target)
+    details = design.details
+    assert design.certificate.valid
+    assert details["shape_factor"] < 1.01
+    assert details["target_factor"] <= details["gamma"] < 2
+    assert f"within a factor of {details['target_factor']:.3g}" in design.message
+    assert "no proof between" in design.message
+    assert details["band_hz"] == pytest.approx((0.1 / (2 * np.pi), 100 / (2 * np.pi)), rel=0.05)
+    # The loop itself, from the plant and the controller that is returned.
+    for omega in (0.2, 1.0, 50.0):
+        point = np.exp(1j * omega * dt) if dt else 1j * omega
+        own, wanted = (abs(complex(x(point))) for x in (G * design.controller, target))
+        lacking = wanted / own if wanted > 1 else own / wanted
+        assert lacking < details["target_factor"] * 1.001
+
+
+def test_a_target_for_several_loops_and_units():
+    rng = np.random.default_rng(3)
+    A = rng.standard_normal((4, 4)) - 2 * np.eye(4)
+    G = control.ss(A, rng.standard_normal((4, 3)), rng.standard_normal((2, 4)), 0)
+    s = control.tf("s")
+    design = rp.loop_shaping(G, target=0.5 / s, W2=2.0)
+    assert design.certificate.valid
+    assert design.details["shape_factor"] < 1.01
+    assert (design.controller.noutputs, design.controller.ninputs) == (3, 2)
+    assert design.details["W1"].noutputs == 3
+    assert design.details["shaped_plant"].ninputs == 2
+
+
+def test_a_target_that_the_plant_does_not_permit_is_told():
+    s = control.tf("s")
+    design = rp.loop_shaping((1 - s) / (s + 1) ** 2, target=10 / s)
+    assert design.details["gamma"] > 4
+    assert "zero in the right half plane at 1 rad/s" in design.message
+    assert "do not suit the plant" in design.message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"target": "10/s"}, "target: got"),
+        ({"target": control.tf([1], [1, 0]), "W1": 2.0}, "target: got.*W2 may be given"),
+        ({"target": control.tf([1], [1, 0], 0.1)}, "target.*got sampling time"),
+        ({"target": [1.0]}, "target: got.*one system"),
+        (
+            {"target": control.ss(np.zeros((2, 2)), np.eye(2), np.eye(2), 0)},
+            "target: got.*2 inputs",
+        ),
+        ({"target": 5.0}, "target: got.*never falls"),
+        ({"target": control.tf([1], [1, 0]), "band_hz": (3, 1)}, "band_hz: got"),
+        ({"band_hz": (1, 3)}, "band_hz: got"),
+        ({"target": control.tf([1, 0], [1])}, "target: got"),
+    ],
+)
+def test_bad_targets(arguments, words):
+    with pytest.raises(rp.InvalidInputError, match=words):
+        rp.loop_shaping(control.tf([1], [1, 1]), **arguments)

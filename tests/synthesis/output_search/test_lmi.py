@@ -10,10 +10,10 @@ from small_plants import regular_plant
 
 import robustpolish as rp
 from robustpolish.long_calls import Budget
+from robustpolish.synthesis.design.wanted_norm import WantedNorm
 from robustpolish.synthesis.output_search.engine import Found
 from robustpolish.synthesis.output_search.lmi import LmiHinf
 from robustpolish.synthesis.output_search.policy import POLICY
-from robustpolish.synthesis.output_search.wanted_norm import WantedNorm
 
 
 def test_the_hinf_optimum_is_reached_within_the_tolerance():

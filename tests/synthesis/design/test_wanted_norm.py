@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.synthesis.output_search.wanted_norm import (
+from robustpolish.synthesis.design.wanted_norm import (
     ANY_NORM,
     WantedNorm,
     norm_in_words,

@@ -1,0 +1,1 @@
+"""Loops with a plant that is known at measured frequencies only."""
