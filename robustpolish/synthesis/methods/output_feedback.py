@@ -1,4 +1,4 @@
-"""Full-order dynamic output feedback for the H-infinity or the H2 norm."""
+"""Dynamic output feedback for the H-infinity or the H2 norm, of full order or of a given one."""
 
 from __future__ import annotations
 
@@ -25,6 +25,12 @@ from robustpolish.synthesis.design.wanted_norm import (
     norm_in_words,
     out_of_reach,
 )
+from robustpolish.synthesis.methods.fixed_order import (
+    checked_order,
+    design_of_order,
+    refuse_beside_order,
+)
+from robustpolish.synthesis.methods.structured_design import Orders
 from robustpolish.synthesis.output_search.choice import Chosen, choose
 from robustpolish.synthesis.output_search.engine import Found, Settings, Task
 from robustpolish.synthesis.output_search.engines import METHODS, ORDER
@@ -46,6 +52,7 @@ from robustpolish.synthesis.riccati.lqg import (
     h2_lower_bound,
     no_finite_h2_norm,
 )
+from robustpolish.synthesis.structured_search.policy import TIME_LIMIT
 from robustpolish.validation import described, instance_of, invalid, one_of, positive
 
 Method = Literal["auto", "riccati", "lmi", "slycot"]
@@ -64,15 +71,16 @@ def output_feedback(
     gamma: Gamma | None = None,
     tolerance: float = 4e-3,
     effort: float = 1.0,
-    time_limit: float = 60.0,
+    time_limit: float | None = None,
     split: bool = True,
+    order: int | None = None,
 ) -> Design:
     r"""Design a dynamic controller u = K y from the measurements for the smallest norm.
 
-    The controller has at most as many states as the plant. Scaling of signals, states and
-    time, decoupled parts, D11 and D22, rank-deficient D12 and D21 and zeros on the
-    stability boundary are taken care of. Only what is computed afresh from the closed
-    loop is believed, and every design carries a proof of its stability and norm.
+    The controller has at most as many states as the plant, or as `order` says. Scaling of
+    signals, states and time, decoupled parts, D11 and D22, rank-deficient D12 and D21 and zeros
+    on the stability boundary are taken care of. Only what is computed afresh from the closed loop
+    is believed, and every design carries a proof of its stability and norm.
 
     Parameters
     ----------
@@ -106,13 +114,18 @@ def output_feedback(
     effort : float
         Factor on the work that the search may do. It is counted in steps, so that every machine,
         busy or idle, gives the same answer.
-    time_limit : float
-        A safety net, in seconds. If it is reached the status is "time_limit", and another machine
-        may find something else; otherwise it changes nothing. The certificate, up to
-        about 2 s for 60 states, is computed in any case.
+    time_limit : float, optional
+        A safety net, in seconds; 60 s, and 300 s with `order`. If it is reached the status is
+        "time_limit", and another machine may find something else; otherwise it changes nothing.
+        The certificate, up to about 2 s for 60 states, is computed in any case.
     split : bool
         Whether to solve parts of the plant that share no signal one by one, which is quicker and
         gives the same norm.
+    order : int, optional
+        The most states that the controller may have; 0 is static feedback u = F y. The problem is
+        then not convex: full-order designs are reduced, and from these, from controllers of fewer
+        states and from random ones the norm itself is lowered. The result is certified, a local
+        minimum, and its message says how far it is from what any order reaches.
 
     Returns
     -------
@@ -161,13 +174,32 @@ def output_feedback(
     >>> gentle = rp.output_feedback(plant, gamma=4.0)
     >>> bool(gentle.certificate.bound <= 4.0)
     True
+
+    A single state instead of two:
+
+    >>> lean = rp.output_feedback(plant, order=1, effort=0.1)
+    >>> lean.controller.nstates, lean.certificate.valid
+    (1, True)
     """
-    _check(plant, norm, method, backend, tolerance, time_limit, effort)
+    seconds = (60.0 if order is None else TIME_LIMIT) if time_limit is None else time_limit
+    _check(plant, norm, method, backend, tolerance, seconds, effort)
+    if order is not None:
+        most = checked_order(order)
+        refuse_beside_order(method, gamma)
+        orders = Orders.checked(norm, seconds, 0, effort=effort)
+        whole = noisy(priced(plant, control_weight), measurement_noise)
+        try:
+            full = output_feedback(
+                whole, norm, backend=backend, solver=solver, tolerance=tolerance, effort=effort
+            )
+        except SolverError:
+            full = None  # nothing proven: few states may do where this found nothing
+        return design_of_order(plant, whole, most, full, norm, tolerance, orders)
     wanted = WantedNorm.checked(gamma)
     if control_weight is not None or measurement_noise is not None:
         plant = noisy(priced(plant, control_weight), measurement_noise)
     settings = Settings(norm, method, backend, solver, tolerance, wanted)
-    budget = Budget(effort * POLICY.work, time_limit)
+    budget = Budget(effort * POLICY.work, seconds)
     diagnosis = diagnose(plant)
     exact = [mode for mode in diagnosis.fixed_modes if mode.exact]
     if exact:

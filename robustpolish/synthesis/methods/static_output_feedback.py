@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from robustpolish.long_calls import same_bits
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.design.design import Design
+from robustpolish.synthesis.methods.fixed_order import checked_order
 from robustpolish.synthesis.methods.structured_design import (
     Orders,
     checked_bound,
@@ -56,7 +57,9 @@ def static_output_feedback(
         the plant and zero between them; pass ``np.ones((nu, ny))`` to join the parts.
         For ``order > 0`` the shape is (order + nu, order + ny), for [[Ak, Bk], [Ck, Dk]].
     order : int
-        States of the controller for each decoupled part; 0 is static.
+        States of the controller for each decoupled part; 0 is static. Without a `structure`
+        :func:`robustpolish.output_feedback` with ``order=`` is the way: it also starts from what
+        full order reaches and says how far from it the result is.
     time_limit : float
         Safety net in s for the search, whose work is limited otherwise; the status says if it
         was reached.
@@ -108,7 +111,7 @@ def static_output_feedback(
     (array([[-3.]]), 0.5)
     """
     orders = Orders.checked(norm, time_limit, seed, target)
-    order = _order(order)
+    order = checked_order(order)
     mask = _mask(structure, order, plant)
     start = _initial(initial, order, plant)
     whole = noisy(priced(plant, control_weight), measurement_noise)
@@ -117,12 +120,6 @@ def static_output_feedback(
     parts = (undivided(whole),) if joined else decoupled_parts(whole, mask)
     asked = StaticStructure(norm, order, mask, checked_bound(gain_bound), start)
     return design_structured(plant, whole, parts, asked, norm, orders)
-
-
-def _order(order: int) -> int:
-    if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 0:
-        raise invalid("order", order, "a whole number of at least 0", "0 is static feedback.")
-    return int(order)
 
 
 def _mask(

@@ -48,10 +48,12 @@ class Orders:
     target: float = 0.0
 
     @classmethod
-    def checked(cls, norm: Norm, time_limit: float, seed: int, target: float = 0.0) -> Orders:
+    def checked(
+        cls, norm: Norm, time_limit: float, seed: int, target: float = 0.0, effort: float = 1.0
+    ) -> Orders:
         """Check the arguments that all methods share, and start the clock of the safety net."""
         one_of("norm", norm, ("hinf", "h2"))
-        budget = Budget(POLICY.work, positive("time_limit", time_limit, "s"))
+        budget = Budget(effort * POLICY.work, positive("time_limit", time_limit, "s"))
         return cls(budget, seed, positive("target", target, zero=True))
 
 

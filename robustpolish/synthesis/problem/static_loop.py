@@ -29,7 +29,13 @@ class StaticLoop:
     @cached_property
     def poles(self) -> NDArray[np.complex128]:
         """Eigenvalues of the closed loop."""
-        return np.asarray(np.linalg.eigvals(self.A), complex)
+        return self.modes[0]
+
+    @cached_property
+    def modes(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Eigenvalues and eigenvectors of the closed loop."""
+        values, vectors = np.linalg.eig(self.A)
+        return np.asarray(values, complex), np.asarray(vectors, complex)
 
     @property
     def stable(self) -> bool:

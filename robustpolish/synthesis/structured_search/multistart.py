@@ -185,7 +185,8 @@ def _descend(
             point,
             budget,
             problem.work,
-            target=target if not problem.requirements else -np.inf,
+            POLICY.iterations(point.size),
+            target if not problem.requirements else -np.inf,
         )
         point = first.point if folded is None else folded.point(first.point)
     if first is None or first.value < progress.value + 0.1:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import chain
 
 import numpy as np
@@ -15,8 +14,6 @@ from robustpolish.synthesis.nonsmooth import (
     GainMeasure,
     Problem,
     Requirement,
-    StabilityMeasure,
-    WorstMeasure,
     minimax,
 )
 from robustpolish.synthesis.problem.decoupling import with_signals
@@ -44,24 +41,24 @@ def design_part(part: PartProblem, budget: Budget, seed: int, target: float) -> 
     SolverError
         If no start led to a stable loop that meets the requirements.
     """
-    size = float(np.linalg.norm(part.loop.A, 2)) or 1.0
-    stability = WorstMeasure(tuple(StabilityMeasure.of(each, size) for each in part.stable_loops))
     level = part.scaled.scaled_norm(target, part.norm) if target > 0 else 0.0
     goal = float(np.log(max(level, POLICY.zero)))
     rng = np.random.default_rng(seed)
     found, first = None, None
     for ceiling in POLICY.ceilings:
         again = first is not None
-        problem = Problem(part.parametrisation, part.objective, part.requirements, ceiling)
+        problem = part.below(ceiling)
         own = budget.share(POLICY.again_share if again else POLICY.search_share)
         effort = POLICY.again if again else part.effort
-        starts = _proposed(part, own, rng)
+        starts = part.proposals(own, rng)
         if found is not None and first is not None:
             gain = np.abs(part.parametrisation.gain(found.point)).max()
             starts = chain([first * ceiling / gain], starts)
         # Line searches try gains so wild that numbers overflow; such gains count as infinite.
         with np.errstate(over="ignore", invalid="ignore"):
-            result = descend_from(starts, problem, stability, effort, own, rng, goal, part.bounds)
+            result = descend_from(
+                starts, problem, part.stability, effort, own, rng, goal, part.bounds
+            )
         if result.point is None or not np.isfinite(result.value):
             if found is not None:
                 break
@@ -71,15 +68,6 @@ def design_part(part: PartProblem, budget: Budget, seed: int, target: float) -> 
             break
     assert found is not None
     return found
-
-
-def _proposed(part: PartProblem, budget: Budget, rng: np.random.Generator) -> Iterator[Vector]:
-    """Ask one proposal of starts after the other."""
-    earlier: list[Vector] = []
-    for proposal in part.starts:
-        for start in proposal.propose(tuple(earlier), budget, rng):
-            earlier.append(start)
-            yield start
 
 
 def _outcome(

@@ -76,6 +76,15 @@ class StructuredPolicy:
         Riccati designs to start from: nobody knows which one is near the best observer.
     proposals : int
         So many of the Riccati designs are descended from, the best first.
+    alike : float
+        Starts whose norms differ by less than this share count as the same.
+    grown_share, growths : float, int
+        Share of the work for a controller of fewer states to start from, and how many draws of
+        the states that are added to it.
+    grown : Effort
+        Of that search: it is only a start.
+    rates : pair of float
+        Decimal logarithms of the slowest and the fastest added state, in the plant's unit of time.
     modest : float
         Riccati designs with entries above this share of the first ceiling are no starts.
     stabilising_states, shared_states : int
@@ -118,6 +127,11 @@ class StructuredPolicy:
     epsilons: tuple[float, ...] = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
     back_offs: tuple[float, ...] = (1.001, 1.005, 1.02, 1.2)
     proposals: int = 6
+    alike: float = 1e-3
+    grown_share: float = 0.35
+    growths: int = 3
+    grown: Effort = Effort(descents=12, fewest=5, patience=6)
+    rates: tuple[float, float] = (-1.0, 1.0)
     modest: float = 0.3
     stabilising_states: int = 24
     shared_states: int = 14
@@ -128,6 +142,10 @@ class StructuredPolicy:
     inside: float = 1e-7
     nothing: float = 1e-9
     highest: float = math.log(3e4)
+
+    def iterations(self, numbers: int) -> int:
+        """Return the steps of BFGS: with the 110 free numbers of IH 300 end halfway."""
+        return max(300, 15 * numbers)
 
     @property
     def modest_entry(self) -> float:

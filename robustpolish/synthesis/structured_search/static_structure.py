@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import control
 import numpy as np
@@ -15,6 +15,8 @@ from robustpolish.synthesis.problem.decoupling import PlantPart
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import ScaledPlant
 from robustpolish.synthesis.problem.static_loop import augmented
+from robustpolish.synthesis.structured_search.grown_starts import GrownStarts
+from robustpolish.synthesis.structured_search.reduced_starts import ReducedStarts
 from robustpolish.synthesis.structured_search.starts import (
     DrawnStarts,
     KnownStarts,
@@ -24,6 +26,7 @@ from robustpolish.synthesis.structured_search.starts import (
 from robustpolish.synthesis.structured_search.structure import (
     Norm,
     PartProblem,
+    StartProposal,
     Structure,
     bound_in_words,
     scaled_part,
@@ -72,13 +75,21 @@ class StaticStructure(Structure):
         free = MaskedGain(mask) if self.norm == "hinf" else free_gain(mask, loop)
         rest = free.coordinates(resting(mask.shape, order, loop.discrete))
         known = [] if start is None else [free.coordinates(scaled_matrix(start, scaled))]
+        starts: list[StartProposal] = [KnownStarts([*known, rest])]
+        if self.mask is None:
+            if order:
+                # Half the order, down to none: each search starts from the one before.
+                shorter = replace(self, order=order // 2, initial=None).problem(part)
+                if shorter is not None:
+                    starts.append(GrownStarts(shorter, order, free.coordinates))
+            starts.append(ReducedStarts(scaled.plant, self.norm, order, free.coordinates))
         return PartProblem(
             scaled=scaled,
             norm=self.norm,
             order=order,
             parametrisation=free,
             starts=(
-                KnownStarts([*known, rest]),
+                *starts,
                 StabilisingStart(loop, mask, free.coordinates),
                 RegulatorStart(loop, mask, free.coordinates),
                 DrawnStarts(-1.5, 1.5, relative=False, base=rest),

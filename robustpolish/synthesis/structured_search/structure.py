@@ -23,7 +23,10 @@ from robustpolish.synthesis.nonsmooth import (
     HinfMeasure,
     Measure,
     Parametrisation,
+    Problem,
     Requirement,
+    StabilityMeasure,
+    WorstMeasure,
 )
 from robustpolish.synthesis.problem.decoupling import (
     PlantPart,
@@ -144,6 +147,24 @@ class PartProblem:
         """What has to be stable: the loop, and a dynamic controller whose gain is bounded."""
         alone = self.gain_bound is not None and self.order > 0
         return (self.loop, self.controller_loop) if alone else (self.loop,)
+
+    @property
+    def stability(self) -> Measure:
+        """Negative where all that has to be stable is."""
+        size = float(np.linalg.norm(self.loop.A, 2)) or 1.0
+        return WorstMeasure(tuple(StabilityMeasure.of(each, size) for each in self.stable_loops))
+
+    def below(self, ceiling: float) -> Problem:
+        """Return what the descents minimise, over gains below a ceiling."""
+        return Problem(self.parametrisation, self.objective, self.requirements, ceiling)
+
+    def proposals(self, budget: Budget, rng: np.random.Generator) -> Iterator[Vector]:
+        """Ask one proposal of starts after the other."""
+        earlier: list[Vector] = []
+        for proposal in self.starts:
+            for start in proposal.propose(tuple(earlier), budget, rng):
+                earlier.append(start)
+                yield start
 
     @property
     def key(self) -> tuple[bytes, ...]:

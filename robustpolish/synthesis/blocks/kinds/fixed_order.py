@@ -8,16 +8,14 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.arrays import AnyVector as Vector
 from robustpolish.synthesis.blocks.block import Names, TunableBlock, block_of
+from robustpolish.synthesis.blocks.masked_stage import MaskedStage
 from robustpolish.synthesis.blocks.slot import Slot
-from robustpolish.synthesis.blocks.stage import Stage
 from robustpolish.validation import invalid
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FixedOrder(Stage):
+class FixedOrder(MaskedStage):
     """x' = A x + B e, v = C x + D e with free A, B, C and perhaps D.
 
     Attributes
@@ -71,16 +69,6 @@ class FixedOrder(Stage):
                 )
             )
         return replace(stage, slots=tuple(slots))
-
-    def matrix(self, values: Vector) -> Matrix:
-        """Return [[A, B], [C, D]]."""
-        M = np.zeros(self.mask.shape)
-        M[self.mask] = values
-        return M
-
-    def back(self, values: Vector, gradient: Matrix) -> Vector:
-        """Return the free entries of the gradient."""
-        return gradient[self.mask]
 
 
 def fixed_order(

@@ -8,17 +8,15 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.arrays import AnyVector as Vector
 from robustpolish.synthesis.blocks.block import Names, TunableBlock, block_of
+from robustpolish.synthesis.blocks.masked_stage import MaskedStage
 from robustpolish.synthesis.blocks.slot import Given, Slot, checked_slot
-from robustpolish.synthesis.blocks.stage import Stage
 from robustpolish.synthesis.blocks.tunable import Tunable
 from robustpolish.validation import described, invalid
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class StaticGain(Stage):
+class StaticGain(MaskedStage):
     """u = gain y, with zeros where the structure has them.
 
     Attributes
@@ -46,10 +44,16 @@ class StaticGain(Stage):
         """Its transfer function in words."""
         return "gain"
 
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """Entries that may differ from zero."""
+        free = np.ones((self.outputs, self.inputs), bool)
+        return free if self.structure is None else self.structure
+
     def sized(self, inputs: int, outputs: int) -> Self:
         """Return the stage for so many signals, with a number for each entry."""
         shape = (outputs, inputs)
-        mask = np.ones(shape, bool) if self.structure is None else self.structure
+        mask = replace(self, inputs=inputs, outputs=outputs).mask
         if mask.shape != shape:
             raise invalid(
                 "structure",
@@ -74,16 +78,6 @@ class StaticGain(Stage):
             shown = described("entries that are all zero")
             raise invalid("gain", shown, "one that is tuned, or is not 0", "Free an entry.")
         return replace(self, structure=mask, slots=slots, inputs=inputs, outputs=outputs)
-
-    def matrix(self, values: Vector) -> Matrix:
-        """Return the matrix of gains."""
-        M = np.zeros((self.outputs, self.inputs))
-        M[self.structure] = values
-        return M
-
-    def back(self, values: Vector, gradient: Matrix) -> Vector:
-        """Return the entries of the gradient."""
-        return gradient[self.structure]
 
 
 def static_gain(
