@@ -1,1 +1,1 @@
-"""Exact and enclosed numbers: rational matrices, ball arithmetic, definiteness."""
+"""Exact and enclosed numbers: rational matrices, balls, definiteness, Riccati equations."""

@@ -64,7 +64,7 @@ class Design(Displayed):
     details : mapping
         What the method wants to tell besides: diagnosis, observer gain, ...
     lower_bound : float or None
-        A norm below which no controller of this kind comes, computed in double precision (how, is
+        A norm below which no controller of this kind comes (how that is known is told
         in the message); None if none is known, or the infimum is no more than estimated.
 
     Examples

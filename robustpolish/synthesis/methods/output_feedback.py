@@ -355,8 +355,7 @@ def _search(
         searches[-1].remarks.append("The work allowed was spent; allow more with effort.")
     best = min(found.best for found in searches)
     if bound is not None and best < bound.value * (1 - POLICY.spoilt):
-        again = lower_bound(matrices, accuracy, budget, best) if norm == "hinf" else None
-        problem = replace(problem, bound=again)
+        problem = replace(problem, bound=None)
     if feedback is not None and feedback.any():
         problem = replace(problem, plant=part.matrices)
         for found in searches:

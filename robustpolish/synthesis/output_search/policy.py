@@ -19,7 +19,7 @@ class SearchPolicy:
     bound_accuracy : float
         How finely the lower bound is searched, as a share of the tolerance.
     spoilt : float
-        A norm this much, relative, below a lower bound proves that rounding has spoilt the bound.
+        A norm this much, relative, below an estimate of the infimum shows that rounding spoilt it.
     near : float
         The ladder ends within this share of the tolerance above the lower bound. The rest of the
         tolerance buys smaller gains and fewer states.

@@ -1,7 +1,8 @@
 """The infimum of the H-infinity norm: the smallest gamma for which both Riccati equations hold.
 
 Where some control has no price or some measurement no noise they are those of
-:mod:`robustpolish.synthesis.riccati.reduction`.
+:mod:`robustpolish.synthesis.riccati.reduction`. In double precision they say where the infimum may
+be; what is claimed of it is proven by :mod:`robustpolish.synthesis.riccati.proof`.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.long_calls import Budget, step_cost
 from robustpolish.synthesis.problem.matrices import PlantMatrices, regularise, shifted
+from robustpolish.synthesis.riccati.proof import PROVABLE_STATES, PROVEN, proven_bound
 from robustpolish.synthesis.riccati.reduction import reduced_halves
 from robustpolish.synthesis.riccati.two_riccati import (
     Attempt,
@@ -42,20 +43,9 @@ class GammaPolicy:
     hardly : float
         How little a plant with zeros on the axis is regularised for an estimate: less, and
         rounding decides (the Riccati solutions hold 1 / hardly^2).
-    shifts : tuple of float
-        By how much the axis is moved, over the plant's unit of frequency, where zeros lie on it, as
-        those of a weighted servo with an integrator do. Rounding moves double zeros by 1e-8, and
-        weights have poles at 1e-5.
-    copies : int
-        Copies of a plant, of other units and last digits, in which a bound has to hold too.
-    below, above : tuple of float
-        Factors on a bracket at which the equations of copies have to fail, and to hold.
-    last_digits : float
-        Relative change of the numbers of a copy, as data in doubles are known.
-    octaves : int
-        The units of its states change by up to so many factors of two.
-    costly_states : int
-        Above so many states a single copy is tried, at fewer norms.
+    beside : float
+        By how much the axis is moved for another: less than the poles of weights, 1e-5, and more
+        than rounding moves double zeros, 1e-8.
     """
 
     growth: float = 8.0
@@ -64,16 +54,18 @@ class GammaPolicy:
     least: float = 1e-12
     zero: float = 1e-10
     hardly: float = 1e-6
-    shifts: tuple[float, ...] = (1e-7, 1e-8, 1e-6, 1e-5)
-    copies: int = 3
-    below: tuple[float, ...] = (0.995, 0.9, 0.97, 0.6, 0.2)
-    above: tuple[float, ...] = (1.005, 1.3, 3.0)
-    last_digits: float = 1e-14
-    octaves: int = 6
-    costly_states: int = 24
+    beside: float = 1e-6
 
 
 _POLICY = GammaPolicy()
+
+
+class LowerBound(NamedTuple):
+    """A norm below which no controller comes, and how that is known."""
+
+    value: float
+    how: str
+    proven: bool = True  # an estimate may lie above norms that are reached
 
 
 class GammaBracket(NamedTuple):
@@ -85,22 +77,11 @@ class GammaBracket(NamedTuple):
     attempts: int
 
 
-EXACT = "by Riccati equations in double precision"
-"""How a bound is known that holds without any regularisation."""
-
-
-class LowerBound(NamedTuple):
-    """A norm below which no controller comes, and how that is known."""
-
-    value: float
-    how: str
-    proven: bool = True  # but for rounding; an estimate holds for a changed plant only
-
-
-def lower_bound(
-    plant: PlantMatrices, tolerance: float, budget: Budget, below: float = np.inf
-) -> LowerBound | None:
+def lower_bound(plant: PlantMatrices, tolerance: float, budget: Budget) -> LowerBound | None:
     """Bound the H-infinity norm of every stabilising controller's loop from below.
+
+    Equations in double precision say where the infimum may be, and those in long arithmetic prove
+    how much of it is true.
 
     Parameters
     ----------
@@ -109,101 +90,48 @@ def lower_bound(
     tolerance : float
         How much of the infimum, relative, may be given away.
     budget : Budget
-    below : float
-        A norm that was reached: larger bounds are spoilt by rounding, and left out.
+        For the search in double precision. Like a certificate, a proof is made in any case.
 
     Returns
     -------
     LowerBound or None
-        None where the equations have no solution in double precision for any gamma.
+        Proven, or for a plant too large for that an estimate; None where the equations have no
+        solution in double precision for any gamma.
     """
-    hardly = regularise(plant, _POLICY.hardly)
-    size = f"{_POLICY.hardly:.0e}"
-    estimated = f"estimated by Riccati equations of a plant with a price and a noise of {size}"
-    ways = [(reduced_halves, plant, EXACT), (reduced_halves, hardly, estimated)]
-    if has_full_rank(plant):
-        ways.insert(0, (_regular_halves, plant, EXACT))
-    for halves, P, how in ways:
-        value = _largest_infeasible(P, halves, tolerance, budget)
-        if value is not None and value <= below:
-            return LowerBound(value, how, how != estimated)
-    return None
+    guess = _estimate(plant, tolerance, budget)
+    if plant.nx <= PROVABLE_STATES:
+        proven = proven_bound(plant, 1.0 if guess is None else guess.value, tolerance)
+        return LowerBound(proven, PROVEN)
+    return guess
 
 
-def _largest_infeasible(
-    plant: PlantMatrices,
+def _estimate(plant: PlantMatrices, tolerance: float, budget: Budget) -> LowerBound | None:
+    """Estimate the infimum in double precision."""
+    regular = has_full_rank(plant)
+    halves = _regular_halves if regular else reduced_halves
+    found = [_infimum(halves, plant, tolerance, budget)]
+    if not regular or found == [None]:
+        # Zeros on the axis are the commonest reason to fail; with it moved they lie beside it.
+        beside = shifted(plant, -_POLICY.beside)
+        found.append(_infimum(halves, beside, tolerance, budget))
+    known = [value for value in found if value is not None]
+    how = "estimated by Riccati equations in double precision"
+    if known:
+        return LowerBound(min(known), how, False)
+    value = _infimum(reduced_halves, regularise(plant, _POLICY.hardly), tolerance, budget)
+    how += f" of a plant with a price and a noise of {_POLICY.hardly:.0e}"
+    return None if value is None else LowerBound(value, how, False)
+
+
+def _infimum(
     halves: Callable[[PlantMatrices], TwoHalves | None],
+    plant: PlantMatrices,
     tolerance: float,
     budget: Budget,
 ) -> float | None:
-    """Return a gamma below which the equations have no solution; None if they never have one.
-
-    Where zeros lie on the axis the equations fail for every gamma or for too many. That shows
-    if they hold once the axis is moved to the left, which makes the problem harder; then what
-    they say with the axis moved to the right, where it is easier, holds for the plant too.
-    """
-    own = halves(plant)
-    if own is None:
-        return None
-    exact = search_gamma(own, 1.0, tolerance, budget)
-    for shift in _POLICY.shifts:
-        harder, easier = halves(shifted(plant, shift)), shifted(plant, -shift)
-        if harder is None:
-            continue
-        bound = None if exact is None else exact.lower * (1 - tolerance)
-        if bound is not None and not _tried(harder, bound, budget).feasible:
-            continue
-        if (left := halves(easier)) is None:
-            continue
-        bracket = search_gamma(left, 1.0, tolerance, budget)
-        if bracket is not None and _is_beyond_rounding(bracket, easier, halves):
-            return bracket.lower
-    if exact is None or not _is_beyond_rounding(exact, plant, halves):
-        return None
-    return exact.lower
-
-
-def _is_beyond_rounding(
-    bracket: GammaBracket,
-    plant: PlantMatrices,
-    halves: Callable[[PlantMatrices], TwoHalves | None],
-) -> bool:
-    """Tell whether the equations fail below a bracket and hold above it in other units too.
-
-    Where rounding decides, it decides otherwise in copies of the plant whose numbers and units
-    of states differ a little. Like a certificate, this is done in any case and takes no work
-    from the search.
-    """
-    if bracket.lower <= bracket.upper * _POLICY.zero:
-        return True  # nothing is claimed
-    draw = np.random.default_rng(0)
-    costly = plant.nx > _POLICY.costly_states
-    for _ in range(1 if costly else _POLICY.copies):
-        copy = halves(_rounded(plant, draw))
-        if copy is None:
-            return False
-        for factor in _POLICY.below[:2] if costly else _POLICY.below:
-            if copy.attempt(bracket.lower * factor).feasible:
-                return False
-        for factor in _POLICY.above[:1] if costly else _POLICY.above:
-            if not copy.attempt(bracket.upper * factor).feasible:
-                return False
-    return True
-
-
-def _rounded(plant: PlantMatrices, draw: np.random.Generator) -> PlantMatrices:
-    """Return a copy of a plant in other units of states, its numbers changed in their last digits.
-
-    Zeros stay zeros.
-    """
-
-    def changed(M: Matrix) -> Matrix:
-        return M * (1 + _POLICY.last_digits * draw.standard_normal(M.shape))
-
-    unit = 2.0 ** draw.integers(-_POLICY.octaves, _POLICY.octaves + 1, plant.nx)
-    copy = plant.in_states(np.diag(1 / unit), np.diag(unit))
-    names = ("A", "B1", "B2", "C1", "C2")
-    return copy.replace(**{name: changed(getattr(copy, name)) for name in names})
+    found = halves(plant)
+    bracket = None if found is None else search_gamma(found, 1.0, tolerance, budget)
+    return None if bracket is None else bracket.lower
 
 
 def _regular_halves(plant: PlantMatrices) -> TwoHalves:

@@ -14,8 +14,10 @@ from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.errors import InfeasibleError
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, close
 from robustpolish.synthesis.riccati.equations import solve_riccati
-from robustpolish.synthesis.riccati.infimum import EXACT, LowerBound
+from robustpolish.synthesis.riccati.infimum import LowerBound
 from robustpolish.synthesis.riccati.reduction import reduced_halves
+
+_HOW = "by Riccati equations in double precision"
 
 # How much of D11 may be left, relative, where a static controller cancels it.
 _CANCELLED = 1e-9
@@ -82,7 +84,7 @@ def h2_lower_bound(plant: PlantMatrices) -> LowerBound | None:
         K = lqg(plant)
         if K is None:
             return None
-        return LowerBound(float(h2_norm(control.StateSpace(*close(plant, K), True))), EXACT)
+        return LowerBound(float(h2_norm(control.StateSpace(*close(plant, K), True))), _HOW)
     P, halves = plant, reduced_halves(plant)
     if halves is None:
         return None
@@ -90,7 +92,7 @@ def h2_lower_bound(plant: PlantMatrices) -> LowerBound | None:
     if X is None or Y is None:
         return None
     square = np.trace(P.B1.T @ X @ P.B1) + np.trace((P.A.T @ X + X @ P.A + P.C1.T @ P.C1) @ Y)
-    return LowerBound(float(np.sqrt(max(square, 0.0))), EXACT)
+    return LowerBound(float(np.sqrt(max(square, 0.0))), _HOW)
 
 
 def lqg(plant: PlantMatrices) -> Controller | None:

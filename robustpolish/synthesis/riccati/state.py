@@ -21,7 +21,7 @@ from robustpolish.synthesis.riccati.equations import (
     solve_riccati,
     symplectic_scaling,
 )
-from robustpolish.synthesis.riccati.infimum import EXACT, lower_bound
+from robustpolish.synthesis.riccati.infimum import lower_bound
 from robustpolish.synthesis.state_search.engine import StateEngine, StateGain
 from robustpolish.synthesis.state_search.policy import POLICY
 
@@ -231,7 +231,7 @@ def least_state_norm(
     if not is_regular(plant):
         if norm == "hinf" and not plant.discrete:
             found = lower_bound(measuring_states(plant), POLICY.bracket * tolerance, budget)
-            if found is not None and found.how == EXACT:
+            if found is not None and found.proven:
                 return min(max(least, found.value), achieved)
         return least
     budget.spend(POLICY.gain_work(plant.nx))

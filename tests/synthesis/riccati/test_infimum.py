@@ -7,8 +7,10 @@ import robustpolish as rp
 from robustpolish.long_calls import Budget
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import scale_plant
-from robustpolish.synthesis.riccati.infimum import EXACT, lower_bound
+from robustpolish.synthesis.riccati.infimum import lower_bound
+from robustpolish.synthesis.riccati.proof import PROVABLE_STATES, PROVEN
 from robustpolish.synthesis.riccati.reduction import reduced_halves
+from tests.synthesis.weighted_servos import drawn, realisations
 
 # Infima of the full-order H-infinity norm of COMPleib plants, most of them singular.
 INFIMUM = {
@@ -21,9 +23,9 @@ INFIMUM = {
 }
 
 
-def bound_of(plant, tolerance=1e-4, below=np.inf):
+def bound_of(plant, tolerance=1e-4):
     scaled = scale_plant(plant)
-    found = lower_bound(PlantMatrices.of(scaled.plant), tolerance, Budget(), below)
+    found = lower_bound(PlantMatrices.of(scaled.plant), tolerance, Budget())
     assert found is not None
     return scaled.norm(found.value), found.how
 
@@ -36,7 +38,7 @@ def test_infimum_of_singular_plants(shared, name):
     plant = rp.GeneralizedPlant.from_matrices(*(data[f"{name}/{key}"] for key in keys))
     value, how = bound_of(plant)
     assert value == pytest.approx(INFIMUM[name], rel=2e-4)
-    assert how == EXACT
+    assert how == PROVEN
 
 
 def test_a_measurement_without_noise_takes_its_states_out_of_the_equation():
@@ -74,7 +76,7 @@ def test_the_infimum_does_not_depend_on_coordinates(seed):
     )
     first = bound_of(rp.GeneralizedPlant.from_matrices(A, B1, B2, C1, C2, D12=D12, D21=D21))
     second = bound_of(rp.GeneralizedPlant.from_matrices(*turned, D12=D12, D21=D21))
-    assert first[1] == second[1] == EXACT
+    assert first[1] == second[1] == PROVEN
     assert first[0] == pytest.approx(second[0], rel=2e-4)
 
 
@@ -90,19 +92,42 @@ def test_no_controller_comes_below_the_bound_and_one_comes_near():
     assert design.lower_bound == pytest.approx(value, rel=2e-4)
 
 
-def test_a_bound_above_a_norm_that_was_reached_is_left_out():
+def bounds_of_realisations(seed):
+    plants = realisations(*drawn(seed))
+    return np.array([bound_of(plant, 1e-3)[0] for plant in plants])
+
+
+# In double precision the bounds of one and the same plant differed by factors up to three.
+@pytest.mark.parametrize(
+    "seed",
+    [7, 29, pytest.param(42, marks=pytest.mark.slow), pytest.param(50, marks=pytest.mark.slow)],
+)
+def test_units_and_last_digits_do_not_change_the_bound(seed):
+    found = bounds_of_realisations(seed)
+    assert found.max() <= found.min() * (1 + 2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", range(51, 111, 10))
+def test_units_and_last_digits_do_not_change_the_bound_of_any_servo(start):
+    for seed in range(start, start + 10):
+        found = bounds_of_realisations(seed)
+        assert found.max() <= found.min() * (1 + 2e-3), seed
+
+
+def test_a_bound_of_many_states_is_an_estimate():
+    rng = np.random.default_rng(0)
+    n = PROVABLE_STATES + 1
     plant = rp.GeneralizedPlant.from_matrices(
-        [[1.0]],
-        [[1.0, 0.0]],
-        [[1.0]],
-        [[1.0], [0.0]],
-        [[1.0]],
+        -np.diag(np.arange(1.0, n + 1)),
+        rng.standard_normal((n, 2)),
+        rng.standard_normal((n, 1)),
+        np.vstack([rng.standard_normal((1, n)), np.zeros((1, n))]),
+        rng.standard_normal((1, n)),
         D12=[[0.0], [1.0]],
         D21=[[0.0, 1.0]],
     )
-    value, _ = bound_of(plant)
-    scaled = scale_plant(plant)
-    spoilt = lower_bound(
-        PlantMatrices.of(scaled.plant), 1e-4, Budget(), 0.5 * scaled.scaled_norm(value)
-    )
-    assert spoilt is None
+    found = lower_bound(PlantMatrices.of(scale_plant(plant).plant), 1e-3, Budget())
+    assert found is not None
+    assert not found.proven
+    assert "estimated" in found.how

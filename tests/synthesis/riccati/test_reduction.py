@@ -8,7 +8,8 @@ import robustpolish as rp
 from robustpolish.long_calls import Budget
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import SolverPlant
-from robustpolish.synthesis.riccati.infimum import EXACT, lower_bound
+from robustpolish.synthesis.riccati.infimum import lower_bound
+from robustpolish.synthesis.riccati.proof import PROVEN
 from robustpolish.synthesis.riccati.reduction import reduced_halves
 
 
@@ -33,7 +34,7 @@ def test_the_bound_of_an_unstable_plant_with_delay_is_the_analytic_one(delay, or
     # is exp(pole delay); maximum principle.
     infimum = abs(weight(pole)) * np.exp(pole * delay)
     assert found is not None
-    assert found.how == EXACT
+    assert found.how == PROVEN
     assert part.norm(found.value) == pytest.approx(infimum, rel=2e-3)
     assert part.norm(found.value) <= infimum * (1 + 1e-4)
 
