@@ -164,6 +164,11 @@ NO_PICTURE = (
     "MechanicalModel",
     "LmiCheck",
     "DesignTask",
+    "UncertainSystem",
+    "StructuredSingularValue",
+    "RobustStability",
+    "RobustPerformance",
+    "WorstCaseGain",
 )
 
 

@@ -27,6 +27,7 @@ ROOMS = {
     "brush": "The polishing brush",
     "analysis": "Analysis",
     "synthesis": "Synthesis and certificates",
+    "robust": "Robust analysis of uncertain systems",
     "loops": "Loops: margins, bandwidths, effort",
     "implementation": "From continuous to code",
     "machine_design": "Controllers for any machine",

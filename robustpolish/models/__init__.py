@@ -11,6 +11,20 @@ from robustpolish.models.machines.polishing_plant import polishing_plant
 from robustpolish.models.mechanical.model import MechanicalModel
 from robustpolish.models.mechanical.parts import CoupledInertia, Damper, Dof, Input, Output, Spring
 from robustpolish.models.plant.plant import GeneralizedPlant
+from robustpolish.models.uncertain.connections import (
+    append,
+    feedback,
+    lft,
+    parallel,
+    series,
+    uncertain_system,
+)
+from robustpolish.models.uncertain.parameters import (
+    uncertain_complex,
+    uncertain_dynamics,
+    uncertain_real,
+)
+from robustpolish.models.uncertain.system import UncertainSystem
 from robustpolish.models.weights.mixed_sensitivity import mixed_sensitivity
 from robustpolish.models.weights.weight import weight
 
@@ -27,9 +41,19 @@ __all__ = [
     "Output",
     "PolishingHardware",
     "Spring",
+    "UncertainSystem",
     "air_bearing",
+    "append",
+    "feedback",
+    "lft",
     "linearize",
     "mixed_sensitivity",
+    "parallel",
     "polishing_plant",
+    "series",
+    "uncertain_complex",
+    "uncertain_dynamics",
+    "uncertain_real",
+    "uncertain_system",
     "weight",
 ]

@@ -42,7 +42,8 @@ def test_names_exist(name):
 
 
 ROWS = """hinfsyn augw mixsyn makeweight ncfsyn loopsyn h2syn hinfstruct loopsens allmargin margin
-diskmargin balred c2d sigma lft sdhinfnorm codegen damp"""
+diskmargin balred c2d sigma lft sdhinfnorm codegen damp ureal ucomplex ultidyn uss usubs robstab
+robustperf wcgain mussv"""
 
 
 @pytest.mark.parametrize("row", ROWS.split())
@@ -229,3 +230,20 @@ def test_analysis_rows():
     assert dict(plant.delays) == {"F": 1e-3}
     loop = plant.delayed_loop(control.ss([[-20.0]], [[20.0]], [[150.0]], -170.0))
     assert rp.delay_stability(loop)
+
+
+def test_rows_of_uncertain_systems():
+    k, m = rp.uncertain_real("k", 10, percent=(-20, 50)), rp.uncertain_real("m", 2, plus_minus=0.5)
+    assert k.elements["k"].low == 8
+    plant = rp.uncertain_system(np.array([[0, 1], [-k / m, -0.4 / m]]), [0, 1 / m], [1, 0])
+    assert [block.copies for block in plant.blocks] == [1, 1]
+    error = rp.uncertain_dynamics("d", (1, 1), bound=rp.weight(0.1, 10, 2))
+    loop = control.feedback(plant * (1 + error), 0.1)
+    assert sorted(loop.elements) == ["d", "k", "m"]
+    assert sorted(control.series(control.tf(1, [1, 1]), plant).elements) == ["k", "m"]
+    assert sorted(control.parallel(1, plant).elements) == ["k", "m"]
+    assert len(loop.sample(3, seed=0)) == 3
+    # robustperf of (1 + 0.5 d) / (s + 1): the gain (1 + m / 2) is 1 / m at m = 0.732
+    margin = rp.robust_performance(control.tf(1, [1, 1]) * (1 + rp.uncertain_dynamics("e") * 0.5))
+    assert margin.upper == pytest.approx(np.sqrt(3) - 1, rel=1e-3)
+    assert rp.structured_singular_value([[2, 2], [-1, -1]], [[1, 1], [-1, 0]]).upper < 3.001

@@ -21,7 +21,9 @@ from robustpolish.models.mechanical.frequency_response import frequency_response
 from robustpolish.models.mechanical.linear import linearize
 from robustpolish.models.mechanical.parts import DISPLACEMENT, Dof, Input
 from robustpolish.models.mechanical.toml import read_model, write_model
+from robustpolish.models.mechanical.uncertain import uncertain_model
 from robustpolish.models.plant.plant import GeneralizedPlant
+from robustpolish.models.uncertain.system import UncertainSystem
 
 
 @dataclass(frozen=True, repr=False)
@@ -153,6 +155,40 @@ class MechanicalModel(MechanicalData, Displayed):
                [-5.5,  0. ]])
         """
         return linearize(self, controls, actuation, measured, operating_point)
+
+    def uncertain(self, ranges: Mapping[str, float | tuple[float, float]]) -> UncertainSystem:
+        """Return the linear part with some of its numbers uncertain, from inputs to outputs.
+
+        Parameters
+        ----------
+        ranges : mapping of str to float or (float, float)
+            By the keys of `parameters`: how far a number may be off as a share of it (0.1 is 10 %
+            up or down), or its smallest and largest value. Masses, inertias, springs, dampers and
+            gains of forces.
+
+        Returns
+        -------
+        UncertainSystem
+            With the inputs, outputs and states of :meth:`state_space`, and one element per key, by
+            that name; effects are left out, as there.
+
+        Raises
+        ------
+        InvalidInputError
+            If a key is unknown or of another kind, or a range does not hold the number.
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> model = rp.MechanicalModel(
+        ...     [rp.Dof("x", 2.0)], [rp.Spring(("x", "ground"), 800.0)],
+        ...     inputs=[rp.Input("F", ("x", "ground"))], outputs=[rp.Output("x", "x")],
+        ... )
+        >>> machine = model.uncertain({"spring[0].stiffness": 0.1, "dof.x.mass": (1.5, 2.5)})
+        >>> machine.at({"spring[0].stiffness": 880.0, "dof.x.mass": 2.5}).A[1, 0].round(6)
+        np.float64(-352.0)
+        """
+        return uncertain_model(self, ranges)
 
     def frequency_response(
         self,

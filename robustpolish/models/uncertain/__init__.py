@@ -1,0 +1,1 @@
+"""Machines whose numbers and dynamics are known within bounds only."""

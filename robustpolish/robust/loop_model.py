@@ -1,0 +1,119 @@
+"""The certain part of an uncertain loop, as the model that bounds and witnesses are sought for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from robustpolish.analysis.norms.peak_search import cayley
+from robustpolish.arrays import AnyMatrix, Matrix
+from robustpolish.exact.realisation import Realisation, rescaled
+from robustpolish.models.uncertain.system import UncertainSystem
+from robustpolish.robust.structure import DeltaBlock, Structure, structure_of
+
+
+@dataclass(frozen=True, eq=False)
+class LoopModel:
+    """M from w to z in scaled units, continuous, with the structure of Delta.
+
+    Attributes
+    ----------
+    structure : Structure
+    model : Realisation
+        Continuous: a discrete loop is mapped by z = (1 + s)/(1 - s).
+    gain : float
+        Gains of `model` times this are those of the loop.
+    time : float
+        Frequencies of `model` times this are in rad/s, of a continuous loop.
+    step : float
+        Sampling time in s, 0 for a continuous loop.
+    """
+
+    structure: Structure
+    model: Realisation
+    gain: float
+    time: float
+    step: float
+
+    @classmethod
+    def of(cls, system: UncertainSystem, performance: DeltaBlock | None = None) -> LoopModel:
+        """Return the loop around the blocks, with the performance as one more block if asked."""
+        structure = structure_of(system.blocks)
+        one, n = system.matrices, system.nstates
+        A, B, C, D = one.F[:n, :n], one.F[:n, n:], one.F[n:, :n], one.F[n:, n:]
+        if performance is not None:
+            structure = Structure((*structure.blocks, performance))
+            B, C = np.hstack([B, one.G[:n]]), np.vstack([C, one.H[:, :n]])
+            D = np.block([[D, one.G[n:]], [one.H[:, n:], one.J]])
+        used = _used(A, B, C)
+        A, B, C = A[used][:, used], B[used], C[:, used]
+        discrete = bool(system.dt)
+        step = 0.0 if not discrete else 1.0 if system.dt is True else float(system.dt or 0.0)
+        model = rescaled(Realisation(A, B, C, D, discrete, step or 1.0))
+        image = replace(cayley(model), time=1.0, gain=1.0)
+        return cls(structure, image, model.gain, model.time, step)
+
+    @cached_property
+    def rate(self) -> float:
+        """A typical frequency of the model, in its own units."""
+        poles = np.abs(np.linalg.eigvals(self.model.A)) if self.model.states else np.ones(1)
+        poles = poles[poles > 0]
+        return float(np.exp(np.log(poles).mean())) if poles.size else 1.0
+
+    def response(self, angle: float) -> tuple[AnyMatrix, AnyMatrix]:
+        """Return M and its slope at the frequency ``rate * tan(angle)``."""
+        A, B, C, D = (M.astype(complex) for M in self._matrices)
+        if not self.model.states:
+            return D, np.zeros_like(D)
+        s, c, one = math.sin(angle), math.cos(angle), np.eye(len(A))
+        inner = 1j * self.rate * s * one - c * A
+        slope = 1j * self.rate * c * one + s * A
+        states = np.linalg.solve(inner, B)
+        turned = np.linalg.solve(inner, slope @ states)
+        return D + c * C @ states, -s * C @ states - c * C @ turned
+
+    @property
+    def _matrices(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+        model = self.model
+        return model.A, model.B, model.C, model.D
+
+    def angle(self, x: float) -> float:
+        """Return the angle of a frequency of the model."""
+        return math.pi / 2 if math.isinf(x) else math.atan(x / self.rate)
+
+    def frequency(self, angle: float) -> float:
+        """Return the frequency of the model at an angle, positive."""
+        turned = abs((angle + math.pi / 2) % math.pi - math.pi / 2)
+        return math.inf if turned >= math.pi / 2 else self.rate * math.tan(turned)
+
+    def omega(self, x: float) -> float:
+        """Return a frequency of the model in rad/s."""
+        if self.step:
+            return 2 * math.atan(x) / self.step
+        return x * self.time
+
+    def in_rad_per_s(
+        self, intervals: tuple[tuple[float, float], ...]
+    ) -> tuple[tuple[float, float], ...]:
+        """Return intervals of the model's frequency in rad/s."""
+        return tuple((self.omega(low), self.omega(high)) for low, high in intervals)
+
+    def seeds(self) -> list[float]:
+        """Return frequencies that are likely to matter: those of the poles."""
+        if not self.model.states:
+            return []
+        poles: Any = np.linalg.eigvals(self.model.A)
+        return sorted({float(f"{abs(pole):.6g}") for pole in poles if abs(pole) > 0})
+
+
+def _used(A: Matrix, B: Matrix, C: Matrix) -> list[int]:
+    """Return the states that something moves and that something sees, by the pattern of zeros."""
+    moved, seen = B.any(axis=1), C.any(axis=0)
+    for _ in range(len(A)):
+        moved = moved | (A[:, moved] != 0).any(axis=1)
+        seen = seen | (A[seen] != 0).any(axis=0)
+    return np.flatnonzero(moved & seen).tolist()

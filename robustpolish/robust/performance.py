@@ -1,0 +1,314 @@
+"""What uncertainty costs: robust performance, and the worst gain of all machines within bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from robustpolish.analysis.norms.hinf_norm import hinf_norm
+from robustpolish.display import Card, Displayed, quantities
+from robustpolish.exact.realisation import power_of_two
+from robustpolish.long_calls import same_bits
+from robustpolish.models.uncertain.elements import RealElement
+from robustpolish.models.uncertain.lft import constant, product
+from robustpolish.models.uncertain.system import UncertainSystem
+from robustpolish.robust.loop_model import LoopModel
+from robustpolish.robust.search import bounds
+from robustpolish.robust.stability import (
+    RobustStability,
+    Status,
+    checked,
+    down,
+    named_values,
+    nominal_verdict,
+    robust_stability,
+    says,
+)
+from robustpolish.robust.structure import DeltaBlock
+from robustpolish.validation import positive
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RobustPerformance(Displayed):
+    """How far the uncertainty may grow while the gain stays in proportion below a bound.
+
+    Attributes
+    ----------
+    lower, upper : float
+        The margin lies between. For all uncertainty of size below m = `lower` the gain stays below
+        ``gamma / m``; and for the witness, of size `upper`, it is ``gamma / upper``.
+    gamma : float
+        The bound on the gain that a margin of 1 stands for.
+    critical_frequency : float
+        In rad/s, where the witness has this gain; nan without a witness.
+    witness : mapping of str to float, complex or control.StateSpace
+        Values of all that is uncertain, as of :class:`RobustStability`.
+    intervals : tuple of (float, float)
+        Frequencies in rad/s over each of which the lower bound was proven; they cover the axis.
+    status : {"bracketed", "no witness", "incomplete", "unstable", "marginal", "unaffected"}
+        Whether both bounds are there, and why not.
+    proven : bool
+        Whether the lower bound is proven, in ball arithmetic, for all frequencies.
+    mu : (float, float)
+        Bounds of the structured singular value with the performance block: one over the margin.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> c = rp.uncertain_real("c", 1, range=(0, 2))
+    >>> mass = rp.uncertain_system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]])
+    >>> margin = rp.robust_performance(mass, gamma=5.0)
+    >>> margin.proven, margin.upper / margin.lower < 1.002
+    (True, True)
+    """
+
+    lower: float
+    upper: float
+    gamma: float
+    critical_frequency: float
+    witness: Mapping[str, Any] = field(default_factory=dict)
+    intervals: tuple[tuple[float, float], ...] = ()
+    status: Status = "bracketed"
+    proven: bool = False
+
+    @property
+    def mu(self) -> tuple[float, float]:
+        """Bounds of the structured singular value with the performance block."""
+        return _inverse(self.upper), _inverse(self.lower)
+
+    def _card(self) -> Card:
+        rows = (
+            ("margin at least", self.lower),
+            ("margin at most", self.upper),
+            ("gain that 1 stands for", self.gamma),
+            ("critical frequency [rad/s]", self.critical_frequency),
+            ("proven", self.proven),
+        )
+        verdict = "met" if self.proven and self.lower >= 1 else "not proven"
+        title = f"Robust performance: {'not met' if self.upper < 1 else verdict}"
+        return Card(title, (quantities(*rows),), (says(self.status),))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class WorstCaseGain(Displayed):
+    """The largest gain of all machines within the bounds.
+
+    Attributes
+    ----------
+    lower, upper : float
+        It lies between: the witness has the gain `lower`, and no machine has one above `upper`.
+        Infinite if some machine within the bounds is unstable.
+    nominal : float
+        The gain of the nominal machine.
+    critical_frequency : float
+        In rad/s, where the witness has its gain.
+    witness : mapping of str to float, complex or control.StateSpace
+        Values of all that is uncertain, within the bounds, as of :class:`RobustStability`.
+    intervals : tuple of (float, float)
+        Frequencies in rad/s over each of which the upper bound was proven; they cover the axis.
+    status : {"bracketed", "no witness", "incomplete", "unstable", "marginal", "unaffected"}
+        As of :class:`RobustStability`; "unstable" also if a machine within the bounds is.
+    proven : bool
+        Whether the upper bound is proven, in ball arithmetic, for all frequencies.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> c = rp.uncertain_real("c", 1, range=(0.5, 2))
+    >>> mass = rp.uncertain_system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]])
+    >>> rp.worst_case_gain(mass).proven
+    True
+    """
+
+    lower: float
+    upper: float
+    nominal: float
+    critical_frequency: float
+    witness: Mapping[str, Any] = field(default_factory=dict)
+    intervals: tuple[tuple[float, float], ...] = ()
+    status: Status = "bracketed"
+    proven: bool = False
+
+    def _card(self) -> Card:
+        rows = (
+            ("gain at least", self.lower),
+            ("gain at most", self.upper),
+            ("nominal gain", self.nominal),
+            ("critical frequency [rad/s]", self.critical_frequency),
+            ("proven", self.proven),
+        )
+        return Card("Worst-case gain", (quantities(*rows),), (says(self.status),))
+
+
+@same_bits
+def robust_performance(system: UncertainSystem, gamma: float = 1.0) -> RobustPerformance:
+    """Bound the margin of performance of an uncertain system over all frequencies.
+
+    Parameters
+    ----------
+    system : UncertainSystem
+        A closed loop with weights, whose largest gain is to stay below `gamma`.
+    gamma : float, optional
+        The bound; 1 by default.
+
+    Returns
+    -------
+    RobustPerformance
+        A margin m: the gain stays below ``gamma / m`` for all uncertainty of size up to m.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not an uncertain system, or gamma not positive.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> error = rp.uncertain_dynamics("error", bound=0.2)
+    >>> loop = rp.feedback(control.ss([[-1.0]], [[2.0]], [[1.0]], 0) * (1 + error))
+    >>> margin = rp.robust_performance(loop, gamma=1.0)
+    >>> round(margin.lower, 3), round(margin.upper, 3)
+    (1.39, 1.391)
+    """
+    checked(system)
+    gamma = positive("gamma", gamma)
+    verdict = nominal_verdict(system)
+    if verdict != "stable":
+        status: Status = "marginal" if verdict == "marginal" else "unstable"
+        return RobustPerformance(0.0, 0.0, gamma, math.nan, status=status)
+    scaled = UncertainSystem(product(constant(np.eye(system.noutputs) / gamma), system.matrices))
+    loop = LoopModel.of(scaled, _performance(system))
+    found = bounds(loop)
+    coverage, witness = found.coverage, found.witness
+    zero = coverage.level == 0
+    lower = math.inf if zero else down(1 / (coverage.level * loop.gain))
+    upper, values, frequency = math.inf, {}, math.nan
+    if witness is not None:
+        upper = witness.size / loop.gain
+        values = named_values(system, loop, witness)
+        frequency = loop.omega(loop.frequency(witness.at))
+    status = "bracketed" if witness else "no witness"
+    return RobustPerformance(
+        lower if coverage.complete else 0.0,
+        upper,
+        gamma,
+        frequency,
+        values,
+        loop.in_rad_per_s(coverage.intervals),
+        status if coverage.complete else "incomplete",
+        coverage.complete,
+    )
+
+
+@same_bits
+def worst_case_gain(system: UncertainSystem) -> WorstCaseGain:
+    """Bound the largest gain of all machines within the bounds of an uncertain system.
+
+    Parameters
+    ----------
+    system : UncertainSystem
+        Continuous or discrete; the gain is the H-infinity norm from its inputs to its outputs.
+
+    Returns
+    -------
+    WorstCaseGain
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not an uncertain system.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> c = rp.uncertain_real("c", 0.4, percent=50)
+    >>> mass = rp.uncertain_system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]])
+    >>> worst = rp.worst_case_gain(mass)
+    >>> round(worst.nominal, 2), round(worst.lower, 2), round(worst.witness["c"], 6)
+    (2.55, 5.03, 0.2)
+    """
+    margin = robust_stability(system)
+    if margin.status in ("unstable", "marginal") or margin.upper <= 1:
+        reached = margin.witness
+        return WorstCaseGain(
+            math.inf, math.inf, _nominal_gain(system, margin), margin.critical_frequency, reached,
+            (), "marginal" if margin.status == "marginal" else "unstable",
+        )  # fmt: skip
+    nominal = _nominal_gain(system, margin)
+    performance = _performance(system)
+    loop = LoopModel.of(system, performance)
+    unit = power_of_two(nominal)
+    loop = _in_unit_of_gain(loop, unit)
+    fixed = (True,) * len(system.blocks) + (False,)
+    found = bounds(loop, fixed)
+    coverage, witness = found.coverage, found.witness
+    lower, values, frequency = nominal, {}, math.nan
+    if witness is not None:
+        values = _within(system, named_values(system, loop, witness))
+        frequency = loop.omega(loop.frequency(witness.at))
+        lower = max(lower, _gain_at(system.at(values), frequency))
+    upper = coverage.level * unit if coverage.complete else math.inf
+    status: Status = "bracketed" if witness else "no witness"
+    return WorstCaseGain(
+        lower,
+        max(math.nextafter(upper, math.inf), lower),
+        nominal,
+        frequency,
+        values,
+        loop.in_rad_per_s(coverage.intervals),
+        status if coverage.complete else "incomplete",
+        coverage.complete,
+    )
+
+
+def _performance(system: UncertainSystem) -> DeltaBlock:
+    """Return the block from the outputs back to the inputs that stands for a bound on the gain."""
+    ny, nu = system.shape
+    return DeltaBlock("complex" if ny == nu == 1 else "full", 1, nu, ny, "performance")
+
+
+def _in_unit_of_gain(loop: LoopModel, unit: float) -> LoopModel:
+    """Return the loop with deltas of size 1, and its outputs in a unit."""
+    model = loop.model
+    rows = np.full(model.C.shape[0], loop.gain)
+    rows[loop.structure.inputs[-1]] /= unit
+    scaled = replace(model, C=model.C * rows[:, None], D=model.D * rows[:, None])
+    return replace(loop, model=scaled, gain=1.0)
+
+
+def _within(system: UncertainSystem, values: dict[str, Any]) -> dict[str, Any]:
+    """Return numbers that rounding has put just outside their range at its end."""
+    return {
+        name: float(np.clip(value, element.low, element.high))
+        if isinstance(element := system.elements[name], RealElement)
+        else value
+        for name, value in values.items()
+    }
+
+
+def _gain_at(machine: Any, omega: float) -> float:
+    """Return the largest singular value at a frequency."""
+    if not hasattr(machine, "dt"):
+        return float(np.linalg.norm(np.atleast_2d(machine), 2))
+    if math.isinf(omega):
+        return float(np.linalg.norm(machine.D, 2))
+    z = np.exp(1j * omega * (1 if machine.dt is True else machine.dt)) if machine.dt else 1j * omega
+    return float(np.linalg.norm(np.atleast_2d(machine(z)), 2))
+
+
+def _nominal_gain(system: UncertainSystem, margin: RobustStability) -> float:
+    if margin.status in ("unstable", "marginal"):
+        return math.inf
+    machine: Any = system.nominal
+    if isinstance(machine, float | np.ndarray):
+        return float(np.linalg.norm(np.atleast_2d(machine), 2))
+    return hinf_norm(machine).value
+
+
+def _inverse(value: float) -> float:
+    return math.inf if value == 0 else 1 / value

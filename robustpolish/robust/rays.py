@@ -1,0 +1,155 @@
+"""How far all real numbers of a loop can change together in given proportions: exactly, by size.
+
+Along a ray all numbers are one repeated real number k. The matrix A(k) has a pair of eigenvalues
+whose sum is 0 just if its Lyapunov operator is singular, which is an eigenvalue problem for 1 / k.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from robustpolish.arrays import AnyVector, Matrix, Vector
+from robustpolish.robust.loop_model import LoopModel
+from robustpolish.robust.structure import Structure
+
+# Up to so many states the Lyapunov operator is inverted as a matrix: 900 x 900 takes 30 ms.
+_STATES = 30
+# Eigenvalues of the problem in one matrix: 600 take about half a second.
+_LARGEST = 600
+# How real an eigenvalue, and how near to the axis a pole, has to be to be a candidate that a
+# search then takes to the axis.
+_REAL = 1e-5
+_ON_AXIS = 1e-4
+# Corners of the box of real numbers that are looked at: all of up to six numbers.
+_CORNERS = 32
+_FARTHEST = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """Where a ray meets the boundary of stability.
+
+    Attributes
+    ----------
+    size : float
+        Largest of the numbers.
+    deltas : tuple of float
+        Of each block.
+    frequency : float
+        In the units of the model.
+    w : ndarray of complex
+        The signals of the mode that is on the axis.
+    """
+
+    size: float
+    deltas: tuple[float, ...]
+    frequency: float
+    w: AnyVector
+
+
+def crossings(loop: LoopModel) -> list[Crossing]:
+    """Return where the rays to the corners of the real numbers leave stability, nearest first.
+
+    Blocks that are not real are left at 0.
+    """
+    model, structure = loop.model, loop.structure
+    real = [k for k, block in enumerate(structure.blocks) if block.kind == "real"]
+    rows = sum(structure.blocks[k].copies for k in real)
+    if not real or not 0 < model.states <= _STATES or rows * model.states > _LARGEST:
+        return []
+    A = model.A
+    n = len(A)
+    lyapunov = np.kron(A, np.eye(n)) + np.kron(np.eye(n), A)
+    inverse: Any = np.linalg.inv(lyapunov)
+    found: list[Crossing] = []
+    for corner in _corners(len(real)):
+        deltas = np.zeros(len(structure.blocks))
+        deltas[real] = corner
+        found += _along(loop, inverse, deltas)
+    return sorted(found, key=lambda crossing: crossing.size)
+
+
+def _corners(count: int) -> Iterator[Vector]:
+    """Yield corners of a box, one of each opposite pair: a fixed choice if there are many."""
+    if 2 ** (count - 1) <= _CORNERS:
+        for signs in product((1.0, -1.0), repeat=count - 1):
+            yield np.array([1.0, *signs])
+        return
+    random = np.random.default_rng(0)
+    for _ in range(_CORNERS):
+        yield random.choice([-1.0, 1.0], count)
+
+
+def _along(loop: LoopModel, inverse: Matrix, deltas: Vector) -> Iterator[Crossing]:
+    """Yield the nearest crossing of a ray to either side."""
+    model, structure = loop.model, loop.structure
+    A, n = model.A, model.states
+    kept = _kept(structure, deltas)
+    spread = np.concatenate(
+        [np.full(b.copies * b.rows, d) for b, d in zip(structure.blocks, deltas, strict=True)]
+    )
+    w = np.flatnonzero(spread)
+    B, C = model.B[:, w] * spread[w], model.C[kept]
+    D = model.D[kept][:, w] * spread[w]
+    r = len(kept)
+    # Y of shape (r, n) to C X + D Y, with A X + X A' = -(B Y + Y' B').
+    both = np.einsum("ai,jb->abij", B, np.eye(n)).reshape(n * n, r * n)
+    both = both + np.einsum("bi,ja->abij", B, np.eye(n)).reshape(n * n, r * n)
+    X = -(inverse @ both)
+    operator = np.kron(C, np.eye(n)) @ X + np.kron(D, np.eye(n))
+    values = np.linalg.eigvals(operator)
+    # Sizes beyond this many times the nearest are rounding, or of no interest.
+    large = np.abs(values) > _FARTHEST * np.abs(values).max(initial=0.0)
+    real = values[large & (np.abs(values.imag) <= _REAL * np.abs(values))].real
+    for sign in (1.0, -1.0):
+        for value in sorted((sign * real)[sign * real > 0], reverse=True)[:3]:
+            k = sign / float(value)
+            crossing = _crossing(loop, k, deltas, (A, B, C, D), w, spread)
+            if crossing is not None:
+                yield crossing
+                break
+
+
+def _crossing(
+    loop: LoopModel,
+    k: float,
+    deltas: Vector,
+    matrices: tuple[Matrix, Matrix, Matrix, Matrix],
+    places: AnyVector,
+    spread: Vector,
+) -> Crossing | None:
+    """Return the mode on the axis at a number k of a ray, if there is one."""
+    A, B, C, D = matrices
+    back = np.eye(len(D)) - k * D
+    if np.linalg.cond(back) > 1e12:
+        return None
+    into = np.linalg.solve(back, C)
+    values, vectors = np.linalg.eig(A + k * B @ into)
+    near = int(np.argmin(np.abs(np.real(values)) / (np.abs(values) + loop.rate * 1e-6)))
+    if abs(values[near].real) > _ON_AXIS * max(abs(values[near]), loop.rate * 1e-3):
+        return None
+    w = np.zeros(len(spread), complex)
+    w[places] = k * spread[places] * (into @ vectors[:, near])
+    if not np.isfinite(w).all() or not w.any():
+        return None
+    if values[near].imag < 0:
+        w = np.conj(w)
+    frequency = abs(float(values[near].imag))
+    return Crossing(
+        abs(k) * float(np.abs(deltas).max()), tuple((k * deltas).tolist()), frequency, w
+    )
+
+
+def _kept(structure: Structure, deltas: Vector) -> list[int]:
+    """Return the signals z of the blocks that move."""
+    return [
+        i
+        for block, delta in zip(structure.inputs, deltas, strict=True)
+        if delta
+        for i in range(block.start, block.stop)
+    ]

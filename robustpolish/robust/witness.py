@@ -1,0 +1,326 @@
+"""A Delta that makes I - M Delta singular, as small as a search finds one: a lower bound.
+
+Signals w and z = M w with w = Delta z are sought together with Delta, and with the frequency where
+M depends on it. That is a smooth problem, also where all numbers are real and power iterations
+fail. The scalings of the upper bound say where to begin: the nearly singular direction of their
+inequality is the worst w if the bound is tight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize
+
+from robustpolish.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vector
+from robustpolish.robust.scalings import Inequality
+from robustpolish.robust.structure import DeltaBlock, Structure
+
+# What is left of w = Delta z, relative, at which a Delta counts as one that makes it singular.
+_SOLVED = 1e-10
+# By how much a block of size 1 may be larger, for rounding.
+_WITHIN = 1e-7
+_NEWTON = 12
+_ROUNDS = 100
+
+Response = Callable[[float], tuple[AnyMatrix, AnyMatrix]]
+"""M and its derivative at an angle, which stands for a frequency."""
+
+
+@dataclass(frozen=True, eq=False)
+class Witness:
+    """A Delta and where it makes the loop singular.
+
+    Attributes
+    ----------
+    size : float
+        Largest norm of its blocks that are not fixed.
+    deltas : tuple of ndarray of complex
+        One copy of each block.
+    at : float
+        The angle, as :class:`Response` takes it.
+    """
+
+    size: float
+    deltas: tuple[AnyMatrix, ...]
+    at: float
+
+    def matrix(self, structure: Structure) -> AnyMatrix:
+        """Return Delta, all copies included."""
+        nz, nw = structure.shape
+        whole = np.zeros((nw, nz), complex)
+        places = zip(
+            structure.blocks, structure.outputs, structure.inputs, self.deltas, strict=True
+        )
+        for block, w, z, delta in places:
+            whole[w, z] = np.kron(np.eye(block.copies), delta)
+        return whole
+
+
+def directions(inequality: Inequality, square: float, x: Vector, count: int) -> list[AnyVector]:
+    """Return signals w in which the inequality of a level is nearly singular."""
+    matrix = np.tensordot(inequality.coefficients(square * (1 + 1e-6)), x, (1, 0))[0]
+    values, vectors = np.linalg.eigh((matrix + np.conj(matrix.T)) / 2)
+    weights = 1 / np.sqrt(np.maximum(values, 1e-12 * np.abs(values).max()))
+    random = np.random.default_rng(0)
+    found = [vectors[:, 0]]
+    for _ in range(count - 1):
+        mix = random.standard_normal(len(values)) + 1j * random.standard_normal(len(values))
+        found.append(vectors @ (weights * mix))
+    return found
+
+
+def smallest(
+    structure: Structure,
+    response: Response,
+    w: AnyVector,
+    at: float,
+    moves: bool,
+    scale: Vector,
+    deltas: tuple[complex | None, ...] | None = None,
+    fixed: tuple[bool, ...] | None = None,
+) -> Witness | None:
+    """Descend from a signal to a smallest Delta near it.
+
+    Parameters
+    ----------
+    structure : Structure
+    response : Response
+    w : ndarray of complex
+        Where to begin.
+    at : float
+        The angle to begin at.
+    moves : bool
+        Whether the angle may change.
+    scale : ndarray
+        Sizes of the signals w that make them comparable.
+    deltas : tuple, optional
+        Numbers of the scalar blocks to begin with; those that suit w best by default.
+    fixed : tuple of bool, optional
+        Blocks that may have size 1, and count for nothing; none by default.
+
+    Returns
+    -------
+    Witness or None
+        None if the search does not end at a Delta.
+    """
+    held = fixed or (False,) * len(structure.blocks)
+    if not (np.isfinite(w).all() and w.any()):
+        return None
+    problem = _Problem(structure, response, scale, w / scale, at, moves, held)
+    start = problem.start(deltas)
+    if start is None:
+        return None
+    found = minimize(
+        lambda v: (v[-1], problem.unit),
+        start,
+        jac=True,
+        method="SLSQP",
+        constraints=[_constraint("eq", problem.equal), _constraint("ineq", problem.less)],
+        options={"maxiter": _ROUNDS, "ftol": 1e-11},
+    )
+    return problem.read(found.x) if np.isfinite(found.x).all() else None
+
+
+def _constraint(kind: str, both: Callable[[Vector], tuple[Vector, Matrix]]) -> dict[str, Any]:
+    return {"type": kind, "fun": lambda v: both(v)[0], "jac": lambda v: both(v)[1]}
+
+
+class _Problem:
+    """Variables: w (real, imaginary), the free numbers of Delta, the angle, the size k."""
+
+    def __init__(self, structure: Structure, response: Response, scale: Vector, w: AnyVector,
+                 at: float, moves: bool, fixed: tuple[bool, ...]) -> None:  # fmt: skip
+        self.structure, self.response, self.scale = structure, response, scale
+        self.at, self.moves, self.fixed = at, moves, fixed
+        self.w = w / np.linalg.norm(w)
+        self.places: list[slice] = []
+        first = 2 * len(w)
+        for block in structure.blocks:
+            count = 1 if block.kind == "real" else 2 * block.rows * block.columns
+            count = 0 if self._is_free(block) else count
+            self.places.append(slice(first, first + count))
+            first += count
+        self.count = first + 2
+        self.size = 1.0
+        self.unit = np.eye(self.count)[-1]
+        self.cache: tuple[float, AnyMatrix, AnyMatrix] | None = None
+
+    @staticmethod
+    def _is_free(block: DeltaBlock) -> bool:
+        """Say whether any w no larger than k z will do: one complex number or full block."""
+        return block.kind != "real" and block.copies == 1
+
+    def M(self, at: float) -> tuple[AnyMatrix, AnyMatrix]:
+        """Return M from scaled w to z, and its derivative."""
+        if self.cache is None or self.cache[0] != at:
+            M, slope = self.response(at)
+            self.cache = (at, M * self.scale, slope * self.scale)
+        return self.cache[1], self.cache[2]
+
+    def start(self, deltas: tuple[complex | None, ...] | None) -> Vector | None:
+        M, _ = self.M(self.at)
+        z, v = M @ self.w, np.zeros(self.count)
+        v[: 2 * len(self.w)] = np.concatenate([self.w.real, self.w.imag])
+        v[-2] = self.at
+        sizes = []
+        w = self.w * self.scale
+        for k, block in enumerate(self.structure.blocks):
+            wk, zk = w[self.structure.outputs[k]], z[self.structure.inputs[k]]
+            power = np.linalg.norm(zk) ** 2
+            if not power > 0:
+                if deltas is None:
+                    return None
+                power = 1.0
+            if self._is_free(block):
+                sizes.append(0.0 if self.fixed[k] else np.linalg.norm(wk) / np.sqrt(power))
+                continue
+            W = wk.reshape(block.copies, block.rows)
+            Z = zk.reshape(block.copies, block.columns)
+            delta = np.linalg.lstsq(Z, W, rcond=None)[0].T
+            given = None if deltas is None else deltas[k]
+            if given is not None:
+                delta = np.array([[given]], complex)
+            values = np.real(delta).ravel() if block.kind == "real" else _split(delta)
+            v[self.places[k]] = values
+            own = np.linalg.norm(delta if block.kind != "real" else np.real(delta), 2)
+            sizes.append(0.0 if self.fixed[k] else own)
+        self.size = max(sizes) or 1.0
+        for place in self.places:
+            v[place] /= self.size
+        v[-1] = 1.0
+        return v if np.isfinite(v).all() else None
+
+    def parts(self, v: Vector) -> tuple[AnyVector, AnyVector, AnyVector, AnyMatrix]:
+        n = len(self.w)
+        w = v[:n] + 1j * v[n : 2 * n]
+        M, slope = self.M(float(v[-2]) if self.moves else self.at)
+        return w, M @ w, slope @ w, M
+
+    def delta(self, v: Vector, k: int) -> AnyMatrix:
+        block = self.structure.blocks[k]
+        values = v[self.places[k]] * self.size
+        if block.kind == "real":
+            return values.reshape(1, 1).astype(complex)
+        half = len(values) // 2
+        return (values[:half] + 1j * values[half:]).reshape(block.rows, block.columns)
+
+    def equal(self, v: Vector) -> tuple[Vector, Matrix]:
+        """Return w - Delta z of what is not free, the norm of w and its phase; with slopes."""
+        n = len(self.w)
+        w, z, turn, M = self.parts(v)
+        rows: list[AnyArray] = []
+        slopes: list[AnyArray] = []
+        for k, block in enumerate(self.structure.blocks):
+            if self._is_free(block):
+                continue
+            out, into = self.structure.outputs[k], self.structure.inputs[k]
+            delta = np.kron(np.eye(block.copies), self.delta(v, k))
+            units = self.scale[out]
+            rows.append((w[out] * units - delta @ z[into]) / units)
+            slope = np.zeros((len(units), self.count), complex)
+            by_w = np.eye(n)[out] - (delta @ M[into]) / units[:, None]
+            slope[:, :n], slope[:, n : 2 * n] = by_w, 1j * by_w
+            Z = z[into].reshape(block.copies, block.columns)
+            by_delta = np.einsum("cb,ad->cadb", Z, np.eye(block.rows)).reshape(len(units), -1)
+            by_delta = -self.size * by_delta / units[:, None]
+            if block.kind == "real":
+                slope[:, self.places[k]] = by_delta
+            else:
+                slope[:, self.places[k]] = np.hstack([by_delta, 1j * by_delta])
+            if self.moves:
+                slope[:, -2] = -(delta @ turn[into]) / units
+            slopes.append(slope)
+        values = np.concatenate([*rows, np.zeros(0)])
+        jac = np.vstack([*slopes, np.zeros((0, self.count))])
+        size = np.zeros((2, self.count))
+        size[0, :n], size[0, n : 2 * n] = 2 * np.real(w), 2 * np.imag(w)
+        size[1, :n], size[1, n : 2 * n] = -self.w.imag, self.w.real
+        last = np.array([np.vdot(w, w).real - 1, np.vdot(self.w, w).imag])
+        return (
+            np.concatenate([np.real(values), np.imag(values), last]).astype(float),
+            np.vstack([np.real(jac), np.imag(jac), size]),
+        )
+
+    def less(self, v: Vector) -> tuple[Vector, Matrix]:
+        """Return what has to be at least 0 for all blocks to be no larger than k; with slopes."""
+        n = len(self.w)
+        w, z, turn, M = self.parts(v)
+        values: list[float] = []
+        slopes: list[Vector] = []
+        for k, block in enumerate(self.structure.blocks):
+            place = self.places[k]
+            # What a block may be: k, or 1 in units of the size that k began with.
+            k_size, by_k = (1 / self.size, 0.0) if self.fixed[k] else (float(v[-1]), 1.0)
+            if self._is_free(block):
+                out, into = self.structure.outputs[k], self.structure.inputs[k]
+                wk, zk = w[out] * self.scale[out], z[into] * self.size
+                unit = np.linalg.norm(self.w[out] * self.scale[out]) ** 2 or 1.0
+                slope = np.zeros(self.count)
+                by_z = np.conj(zk) @ M[into] * self.size * 2 * k_size**2
+                by_w = np.zeros(n, complex)
+                by_w[out] = 2 * np.conj(wk) * self.scale[out]
+                slope[:n], slope[n : 2 * n] = (by_z - by_w).real, (-(by_z - by_w)).imag
+                slope[-1] = by_k * 2 * k_size * np.vdot(zk, zk).real
+                if self.moves:
+                    slope[-2] = 2 * k_size**2 * np.real(np.conj(zk) @ turn[into]) * self.size
+                excess = k_size**2 * np.vdot(zk, zk).real - np.vdot(wk, wk).real
+                values.append(float(excess / unit))
+                slopes.append(slope / unit)
+            elif block.kind == "real":
+                for sign in (1.0, -1.0):
+                    slope = np.zeros(self.count)
+                    slope[place], slope[-1] = -sign, by_k
+                    values.append(k_size - sign * float(v[place][0]))
+                    slopes.append(slope)
+            else:
+                own = self.delta(v, k) / self.size
+                U, sizes, V = np.linalg.svd(own)
+                for i in range(min(own.shape)):
+                    slope = np.zeros(self.count)
+                    gradient = np.conj(np.outer(U[:, i], V[i])).ravel()
+                    slope[place] = -np.concatenate([np.real(gradient), -np.imag(gradient)])
+                    slope[-1] = by_k
+                    values.append(k_size - float(sizes[i]))
+                    slopes.append(slope)
+        return np.array(values), np.array(slopes)
+
+    def read(self, v: Vector) -> Witness | None:
+        """Solve the equations to the last digits, and read Delta."""
+        for _ in range(_NEWTON):
+            value, slope = self.equal(v)
+            if not np.isfinite(slope).all():
+                return None
+            if np.abs(value).max() < 1e-15:
+                break
+            slope = slope.copy()
+            slope[:, -1] = 0.0
+            v = v - np.linalg.lstsq(slope, value, rcond=1e-12)[0]
+        if np.abs(self.equal(v)[0]).max() > _SOLVED:
+            return None
+        w, z, _, _ = self.parts(v)
+        w = w * self.scale
+        found = []
+        for k, block in enumerate(self.structure.blocks):
+            if self._is_free(block):
+                wk, zk = w[self.structure.outputs[k]], z[self.structure.inputs[k]]
+                power = np.vdot(zk, zk).real
+                if not power > 0:
+                    return None
+                found.append(np.outer(wk, np.conj(zk)) / power)
+            else:
+                found.append(self.delta(v, k))
+        counted = [delta for delta, held in zip(found, self.fixed, strict=True) if not held]
+        size = max(float(np.linalg.norm(delta, 2)) for delta in counted)
+        limits = zip(found, self.fixed, strict=True)
+        if any(held and np.linalg.norm(delta, 2) > 1 + _WITHIN for delta, held in limits):
+            return None
+        at = float(v[-2]) if self.moves else self.at
+        return Witness(size, tuple(found), at) if size > 0 else None
+
+
+def _split(delta: AnyMatrix) -> Vector:
+    return np.concatenate([np.real(delta).ravel(), np.imag(delta).ravel()])

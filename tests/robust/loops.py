@@ -1,0 +1,112 @@
+"""Uncertain loops with published answers, and random ones."""
+
+import control
+import numpy as np
+from scipy.linalg import block_diag
+
+import robustpolish as rp
+from robustpolish.models.uncertain.elements import (
+    Block,
+    ComplexElement,
+    DynamicElement,
+    RealElement,
+)
+from robustpolish.models.uncertain.lft import Lft
+
+s = control.tf("s")
+
+
+def servo():
+    """A spring known to 40 %, a gain known to 50 % at any frequency, and a PID."""
+    k = rp.uncertain_real("k", 10, percent=40)
+    plant = rp.uncertain_system([[0, 1], [-k, -1.8]], [[0], [18]], [[1, 0]])
+    plant = plant * (1 + 0.5 * rp.uncertain_dynamics("delta"))
+    return (plant * (2.3 + 3 / s + 0.38 * s / (0.001 * s + 1))).feedback()
+
+
+def damper():
+    """A mass on a spring, with a damper from none to twice the nominal one."""
+    c = rp.uncertain_real("c", 1, range=(0, 2))
+    return rp.uncertain_system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]])
+
+
+def carts():
+    """Two carts joined by a spring, all known to 20 %, and a controller with three leads."""
+    k, m1, m2 = (rp.uncertain_real(name, 1, percent=20) for name in ("k", "m1", "m2"))
+    A = [[0, 0, 1, 0], [0, 0, 0, 1], [-k / m1, k / m1, 0, 0], [k / m2, -k / m2, 0, 0]]
+    plant = rp.uncertain_system(A, [[0], [0], [1 / m1], [0]], [[0, 1, 0, 0]])
+    return (plant * (100 * ((s + 1) / (0.001 * s + 1)) ** 3)).feedback()
+
+
+def column():
+    """Skogestad, Morari and Doyle (1988): the distillation column, inverse-based control."""
+    gains = np.array([[87.8, -86.4], [108.2, -109.6]])
+    lag, lead = control.ss(control.tf(1, [75, 1])), control.ss(control.tf([75, 1], [1, 0]))
+    K = control.append(lead, lead) * (0.7 * np.linalg.inv(gains))
+    error = control.ss(control.tf([1, 0.2], [0.5, 1]))
+    errors = rp.append(*(error * rp.uncertain_dynamics(name) for name in ("first", "second")))
+    plant = control.ss(gains * control.append(lag, lag)) * (np.eye(2) + errors)
+    weight = control.ss(control.tf([0.5, 0.05], [1, 1e-6]))
+    return control.append(weight, weight) * rp.feedback(np.eye(2), plant * K)
+
+
+def random_loop(seed):
+    """A stable loop of up to twelve states around one to three blocks of any kind."""
+    random = np.random.default_rng(seed)
+    n, blocks = int(random.integers(1, 13)), []
+    for i in range(int(random.integers(1, 4))):
+        kind = random.choice(["real", "complex", "dynamic", "full"])
+        copies = int(random.integers(1, 4))
+        if kind == "real":
+            blocks.append(Block(RealElement(f"real_{i}", 0.0, -1.0, 1.0), copies))
+        elif kind == "complex":
+            blocks.append(Block(ComplexElement(f"complex_{i}", 0.0, 1.0), copies))
+        elif kind == "dynamic":
+            blocks.append(Block(DynamicElement(f"dynamic_{i}"), copies))
+        else:
+            shape = int(random.integers(1, 4)), int(random.integers(1, 4))
+            blocks.append(Block(DynamicElement(f"full_{i}", shape), 1))
+    nw, nz = sum(b.rows for b in blocks), sum(b.columns for b in blocks)
+    A = random.standard_normal((n, n))
+    A -= (max(np.linalg.eigvals(A).real.max(), 0) + random.uniform(0.05, 1)) * np.eye(n)
+    D = 0.1 * random.standard_normal((nz, nw)) * (random.uniform() < 0.5)
+    F = np.block([[A, random.standard_normal((n, nw))], [random.standard_normal((nz, n)), D]])
+    G, H = np.vstack([np.ones((n, 1)), np.zeros((nz, 1))]), np.ones((1, n + nw))
+    states = tuple(f"x{i}" for i in range(n))
+    return rp.UncertainSystem(Lft(F, G, H, np.zeros((1, 1)), states, tuple(blocks), 0))
+
+
+def singular(loop, margin):
+    """How singular the loop is with its witness at the critical frequency, and its size."""
+    omega, deltas, sizes = margin.critical_frequency, [], []
+    for block in loop.blocks:
+        value = margin.witness[block.element.name]
+        if isinstance(value, control.StateSpace):
+            assert not value.nstates or value.poles().real.max() < 0
+            assert rp.hinf_norm(value).value <= margin.upper * (1 + 1e-9)
+            delta = value.D if np.isinf(omega) else np.atleast_2d(value(1j * omega))
+        elif block.element.kind == "real":
+            delta = np.array([[block.element.delta(value)]])
+        else:
+            delta = np.array([[(value - block.element.nominal) / block.element.radius]])
+        deltas.append(np.kron(np.eye(block.copies), delta))
+        sizes.append(np.linalg.norm(delta, 2))
+    one, n = loop.matrices, loop.nstates
+    M = one.F[n:, n:].astype(complex)
+    if np.isfinite(omega):
+        M = M + one.F[n:, :n] @ np.linalg.solve(
+            1j * omega * np.eye(n) - one.F[:n, :n], one.F[:n, n:]
+        )
+    loop_gain = M @ block_diag(*deltas)
+    left = np.linalg.svd(np.eye(len(M)) - loop_gain, compute_uv=False)[-1]
+    return left / max(1.0, np.linalg.norm(loop_gain, 2)), max(sizes)
+
+
+def covers(intervals):
+    """Whether intervals leave no frequency out."""
+    ends = [0.0]
+    for low, high in sorted(intervals):
+        if low > ends[-1]:
+            return False
+        ends.append(max(ends[-1], high))
+    return bool(np.isinf(ends[-1]))

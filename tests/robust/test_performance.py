@@ -1,0 +1,63 @@
+import control
+import numpy as np
+import pytest
+
+import robustpolish as rp
+from tests.robust.loops import column, covers, damper, servo
+
+
+def test_distillation_column():
+    margin = rp.robust_performance(column())
+    low, high = margin.mu
+    assert 5.7817 <= low <= high <= 5.7877
+    assert margin.proven
+    assert covers(margin.intervals)
+
+
+def test_gain_of_the_witness():
+    loop = servo()
+    margin = rp.robust_performance(loop, gamma=2.0)
+    machine = loop.at(margin.witness)
+    gain = abs(complex(machine(1j * margin.critical_frequency)))
+    assert gain == pytest.approx(2.0 / margin.upper, rel=1e-6)
+    assert margin.upper <= 1.002 * margin.lower
+
+
+def test_worst_case_gain():
+    loop = servo()
+    worst = rp.worst_case_gain(loop)
+    assert worst.lower <= worst.upper <= 1.002 * worst.lower
+    assert worst.proven
+    assert covers(worst.intervals)
+    machine = loop.at(worst.witness)
+    assert machine.poles().real.max() < 0
+    assert rp.hinf_norm(machine).value == pytest.approx(worst.lower, rel=1e-4)
+    assert 6 <= worst.witness["k"] <= 14
+    assert rp.hinf_norm(worst.witness["delta"]).value <= 1 + 1e-6
+    assert max(rp.hinf_norm(one).value for one in loop.sample(10)) <= worst.upper
+    assert worst.nominal == pytest.approx(rp.hinf_norm(loop.nominal).value)
+
+
+def test_worst_gain_where_a_machine_is_unstable():
+    worst = rp.worst_case_gain(damper())
+    assert worst.lower == worst.upper == np.inf
+    assert worst.status == "unstable"
+    assert worst.witness["c"] == pytest.approx(0, abs=1e-9)
+
+
+def test_statuses():
+    d = rp.uncertain_dynamics("d", bound=0.5)
+    unstable = control.ss([[1.0]], [[1.0]], [[1.0]], 0) * (1 + d)
+    assert rp.robust_performance(unstable).status == "unstable"
+    assert rp.worst_case_gain(unstable).status == "unstable"
+    stable = control.ss([[-1.0]], [[1.0]], [[1.0]], 0) * (1 + d)
+    worst = rp.worst_case_gain(stable)
+    assert worst.lower == pytest.approx(1.5, rel=2e-3)
+    assert worst.upper == pytest.approx(1.5, rel=2e-3)
+
+
+def test_bad_input():
+    with pytest.raises(rp.InvalidInputError, match="gamma"):
+        rp.robust_performance(servo(), gamma=-1.0)
+    with pytest.raises(rp.InvalidInputError, match="UncertainSystem"):
+        rp.worst_case_gain(1.0)

@@ -1,0 +1,143 @@
+import control
+import numpy as np
+import pytest
+
+import robustpolish as rp
+from tests.robust.loops import carts, column, covers, damper, random_loop, servo, singular
+
+
+@pytest.mark.parametrize(
+    ("make", "low", "high", "frequency"),
+    [
+        (servo, 1.5976, 1.5997, 4.87),
+        (damper, 1 - 1e-9, 1 + 1e-9, 1.0),
+        (carts, 2.8834, 2.8865, 575.0),
+    ],
+)
+def test_published_margins(make, low, high, frequency):
+    loop = make()
+    margin = rp.robust_stability(loop)
+    assert low <= margin.lower <= margin.upper <= high
+    assert margin.upper <= 1.002 * margin.lower
+    assert margin.proven
+    assert margin.status == "bracketed"
+    assert covers(margin.intervals)
+    assert margin.critical_frequency == pytest.approx(frequency, rel=5e-3)
+    # the witness is as large as it says, and really puts a pole on the axis
+    left, size = singular(loop, margin)
+    assert left < 1e-9
+    assert size == pytest.approx(margin.upper, rel=1e-9)
+    poles = loop.at(margin.witness).poles()
+    assert np.min(np.abs(poles.real) / np.abs(poles)) < 1e-8
+
+
+def test_damper_is_exact():
+    margin = rp.robust_stability(damper())
+    assert margin.upper == pytest.approx(1, abs=1e-10)
+    assert margin.witness["c"] == pytest.approx(0, abs=1e-10)
+    assert margin.robust is False
+
+
+def check_random(seed):
+    loop = random_loop(seed)
+    margin = rp.robust_stability(loop)
+    assert margin.lower <= margin.upper
+    assert margin.proven
+    assert covers(margin.intervals)
+    if margin.witness:
+        left, size = singular(loop, margin)
+        assert left < 1e-8
+        assert size == pytest.approx(margin.upper, rel=1e-7)
+    for machine in loop.sample(3, seed=seed) if margin.lower > 1 else ():
+        assert machine.poles().real.max() < 0
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_random_structures(seed):
+    check_random(seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", range(30, 1030, 50))
+def test_many_random_structures(start):
+    for seed in range(start, start + 50):
+        check_random(seed)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_machines_inside_the_margin_are_stable(seed):
+    loop = random_loop(seed)
+    margin = rp.robust_stability(loop)
+    one, n = loop.matrices, loop.nstates
+    random = np.random.default_rng(seed)
+    for _ in range(20):
+        delta = []
+        for block in loop.blocks:
+            p, q = block.element.shape
+            own = random.standard_normal((p, q))
+            own *= 0.999 * margin.lower / np.linalg.norm(own, 2)
+            delta.append(np.kron(np.eye(block.copies), own))
+        from scipy.linalg import block_diag
+
+        Delta = block_diag(*delta)
+        inner = np.linalg.solve(np.eye(len(Delta)) - Delta @ one.F[n:, n:], Delta)
+        A = one.F[:n, :n] + one.F[:n, n:] @ inner @ one.F[n:, :n]
+        assert np.linalg.eigvals(A).real.max() < 0
+
+
+def test_units_do_not_matter():
+    first = rp.robust_stability(servo())
+    k = rp.uncertain_real("k", 10e6, percent=40)  # time in ms
+    plant = rp.uncertain_system([[0, 1], [-k, -1.8e3]], [[0], [18e6]], [[1, 0]])
+    plant = plant * (1 + 0.5 * rp.uncertain_dynamics("delta"))
+    s = control.tf("s") / 1000
+    margin = rp.robust_stability((plant * (2.3 + 3 / s + 0.38 * s / (0.001 * s + 1))).feedback())
+    assert margin.upper == pytest.approx(first.upper, rel=1e-6)
+    assert margin.critical_frequency == pytest.approx(1000 * first.critical_frequency, rel=1e-6)
+
+
+def test_discrete_loop():
+    a = rp.uncertain_real("a", 0.5, plus_minus=0.2)
+    loop = rp.uncertain_system([[a]], [[1]], [[1]], 0, dt=0.1)
+    margin = rp.robust_stability(loop)
+    assert margin.lower <= 2.5 <= margin.upper * (1 + 1e-9)
+    assert margin.upper == pytest.approx(2.5, rel=1e-8)
+    assert margin.witness["a"] == pytest.approx(1.0)
+    assert margin.critical_frequency == pytest.approx(0, abs=1e-6)
+
+
+def test_statuses_say_why():
+    d = rp.uncertain_dynamics("d", bound=0.5)
+    unstable = rp.robust_stability(control.ss([[1.0]], [[1.0]], [[1.0]], 0) * (1 + d))
+    assert (unstable.status, unstable.lower, unstable.upper) == ("unstable", 0, 0)
+    marginal = rp.robust_stability(control.ss([[0.0]], [[1.0]], [[1.0]], 0) * (1 + d))
+    assert (marginal.status, marginal.upper) == ("marginal", 0)
+    outside = rp.robust_stability(control.ss([[-1.0]], [[1.0]], [[1.0]], 0) * (1 + d))
+    assert (outside.status, outside.lower, outside.robust) == ("unaffected", np.inf, True)
+    assert covers(outside.intervals)
+    assert "nominal" in unstable.reason
+
+
+def test_a_loop_that_stops_being_well_posed():
+    d = rp.uncertain_real("d", 0, plus_minus=1)
+    loop = rp.feedback(control.ss([[-1.0]], [[1.0]], [[0.1]], [[-0.5]]) * d)
+    margin = rp.robust_stability(loop)
+    assert margin.upper == pytest.approx(2, rel=1e-2)
+    assert margin.lower <= margin.upper
+
+
+def test_no_uncertain_system():
+    with pytest.raises(rp.InvalidInputError, match="UncertainSystem"):
+        rp.robust_stability(control.ss([[-1.0]], [[1.0]], [[1.0]], 0))
+
+
+def test_it_shows_itself():
+    text = repr(rp.robust_stability(servo()))
+    assert "robustly stable" in text
+    assert "proven below" in text
+
+
+def test_column():
+    margin = rp.robust_stability(column())
+    assert margin.proven
+    assert 1.898 < margin.lower <= margin.upper < 1.901
