@@ -37,7 +37,7 @@ def homotopy(
     A stage whose errors jump is no start for the next: the last one that followed the data is,
     and that is among the last two that are returned. An effect that vanished in a stage begins the
     next one as it began the first: over short windows the starts may do its work, and where it is
-    nothing no number of it makes a difference, so that no longer window would bring it back.
+    nothing none of its other numbers makes a difference, and no longer window would bring it back.
 
     Parameters
     ----------
@@ -80,10 +80,14 @@ def homotopy(
 
 
 def _revived(model: MechanicalModel, first: MechanicalModel, vanished: float) -> MechanicalModel:
-    """Return a model with the first values of those effects that have vanished since."""
+    """Return a model with the first values of those effects that have vanished since.
+
+    One that has a single number needs no help: its size alone brings it back.
+    """
     effects = list(model.effects)
     for i, (effect, began) in enumerate(zip(effects, first.effects, strict=True)):
-        sizes = [p.name for p in effect.definition.parameters if p.fitted and p.counts_force]
+        fitted = [p for p in effect.definition.parameters if p.fitted]
+        sizes = [p.name for p in fitted if p.counts_force] if len(fitted) > 1 else []
         if any(abs(effect.values[n]) < vanished * abs(began.values[n]) for n in sizes):
             effects[i] = began
     return replace(model, effects=tuple(effects))
