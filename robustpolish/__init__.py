@@ -73,7 +73,12 @@ from robustpolish.implementation import (
     plant_at_samples,
 )
 from robustpolish.loading import load
-from robustpolish.loops import LoopAnalysis, LoopRequirements, loop_analysis
+from robustpolish.loops import (
+    LoopAnalysis,
+    LoopRequirements,
+    MeasuredLoopAnalysis,
+    loop_analysis,
+)
 from robustpolish.machine_design import (
     DesignTask,
     MachineDesign,
@@ -201,6 +206,7 @@ __all__ = [
     "LoopAnalysis",
     "LoopRequirements",
     "MachineDesign",
+    "MeasuredLoopAnalysis",
     "MechanicalModel",
     "MethodComparison",
     "MethodResult",

@@ -7,6 +7,7 @@ from robustpolish.loops.loop import Loop
 from robustpolish.loops.margins.all_loops import MarginsAtOnce
 from robustpolish.loops.margins.disk import DiskMargin
 from robustpolish.loops.margins.one_loop import Crossing, LoopMargins
+from robustpolish.loops.measured.analysis import MeasuredLoopAnalysis, MeasuredSensitivities
 from robustpolish.loops.requirements import LoopRequirements
 from robustpolish.loops.sampling import SampleRate
 from robustpolish.loops.sensitivities import Sensitivities
@@ -22,6 +23,8 @@ __all__ = [
     "LoopMargins",
     "LoopRequirements",
     "MarginsAtOnce",
+    "MeasuredLoopAnalysis",
+    "MeasuredSensitivities",
     "SampleRate",
     "Sensitivities",
     "loop_analysis",

@@ -39,7 +39,6 @@ from robustpolish.synthesis.certificate.loop_balls import GivenController
 from robustpolish.validation import described, instance_of, invalid, one_of
 
 Kind = Literal["bode", "sigma", "nyquist", "nichols", "step"]
-_MOST_CURVES = 5
 
 
 class LoopAnalysis(LoopFigures, Displayed):
@@ -173,15 +172,6 @@ class LoopAnalysis(LoopFigures, Displayed):
         draw = plot_loop_nyquist if kind == "nyquist" else plot_loop_nichols
         return draw(loops, disks, ax, self.loop.rates)
 
-    def _chosen(self, place: Place, signal: str | None) -> list[tuple[Place, int]]:
-        if signal is None:
-            return [(place, i) for i in range(min(len(self.loop.names(place)), _MOST_CURVES))]
-        for where in PLACES:
-            if signal in self.loop.names(where):
-                return [(where, self.loop.names(where).index(signal))]
-        known = ", ".join([*self.loop.names("input"), *self.loop.names("output")])
-        raise invalid("signal", signal, f"one of {known}", "Check its spelling.")
-
     def _plot_steps(
         self, chosen: list[tuple[Place, int]], of: str, duration: float | None, ax: Axes | None
     ) -> Axes:
@@ -265,8 +255,9 @@ def loop_analysis(
     Margins: S. Skogestad, I. Postlethwaite, Multivariable Feedback Control, 2nd ed., section 2.4;
     P. Seiler, A. Packard, P. Gahinet, "An Introduction to Disk Margins", IEEE Control Systems
     Magazine 40 (2020) 78-95. Delays that are asked for are exact, exp(-s tau), in every margin; so
-    are those of the plant in stability, margins of single loops, bandwidths and peaks of S and T.
-    Margins of several signals at once, efforts and systems have Padé models of these.
+    are those of the plant in stability, all margins, bandwidths and peaks of S and T; efforts and
+    systems have Padé models of these. The disk of several signals is covered by intervals with
+    delays too, each as wide as a bound on the change of the response allows.
 
     Examples
     --------

@@ -12,13 +12,17 @@ import control
 from robustpolish.analysis import Stability
 from robustpolish.loops.bandwidth import LoopBandwidth
 from robustpolish.loops.effort import Effort, GivenEffort
-from robustpolish.loops.loop import Loop
+from robustpolish.loops.loop import PLACES, Loop, Place
 from robustpolish.loops.margins.all_loops import MarginsAtOnce, Where
 from robustpolish.loops.margins.disk import DiskMargin
 from robustpolish.loops.margins.one_loop import LoopMargins
 from robustpolish.loops.requirements import LoopRequirements
 from robustpolish.loops.sampling import SampleRate
 from robustpolish.loops.sensitivities import Sensitivities
+from robustpolish.validation import invalid
+
+_MOST_SHOWN = 5
+"""So many single loops are drawn in one picture."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -101,6 +105,16 @@ class LoopFigures:
         for row in self.effort:
             names[row.control] = max(names[row.control], row.step_rate)
         return names
+
+    def _chosen(self, place: Place, signal: str | None) -> list[tuple[Place, int]]:
+        """Return where loops are broken to be shown: at one signal, or at those of a place."""
+        if signal is None:
+            return [(place, i) for i in range(min(len(self.loop.names(place)), _MOST_SHOWN))]
+        for where in PLACES:
+            if signal in self.loop.names(where):
+                return [(where, self.loop.names(where).index(signal))]
+        known = ", ".join(name for where in PLACES for name in self.loop.names(where))
+        raise invalid("signal", signal, f"one of {known}", "Check its spelling.")
 
     def _least(self, of: Callable[[LoopMargins], float]) -> float:
         return min((of(margins) for margins in self.margins), default=math.nan)

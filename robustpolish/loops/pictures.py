@@ -52,7 +52,7 @@ def responses(
         for i, output in enumerate(system.output_labels):
             for j, entry in enumerate(system.input_labels):
                 label = f"{name} {entry} to {output}" if several else name
-                found[label] = _over_frequency(omega, values[:, i, j])
+                found[label] = over_frequency(omega, values[:, i, j])
     return found
 
 
@@ -92,7 +92,7 @@ def plot_sigma(
     rates = np.zeros(0, complex) if rates is None else rates
     omega = grid_of(systems, rates)
     gains = {
-        name: _over_frequency(omega, Response(system).sizes(omega)[:, 0])
+        name: over_frequency(omega, Response(system).sizes(omega)[:, 0])
         for name, system in systems.items()
     }
     several = any(system.ninputs != 1 or system.noutputs != 1 for system in systems.values())
@@ -122,6 +122,7 @@ def plot_steps(
     return plot_time_series(traces, ax)
 
 
-def _over_frequency(omega: Vector, values: AnyVector) -> xr.DataArray:
+def over_frequency(omega: Vector, values: AnyVector) -> xr.DataArray:
+    """Return values over frequencies in rad/s with the latter in Hz."""
     hertz = ("frequency", omega / (2 * math.pi), {"units": "Hz"})
     return xr.DataArray(values, dims="frequency", coords={"frequency": hertz})

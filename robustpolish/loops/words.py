@@ -280,9 +280,9 @@ def _approximated(found: LoopFigures) -> str:
         return ""
     named = [f"{quantity(delay, 's')} at {name}" for name, delay in delays.items()]
     return (
-        f"Delays of the plant ({_listed(named)}) are exact in stability, in margins of single "
-        "loops, bandwidths and peaks of S and T, which are found over frequency and not proven; "
-        "margins of several signals at once, efforts and systems have Padé models of them."
+        f"Delays of the plant ({_listed(named)}) are exact in stability, in all margins, in "
+        "bandwidths and in peaks of S and T, which are found over frequency and, but for disks of "
+        "several signals, not proven; efforts and systems have Padé models of them."
     )
 
 

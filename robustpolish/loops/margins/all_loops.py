@@ -14,12 +14,21 @@ from robustpolish.analysis.norms.peak_search import cayley
 from robustpolish.arrays import AnyMatrix, Vector
 from robustpolish.exact.realisation import Realisation, realisation, rescaled
 from robustpolish.loops.loop import Loop, Place
+from robustpolish.loops.margins.delayed_intervals import DelayedIntervals
 from robustpolish.loops.margins.disk import DiskMargin, disk_of
-from robustpolish.loops.margins.scaled_peak import best_scales, interval, scaled_peak
+from robustpolish.loops.margins.scaled_peak import (
+    MOST_INTERVALS,
+    best_scales,
+    interval,
+    scaled_peak,
+)
 from robustpolish.loops.response import Response, roots
 
 Where = Literal["inputs", "outputs", "inputs and outputs"]
 _MOST_STEPS = 300
+# With delays an interval is as wide as a slope allows, where states alone have eigenvalues for it.
+_MOST_DELAYED = 1000
+_SHARES_OF_SCALES = (1.0, 0.6, 0.2)
 # What the bound of delays may lose: intervals of constant scales get long enough.
 _SLACK = 1e-2
 # A loop that is not small this far above its poles counts as large for ever.
@@ -73,15 +82,17 @@ def margins_at_once(loop: Loop, where: Where) -> MarginsAtOnce:
         at, opened = loop.at(place), loop.opened(place)
         common = common_delay(loop.response(place))
     names = tuple(loop.closed.input_labels[i] for i in at)
-    balanced = _Axis.of(loop.around(at, 2.0, 1.0))
+    balanced = _axis(loop.around(at, 2.0, 1.0), _closed_delays(loop, at))
     if len(at) == 1:  # no scales to choose
         disk = disk_of(loop.balanced_peak(at))
     else:
-        peak = scaled_peak(balanced.model, balanced.response, balanced.seeds())
+        peak = scaled_peak(
+            balanced.size, balanced.response, balanced.seeds(), balanced.around, balanced.most
+        )
         alpha = 2 / peak.upper if peak.upper else math.inf
         hertz = float(balanced.omega(peak.frequency) / (2 * math.pi))
         disk = DiskMargin(alpha, hertz, peak.covered)
-    delay = any_delay(balanced, _Axis.of(opened), disk.alpha)
+    delay = any_delay(balanced, _axis(opened, _opened_delays(loop, place)), disk.alpha)
     return MarginsAtOnce(where, names, disk, common, delay)
 
 
@@ -92,6 +103,7 @@ class _Axis:
     model: Realisation
     discrete: bool
     step: float
+    most = MOST_INTERVALS
 
     @classmethod
     def of(cls, system: control.StateSpace) -> _Axis:
@@ -127,10 +139,68 @@ class _Axis:
             return np.full_like(D, np.inf)
         return D + model.C @ inner
 
+    @property
+    def size(self) -> float:
+        """A frequency near the fastest of the model."""
+        return float(np.linalg.norm(self.model.A)) or 1.0
+
+    def around(self, x: float, scales: Vector, level: float) -> tuple[float, float]:
+        """Return the frequencies around one at which the scaled response is below a level."""
+        return interval(self.model, x, scales, level)
+
     def seeds(self) -> Vector:
         """Return the frequencies of the poles."""
         poles: Any = np.linalg.eigvals(self.model.A) if self.model.states else np.zeros(0)
         return np.unique(np.round(np.abs(poles), 12))
+
+
+@dataclass(frozen=True, eq=False)
+class _DelayedAxis(_Axis):
+    """The same with exact delays; the model shows where to look."""
+
+    exact: DelayedIntervals
+    most = _MOST_DELAYED
+
+    def response(self, x: float) -> AnyMatrix:
+        if not math.isfinite(x):
+            return super().response(x)
+        return self.exact.response(self.omega(x))
+
+    def around(self, x: float, scales: Vector, level: float) -> tuple[float, float]:
+        # Scales that are best by a hair may be far apart, and the slope then large: less will do.
+        found = [
+            self.exact.around(self.omega(x), scales**share, level)
+            for share in _SHARES_OF_SCALES[: 1 if len(scales) == 1 else None]
+        ]
+        return self.x(min(one[0] for one in found)), self.x(max(one[1] for one in found))
+
+
+def _axis(system: control.StateSpace, exact: DelayedIntervals | None) -> _Axis:
+    own = _Axis.of(system)
+    return own if exact is None else _DelayedAxis(own.model, own.discrete, own.step, exact)
+
+
+def _closed_delays(loop: Loop, at: list[int]) -> DelayedIntervals | None:
+    """Return S - T = 2 S - 1 at some signals with exact delays; None without."""
+    if loop.delayed is None:
+        return None
+    every = np.eye(loop.plant.nu + loop.plant.ny)
+    # z = 2 q - w: q holds w already, and o = q - w.
+    some = every[at]
+    return DelayedIntervals.wired(loop.delayed, every, some.T, (some, some))
+
+
+def _opened_delays(loop: Loop, place: Place | None) -> DelayedIntervals | None:
+    """Return what :attr:`Loop.side_by_side`, or the loop opened at a place, is with delays."""
+    if loop.delayed is None:
+        return None
+    every = np.eye(loop.plant.nu + loop.plant.ny)
+    broken = list(range(len(every))) if place is None else loop.at(place)
+    back = every.copy()
+    back[broken] = 0.0
+    return DelayedIntervals.wired(
+        loop.delayed, back, every[:, broken], (-every[broken], np.zeros((len(broken), len(every))))
+    )
 
 
 def common_delay(response: Response) -> float:
@@ -180,7 +250,7 @@ def any_delay(balanced: _Axis, opened: _Axis, alpha: float) -> float:
         value, scales = best_scales(balanced.response(x))
         level = value * (1 + _SLACK)
         least = min(least, 2 * math.atan(1 / level) / end)
-        first = balanced.omega(interval(balanced.model, x, scales, level)[0])
+        first = balanced.omega(balanced.around(x, scales, level)[0])
         end = min(first, end * (1 - 1e-6))
         if end <= 0:
             return least
@@ -194,7 +264,7 @@ def _last_large(opened: _Axis) -> float:
     end = fastest or 1.0
     while True:  # out to where the loop is small and stays so
         value, scales = best_scales(opened.response(end))
-        if value < 1 and interval(model, end, scales, 1.0)[1] == math.inf:
+        if value < 1 and opened.around(end, scales, 1.0)[1] == math.inf:
             break
         if end > _FARTHEST * (fastest or 1.0):
             return opened.omega(math.inf)
@@ -203,7 +273,7 @@ def _last_large(opened: _Axis) -> float:
         value, scales = best_scales(opened.response(end * (1 - 1e-4)))
         if value >= 1:
             return opened.omega(end)
-        end = min(end * (1 - 1e-4), interval(model, end * (1 - 1e-4), scales, 1.0)[0])
+        end = min(end * (1 - 1e-4), opened.around(end * (1 - 1e-4), scales, 1.0)[0])
         if end == 0:
             return 0.0
     return opened.omega(end)

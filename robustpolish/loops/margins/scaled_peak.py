@@ -21,7 +21,7 @@ from robustpolish.arrays import AnyMatrix, Array, Vector
 from robustpolish.exact.realisation import Realisation
 
 _SLACK = 1e-3
-_MOST_INTERVALS = 400
+MOST_INTERVALS = 400
 # An interval this narrow, relative to its frequency, proves nothing.
 _NARROW = 1e-9
 # Powers of the smooth stand-in of the largest singular value: rough, then sharp.
@@ -105,18 +105,27 @@ def best_scales(M: AnyMatrix) -> tuple[float, Vector]:
 
 
 def scaled_peak(
-    model: Realisation, response: Callable[[float], AnyMatrix], seeds: Vector
+    size: float,
+    response: Callable[[float], AnyMatrix],
+    seeds: Vector,
+    around: Callable[[float, Vector, float], tuple[float, float]],
+    most: int = MOST_INTERVALS,
 ) -> ScaledPeak:
     """Bound the structured peak of a stable continuous system over all frequencies.
 
     Parameters
     ----------
-    model : Realisation
-        M, continuous, as many inputs as outputs.
+    size : float
+        A frequency near the fastest of the system.
     response : callable
         Its value at a frequency, infinity included.
     seeds : ndarray
         Frequencies that are likely to be the worst.
+    around : callable
+        Takes a frequency, scales and a level, and returns the ends of an interval around the
+        frequency in which the scaled response stays below the level, as :func:`interval` does.
+    most : int, optional
+        So many intervals are laid at most.
 
     Returns
     -------
@@ -128,8 +137,7 @@ def scaled_peak(
     if lower == 0:
         return ScaledPeak(0.0, 0.0, frequency, True)
     bare, covered = [(0.0, math.inf)], True
-    size = float(np.linalg.norm(model.A)) or 1.0
-    for _ in range(_MOST_INTERVALS):
+    for _ in range(most):
         if not bare:
             return ScaledPeak(lower * (1 + _SLACK), lower, frequency, covered)
         low, high = bare.pop()
@@ -137,8 +145,10 @@ def scaled_peak(
         value, scales = looked.get(omega) or best_scales(response(omega))
         if value > lower:
             lower, frequency = value, omega
-        first, last = interval(model, omega, scales, lower * (1 + _SLACK))
-        if last - first <= _NARROW * omega:
+        first, last = around(omega, scales, lower * (1 + _SLACK))
+        if math.isinf(first):  # nothing is known of the end of the axis
+            covered, first = False, size / _NARROW
+        elif last - first <= _NARROW * omega:
             covered = covered and omega in (0.0, math.inf)
             last = max(omega * (1 + _NARROW), _NARROW * size)
             first = min(omega * (1 - _NARROW), size / _NARROW)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import control
 import numpy as np
+from matplotlib.axes import Axes
 
 from robustpolish.analysis import HinfNorm
-from robustpolish.arrays import AnyArray
+from robustpolish.arrays import AnyArray, Vector
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.loops.figures import LoopFigures
 from robustpolish.loops.loop import PLACES, Place
@@ -22,6 +23,7 @@ from robustpolish.loops.measured.margins import (
     measured_bandwidths,
     measured_margins,
 )
+from robustpolish.loops.pictures import over_frequency
 from robustpolish.loops.requirements import LoopRequirements
 from robustpolish.loops.sensitivities import Sensitivities
 from robustpolish.loops.tables import tables_of
@@ -33,8 +35,12 @@ from robustpolish.loops.words import (
     verdict,
 )
 from robustpolish.models import GeneralizedPlant
+from robustpolish.plotting import plot_bode, plot_gains, plot_nichols, plot_nyquist_disks
 from robustpolish.synthesis.certificate.loop_balls import GivenController
+from robustpolish.validation import described, invalid, one_of
 
+MeasuredKind = Literal["bode", "sigma", "nyquist", "nichols"]
+_PEAKS = ("S", "T", "KS", "GS")
 _ONLY_LINES = "the largest of the measured lines: no proof between them"
 
 
@@ -51,7 +57,7 @@ class MeasuredSensitivities(Sensitivities):
     @cached_property
     def peaks(self) -> dict[str, HinfNorm]:
         """Largest singular values of the lines; what lies between them is not known."""
-        return {name: _peak(getattr(self, name)) for name in ("S", "T", "KS", "GS")}
+        return {name: _peak(getattr(self, name)) for name in _PEAKS}
 
 
 class MeasuredLoopAnalysis(LoopFigures, Displayed):
@@ -60,6 +66,19 @@ class MeasuredLoopAnalysis(LoopFigures, Displayed):
     Its fields are those of :class:`robustpolish.LoopAnalysis`. Stability is counted by Nyquist's
     criterion, margins lie on the lines or straight between them, and nothing is proven. What
     needs a model is empty: ``noise``, ``effort`` and ``given`` are ``()``, ``sample_rate`` is None.
+
+    Attributes
+    ----------
+    loop : MeasuredLoop
+        Plant, controller and their lines.
+    stability : Stability
+        As Nyquist's criterion counts it.
+    input, output : MeasuredSensitivities
+        L, S, T, KS and GS at the plant's input and output, as frequency responses.
+    margins, at_once, bandwidths, requirements
+        As in :class:`robustpolish.LoopAnalysis`.
+    noise, effort, given, sample_rate
+        Empty, and None.
 
     Examples
     --------
@@ -71,6 +90,8 @@ class MeasuredLoopAnalysis(LoopFigures, Displayed):
     >>> analysis = rp.loop_analysis(measured, -1)
     >>> analysis.stable, round(analysis.gain_margin[1], 2), round(analysis.phase_margin, 1)
     (True, 3.0, 32.6)
+    >>> analysis.plot(kind="nyquist").get_xlabel()
+    'real part of L'
     """
 
     loop: Any
@@ -91,6 +112,15 @@ class MeasuredLoopAnalysis(LoopFigures, Displayed):
         Returns
         -------
         str
+
+        Examples
+        --------
+        >>> import control
+        >>> import numpy as np
+        >>> import robustpolish as rp
+        >>> lines = control.frd(control.tf([2], [1, 1]), np.logspace(-2, 2, 50))
+        >>> "50 measured lines" in rp.loop_analysis(lines, -1).explain()
+        True
         """
         against = problems(self)
         if not self.stable:
@@ -104,8 +134,73 @@ class MeasuredLoopAnalysis(LoopFigures, Displayed):
         Returns
         -------
         tuple of Table
+
+        Examples
+        --------
+        >>> import control
+        >>> import numpy as np
+        >>> import robustpolish as rp
+        >>> lines = control.frd(control.tf([2], [1, 1]), np.logspace(-2, 2, 50))
+        >>> [table.caption for table in rp.loop_analysis(lines, -1).tables()][-1]
+        'Bandwidths'
         """
         return tuple(table for table in tables_of(self) if table.rows)
+
+    def plot(
+        self,
+        ax: Axes | str | None = None,
+        *,
+        kind: MeasuredKind = "bode",
+        signal: str | None = None,
+        place: Place = "input",
+    ) -> Axes:
+        """Draw the loops at the measured lines, joined by straight strokes.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes or str, optional
+            Where to draw; a new figure by default. A text is taken as `kind`.
+        kind : {"bode", "sigma", "nyquist", "nichols"}, optional
+            "bode", "nyquist" and "nichols" show L of single loops, the latter two with the disk
+            around -1 that each stays out of at the lines; "sigma" the largest singular values of
+            S, T, KS and GS.
+        signal : str, optional
+            The control or measurement at which the loop is broken; by default all of `place`, at
+            most five.
+        place : {"input", "output"}, optional
+            Of the plant.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such kind, place or signal; steps need a model.
+        """
+        if isinstance(ax, str):
+            ax, kind = None, ax  # type: ignore[assignment]
+        if kind == "step":
+            shown = described("the steps of a measured plant")
+            raise invalid("kind", shown, "a model to run", "Fit one, or draw kind='bode'.")
+        one_of("kind", kind, get_args(MeasuredKind))
+        one_of("place", place, PLACES)
+        chosen = self._chosen(place, signal)
+        lines: MeasuredLoop = self.loop
+        if kind == "sigma":
+            at = getattr(self, chosen[0][0])
+            sizes = {
+                name: over_frequency(lines.omega, _sizes(getattr(at, name))) for name in _PEAKS
+            }
+            several = max(len(self.loop.names(where)) for where in PLACES) > 1
+            return plot_gains(sizes, None, ax, name="largest singular value" if several else "gain")
+        curves = {lines.names(where)[i]: lines.opened(where, [i])[:, 0, 0] for where, i in chosen}
+        loops = {name: over_frequency(lines.omega, curve) for name, curve in curves.items()}
+        if kind == "bode":
+            return plot_bode(loops, ax, name="gain of L")
+        draw = plot_nyquist_disks if kind == "nyquist" else plot_nichols
+        return draw(loops, {m.name: m.disk.alpha for m in self.margins}, ax)
 
     def _basis(self) -> str:
         loop: MeasuredLoop = self.loop
@@ -182,7 +277,12 @@ def _sensitivities(loop: MeasuredLoop, place: Place) -> MeasuredSensitivities:
 
 
 def _peak(system: control.FrequencyResponseData) -> HinfNorm:
-    sizes = largest(np.moveaxis(np.asarray(system.frdata), 2, 0))
+    sizes = _sizes(system)
     i = int(np.argmax(sizes))
     value = float(sizes[i])
     return HinfNorm(value, float(system.omega[i]), value, np.inf, True, _ONLY_LINES)
+
+
+def _sizes(system: control.FrequencyResponseData) -> Vector:
+    """Return the largest singular value, line by line."""
+    return largest(np.moveaxis(np.asarray(system.frdata), 2, 0))

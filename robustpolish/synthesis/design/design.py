@@ -25,6 +25,7 @@ from robustpolish.synthesis.blocks.tuned import TunedBlocks
 from robustpolish.synthesis.certificate.certificate import Certificate
 from robustpolish.synthesis.design.design_file import design_content, design_fields
 from robustpolish.synthesis.design.reduced import reduced
+from robustpolish.synthesis.design.reduced_shaping import is_shaped, reduced_shaping
 from robustpolish.synthesis.design.status import Status
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 
@@ -168,12 +169,15 @@ class Design(Displayed):
 
         Candidates are the controller's balanced truncation and residualisation, those of its
         normalised coprime factors (which an unstable one has too), and those weighted by what its
-        states do inside the loop. The loop's norm decides, not the Hankel singular values.
+        states do inside the loop. The loop's norm decides, not the Hankel singular values. Of a
+        design of :func:`robustpolish.loop_shaping` the gamma of the shaped loop decides: the
+        controller between its weights is shortened, and the weights stay as they are.
 
         Parameters
         ----------
         order : int, optional
-            Number of states of the new controller; it has fewer where the rest does nothing.
+            Number of states of the new controller, those of weights counted; it has fewer where
+            the rest does nothing.
         tolerance : float, optional
             Instead: the fewest states with which the norm rises by at most this part; 0.05, five
             percent, if neither is given.
@@ -189,7 +193,10 @@ class Design(Displayed):
         InvalidInputError
             If there is no such order.
         InfeasibleError
-            If no candidate of this order keeps the loop stable; it tells which order does.
+            If no candidate of this order keeps the loop stable; it tells which order does. Of loop
+            shaping also if there is no room for the states of the weights.
+        SolverError
+            If a shaped loop could not be certified with its weights in the controller.
 
         Examples
         --------
@@ -203,8 +210,11 @@ class Design(Displayed):
         >>> design.controller.nstates, round(float(design.gain[0, 0]), 6)
         (0, -3.0)
         """
-        found = reduced(self.plant, self.controller, self.certificate, order, tolerance)
-        if found.controller is self.controller:
+        if is_shaped(self.details):
+            found = reduced_shaping(self.plant, self.details, order, tolerance)
+        else:
+            found = reduced(self.plant, self.controller, self.certificate, order, tolerance)
+        if found.details["reduction"] == "none":
             details = MappingProxyType({**self.details, **found.details})
             return replace(self, message=f"{self.message} {found.message}", details=details)
         return replace(

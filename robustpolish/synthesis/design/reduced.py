@@ -44,6 +44,9 @@ def reduced(
     before: Certificate,
     order: int | None,
     tolerance: float | None,
+    *,
+    figure: str = "",
+    kept: int = 0,
 ) -> Reduced:
     """Shorten a controller; see `Design.reduce`.
 
@@ -55,46 +58,53 @@ def reduced(
         Of the loop with the whole controller.
     order : int or None
     tolerance : float or None
+    figure : str, optional
+        What the norm is called that is judged.
+    kept : int, optional
+        States of a fixed part, such as weights, beside which the controller stands; orders and
+        words count them.
 
     Returns
     -------
     Reduced
     """
-    n = controller.nstates
+    n = controller.nstates + kept
     if order is not None and tolerance is not None:
         given = described(f"order={order!r} and tolerance={tolerance!r}")
         raise invalid("order", given, "one of the two", "Leave one of them out.")
-    if n == 0:
+    if n == kept:
         shown = described("a static gain")
         remedy = "There is nothing to reduce; discretise or export it as it is."
         raise invalid("controller", shown, "a controller with states", remedy)
     reducer = Reducer(plant, controller)
+    name = figure or ("H-infinity norm" if before.norm == "hinf" else "H2 norm")
     if order is not None:
         order = _checked_order(order, n)
-        found = _best(plant, reducer, order, before, math.inf)
+        if order < kept:
+            raise InfeasibleError(_below_the_kept(order, kept))
+        found = _best(plant, reducer, order - kept, before, math.inf)
         if found is None:
-            raise InfeasibleError(_no_such_order(plant, reducer, order, n, before))
+            raise InfeasibleError(_no_such_order(plant, reducer, order, n, before, kept))
     else:
         part = (
             DEFAULT_TOLERANCE if tolerance is None else positive("tolerance", tolerance, zero=True)
         )
         limit = before.achieved * (1 + part)
-        shorter = (_best(plant, reducer, k, before, limit) for k in range(n))
+        shorter = (_best(plant, reducer, k, before, limit) for k in range(n - kept))
         found = next((best for best in shorter if best is not None), None)
         if found is None:
             message = (
-                f"No controller of fewer than {n} states was found that keeps the norm within "
-                f"{100 * part:.3g} %; it stays as it is. Allow more with tolerance=."
+                f"No controller of fewer than {n} states was found that keeps the "
+                f"{name} within {100 * part:.3g} %; it stays as it is. Allow more with tolerance=."
             )
             return Reduced(
                 controller, before, message, _told(reducer, "none", n, n, before, before)
             )
     candidate, certificate = found
-    k = candidate.controller.nstates
+    k = candidate.controller.nstates + kept
     change = 100 * (certificate.achieved / before.achieved - 1) if before.achieved > 0 else 0.0
-    name = "H-infinity" if before.norm == "hinf" else "H2"
     message = (
-        f"Reduced from {n} to {k} states ({candidate.name}): the {name} norm goes from "
+        f"Reduced from {n} to {k} states ({candidate.name}): the {name} goes from "
         f"{before.achieved:.6g} to {certificate.achieved:.6g} ({change:+.3g} %)."
     )
     message += _sensitivity_sentence(plant, controller, candidate.controller)
@@ -159,9 +169,10 @@ def _checked_order(order: Any, n: int) -> int:
 
 
 def _no_such_order(
-    plant: GeneralizedPlant, reducer: Reducer, order: int, n: int, before: Certificate
+    plant: GeneralizedPlant, reducer: Reducer, order: int, n: int, before: Certificate, kept: int
 ) -> str:
-    found = (k for k in range(n) if _best(plant, reducer, k, before, math.inf) is not None)
+    orders = range(kept, n)
+    found = (k for k in orders if _best(plant, reducer, k - kept, before, math.inf) is not None)
     least = next((k for k in found if k != order), None)
     if least is None:
         remedy = "No order below it does: design with fewer states from the start, with order= of "
@@ -171,6 +182,14 @@ def _no_such_order(
     finite = "" if before.norm == "hinf" else " and its norm finite"
     none = f"order: no controller of {order} states was found that keeps the loop stable"
     return f"{none}{finite}. {remedy}"
+
+
+def _below_the_kept(order: int, kept: int) -> str:
+    return (
+        f"order: a controller of {order} states has no room for the {kept} states of the weights, "
+        f"which are a part of it: ask for {kept} or more. To let the weights go too, reduce "
+        "rp.given_controller(design.plant, design.controller), which the norm of its loop judges."
+    )
 
 
 def _told(

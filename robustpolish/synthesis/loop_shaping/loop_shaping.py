@@ -95,11 +95,12 @@ def loop_shaping(
         ``GeneralizedPlant.from_loop(plant)``, whose norm the certificate proves in the units of the
         plant; without weights that norm is gamma. ``details`` hold the ``gamma`` achieved and
         certified for the shaped loop, the ``optimal_gamma``, the ``ncf_margin``, the
-        ``shaped_plant``, the ``shaped_controller`` and its ``shaped_certificate``. With a target
-        also the weight ``W1``, the ``band_hz``, the ``shape_factor`` within which the singular
-        values of the shaped plant W2 G W1 are those of the target, and the ``target_factor``: those
-        of the loop W2 G W1 Ks are at least the target over it where the target is above 1, and at
-        most the target times it below 1; both at 300 frequencies of the band, no proof between.
+        ``shaped_plant``, the ``shaped_controller`` with its ``shaped_certificate``, and the weights
+        ``W1`` and ``W2`` as systems. With a target also the ``band_hz``, the ``shape_factor``
+        within which the singular values of the shaped plant W2 G W1 are those of the target, and
+        the ``target_factor``: those of the loop W2 G W1 Ks are at least the target over it where
+        the target is above 1, and at most the target times it below 1; both at 300 frequencies of
+        the band, no proof between.
 
     Raises
     ------
@@ -191,7 +192,7 @@ def loop_shaping(
             + "; ".join(certificate.reasons)
             + ". Do not cancel slow or unstable modes of the plant by the weights."
         )
-    near, told = _near(wanted, before, part, inner) if wanted else ({}, "")
+    near, told = _near(wanted, whole, part, inner) if wanted else ({}, "")
     return Design(
         plant=real,
         controller=controller,
@@ -211,6 +212,8 @@ def loop_shaping(
                 "shaped_plant": shaped,
                 "shaped_controller": inner,
                 "shaped_certificate": proof,
+                "W1": control.StateSpace(*before, G.dt),
+                "W2": control.StateSpace(*behind, G.dt),
                 **near,
             }
         ),
@@ -237,10 +240,9 @@ def _wanted(target: Any, W1: Weights, band_hz: Any, plant: GeneralizedPlant) -> 
 
 
 def _near(
-    wanted: WantedLoop, before: SystemMatrices, part: SystemMatrices, inner: control.StateSpace
+    wanted: WantedLoop, shaped: SystemMatrices, part: SystemMatrices, inner: control.StateSpace
 ) -> tuple[dict[str, Any], str]:
     """Return how near the shaped plant and the loop come to the target, and say it."""
-    shaped = in_series(before, part)
     shape, _ = wanted.distance_of(shaped)
     factor, worst = wanted.shortfall_of(in_series(arrays_of(inner), shaped))
     low, high, where = (omega / (2 * math.pi) for omega in (*wanted.band, worst))
@@ -248,7 +250,6 @@ def _near(
         "target_factor": factor,
         "shape_factor": shape,
         "band_hz": (low, high),
-        "W1": control.StateSpace(*before, wanted.dt),
     }
     text = (
         f" From {low:.4g} to {high:.4g} Hz the loop keeps the target within a factor of "

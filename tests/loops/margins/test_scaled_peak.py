@@ -1,6 +1,7 @@
 """Scales, and the bound between frequencies that no grid gives."""
 
 import math
+from functools import partial
 
 import control
 import numpy as np
@@ -41,7 +42,8 @@ def peak_of(system, seeds=()):
             + model.D
         )
 
-    return scaled_peak(model, response, np.array(seeds))
+    size = float(np.linalg.norm(model.A))
+    return scaled_peak(size, response, np.array(seeds), partial(interval, model))
 
 
 def test_a_peak_between_the_points_is_found():

@@ -108,3 +108,39 @@ def test_bad_input_is_told(arguments, message):
 def test_a_model_tells_its_poles_itself():
     with pytest.raises(rp.InvalidInputError, match="unstable_poles: got a count for a model"):
         rp.loop_analysis(TEXTBOOK, -1, unstable_poles=1)
+
+
+@pytest.mark.parametrize("kind", ["bode", "nyquist", "nichols", "sigma"])
+def test_pictures_show_the_lines(kind):
+    analysis = rp.loop_analysis(measured(SATELLITE), -np.eye(2))
+    ax = analysis.plot(kind, place="output")
+    drawn = [line for line in ax.lines if len(line.get_xdata()) == len(LINES)]
+    assert len(drawn) == (4 if kind == "sigma" else 2)
+    assert [line.get_label() for line in drawn][:1] == (["S"] if kind == "sigma" else ["y[0]"])
+    if kind == "sigma":
+        np.testing.assert_allclose(drawn[0].get_xdata(), LINES / (2 * np.pi))
+        assert drawn[0].get_ydata().max() == pytest.approx(analysis.output.peaks["S"].value)
+    if kind == "nyquist":
+        values = analysis.loop.opened("output", [0])[:, 0, 0]
+        np.testing.assert_allclose(drawn[0].get_xdata(), values.real)
+
+
+def test_one_signal_is_drawn_and_an_unstable_loop_too():
+    analysis = rp.loop_analysis(measured(1 / (s - 1)), -0.5, unstable_poles=1)
+    assert not analysis.stable
+    assert len(analysis.plot(kind="nyquist", signal="y[0]").lines[0].get_xdata()) == len(LINES)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"kind": "step"}, "need|model"),
+        ({"kind": "root locus"}, "kind"),
+        ({"place": "middle"}, "place"),
+        ({"signal": "w"}, "one of u"),
+    ],
+)
+def test_what_cannot_be_drawn_is_told(wrong, said):
+    analysis = rp.loop_analysis(measured(TEXTBOOK), -1)
+    with pytest.raises(rp.InvalidInputError, match=said):
+        analysis.plot(**wrong)
