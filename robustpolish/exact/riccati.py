@@ -161,13 +161,15 @@ def _tiny(share: float) -> Any:
 def _unstable_factor(H: Ball) -> list[Any] | None:
     """Return the polynomial of a Hamiltonian's unstable eigenvalues; None if some lie on the axis.
 
-    The characteristic polynomial is one of squares, whose roots come in half the number.
+    The characteristic polynomial is one of squares, whose roots come in half the number. Those of
+    eigenvalues on the axis are real and negative.
     """
     draw = np.random.default_rng(0)
+    enclosed_squares = flint.arb_poly(H.charpoly().coeffs()[::2])
     squares = flint.acb_poly(
         [
             flint.acb(c.mid() * (1 + _tiny(_POLICY.apart) * int(draw.integers(1, 1000))))
-            for c in H.charpoly().coeffs()[::2]
+            for c in enclosed_squares.coeffs()
         ]
     )
     slope = squares.derivative()
@@ -182,9 +184,18 @@ def _unstable_factor(H: Ball) -> list[Any] | None:
             root = (root - squares(root) / slope(root)).mid()
         value = root.sqrt().mid()
         if not abs(value.real) > abs(value) * _tiny(_POLICY.axis):
-            return None
+            if _has_root_beside(enclosed_squares, root.real):
+                return None
+            raise UndecidedError
         factor *= flint.acb_poly([-value if value.real > 0 else value, 1])
     return [c.real.mid() for c in factor.coeffs()]
+
+
+def _has_root_beside(polynomial: Any, where: Any) -> bool:
+    """Tell whether a real polynomial surely has a real root there: it changes its sign."""
+    beside = abs(where) * _tiny(_POLICY.axis)
+    below, above = polynomial(where - beside), polynomial(where + beside)
+    return bool(where + beside < 0 and ((below < 0 and above > 0) or (below > 0 and above < 0)))
 
 
 def _applied(polynomial: list[Any], H: Ball, start: Ball) -> Ball:
