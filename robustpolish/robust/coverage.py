@@ -10,9 +10,9 @@ import numpy as np
 
 from robustpolish.arrays import AnyMatrix, Vector
 from robustpolish.exact.realisation import Realisation
-from robustpolish.robust.centre import Level, at, lowered, started
 from robustpolish.robust.proof import ProvenModel, Weights
-from robustpolish.robust.scalings import Inequality, Space
+from robustpolish.robust.scaled.centre import Level, at, lowered, started
+from robustpolish.robust.scaled.scalings import Inequality, Space
 
 
 @dataclass(frozen=True)

@@ -49,10 +49,18 @@ class LoopModel:
             structure = Structure((*structure.blocks, performance))
             B, C = np.hstack([B, one.G[:n]]), np.vstack([C, one.H[:, :n]])
             D = np.block([[D, one.G[n:]], [one.H[:, n:], one.J]])
+        return cls.around((A, B, C, D), system.dt, structure)
+
+    @classmethod
+    def around(
+        cls, matrices: tuple[Matrix, Matrix, Matrix, Matrix], dt: Any, structure: Structure
+    ) -> LoopModel:
+        """Return the loop of the matrices A, B, C and D of M around the blocks."""
+        A, B, C, D = matrices
         used = _used(A, B, C)
         A, B, C = A[used][:, used], B[used], C[:, used]
-        discrete = bool(system.dt)
-        step = 0.0 if not discrete else 1.0 if system.dt is True else float(system.dt or 0.0)
+        discrete = bool(dt)
+        step = 0.0 if not discrete else 1.0 if dt is True else float(dt)
         model = rescaled(Realisation(A, B, C, D, discrete, step or 1.0))
         image = replace(cayley(model), time=1.0, gain=1.0)
         return cls(structure, image, model.gain, model.time, step)
@@ -90,6 +98,11 @@ class LoopModel:
         turned = abs((angle + math.pi / 2) % math.pi - math.pi / 2)
         return math.inf if turned >= math.pi / 2 else self.rate * math.tan(turned)
 
+    def at_positive(self, delta: AnyMatrix, angle: float) -> AnyMatrix:
+        """Return what a Delta of an angle is at the positive frequency of the same mode."""
+        turned = (angle + math.pi / 2) % math.pi - math.pi / 2 < 0
+        return np.conj(delta) if turned else delta
+
     def omega(self, x: float) -> float:
         """Return a frequency of the model in rad/s."""
         if self.step:
@@ -101,6 +114,25 @@ class LoopModel:
     ) -> tuple[tuple[float, float], ...]:
         """Return intervals of the model's frequency in rad/s."""
         return tuple((self.omega(low), self.omega(high)) for low, high in intervals)
+
+    @property
+    def acts_back(self) -> bool:
+        """Whether any delta is in a loop with itself or others, by the pattern of zeros."""
+        model, structure = self.model, self.structure
+        n = model.states
+        states = np.eye(n, dtype=bool)
+        for _ in range(n):
+            states = states | (states @ (model.A != 0))
+        through = (model.C != 0) @ states @ (model.B != 0) if n else np.zeros(model.D.shape, bool)
+        whole = through | (model.D != 0)
+        blocks = len(structure.blocks)
+        acts = np.zeros((blocks, blocks), dtype=bool)
+        for i, z in enumerate(structure.inputs):
+            for j, w in enumerate(structure.outputs):
+                acts[i, j] = bool(whole[z, w].any())
+        for _ in range(blocks):
+            acts = acts | (acts @ acts)
+        return bool(acts.diagonal().any())
 
     def seeds(self) -> list[float]:
         """Return frequencies that are likely to matter: those of the poles."""

@@ -1,44 +1,52 @@
-"""The structured singular value of a matrix, between a proof and a witness."""
+"""What is known of a structured singular value; that of a matrix, by a proof and a witness."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustpolish.arrays import AnyMatrix
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.exact.balls import precision
-from robustpolish.robust.centre import Level, lowered, started
 from robustpolish.robust.proof import Weights, complex_ball, proves
-from robustpolish.robust.scalings import Inequality, Space
-from robustpolish.robust.structure import Structure, fitting, read_structure
+from robustpolish.robust.scaled.centre import Level, lowered, started
+from robustpolish.robust.scaled.scalings import Inequality, Space
+from robustpolish.robust.structure import Structure
 from robustpolish.robust.witness import Witness, directions, smallest
-from robustpolish.validation import described, invalid
 
 # Signals from which the lower bound starts: the worst of the upper bound, then mixtures.
 _STARTS = 6
 _BITS = 160
 
+Status = Literal["bracketed", "no witness", "zero", "incomplete", "unstable", "marginal"]
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StructuredSingularValue(Displayed):
-    """Bounds of the structured singular value of a matrix.
+    """Bounds of the structured singular value of a matrix, or of its peak over all frequencies.
 
     Attributes
     ----------
     lower, upper : float
         The value lies between: 1 / lower is the size of `witness`, and no Delta below 1 / upper
-        makes I - M Delta singular.
+        makes I - M Delta singular, at any frequency.
     witness : ndarray of complex or None
-        A Delta of the structure for which I - M Delta is singular; None if none was found.
+        A Delta of the structure for which I - M Delta is singular, of a system at
+        `critical_frequency`; None if none was found.
     proven : bool
-        Whether `upper` was proven in ball arithmetic.
-    status : {"bracketed", "no witness", "zero"}
-        Whether there are both bounds, none from below, or M is zero.
+        Whether `upper` was proven in ball arithmetic, of a system for all frequencies.
+    status : str
+        "bracketed" or "no witness" where there are both bounds or none from below; "zero" where
+        no Delta makes it singular. Of a system also "incomplete" where `upper` was not proven,
+        and "unstable" or "marginal", with infinite bounds, where M itself is.
+    critical_frequency : float
+        In rad/s, where the witness makes a system singular; nan of a matrix or without a witness.
+    intervals : tuple of (float, float)
+        Frequencies in rad/s over each of which `upper` was proven; they cover the axis. None of a
+        matrix.
 
     Examples
     --------
@@ -51,70 +59,38 @@ class StructuredSingularValue(Displayed):
     upper: float
     witness: AnyMatrix | None
     proven: bool
-    status: Literal["bracketed", "no witness", "zero"]
+    status: Status
+    critical_frequency: float = math.nan
+    intervals: tuple[tuple[float, float], ...] = ()
 
     def _card(self) -> Card:
-        rows = (("at least", self.lower), ("at most", self.upper), ("proven", self.proven))
+        rows = [("at least", self.lower), ("at most", self.upper), ("proven", self.proven)]
+        if not math.isnan(self.critical_frequency):
+            rows.insert(2, ("critical frequency [rad/s]", self.critical_frequency))
         return Card(f"Structured singular value: {self.status}", (quantities(*rows),))
 
 
-def structured_singular_value(M: Any, blocks: Any) -> StructuredSingularValue:
-    r"""Bound the structured singular value of a complex matrix.
-
-    It is one over the size of the smallest Delta, block-diagonal as told, that makes I - M Delta
-    singular; 0 if there is none. The upper bound is that of scalings D and G [1]_, the lower one
-    comes with the Delta that reaches it.
+def matrix_value(M: AnyMatrix, structure: Structure) -> StructuredSingularValue:
+    """Bound the structured singular value of a matrix that fits the structure.
 
     Parameters
     ----------
-    M : array_like of complex, shape (nz, nw)
-        From the outputs w of Delta to its inputs z.
-    blocks : sequence
-        The blocks on the diagonal of Delta, in their order: ``"real"`` or ``("real", copies)`` for
-        a real number, repeated on the diagonal; ``"complex"`` or ``("complex", copies)`` for a
-        complex one; ``("full", (rows, columns))`` for a full complex matrix, ``("full", n)`` for a
-        square one. Rows of MATLAB's ``mussv`` are taken too: ``[-r, 0]``, ``[r, 0]``, ``[r, c]``.
+    M : ndarray of complex, shape (nz, nw)
+    structure : Structure
 
     Returns
     -------
     StructuredSingularValue
-
-    Raises
-    ------
-    InvalidInputError
-        If M is not a finite matrix, or the blocks do not fit it.
-
-    Notes
-    -----
-    An upper bound of real numbers is not always reached. Nor is one of more than three full
-    blocks, but the gap is small in most cases.
-
-    References
-    ----------
-    .. [1] M. K. H. Fan, A. L. Tits, J. C. Doyle, "Robustness in the presence of mixed parametric
-       uncertainty and unmodeled dynamics", IEEE Transactions on Automatic Control 36 (1991) 25-38.
-
-    Examples
-    --------
-    >>> import robustpolish as rp
-    >>> mu = rp.structured_singular_value([[2, 2], [-1, -1]], ["complex", "complex"])
-    >>> round(mu.lower, 4), round(mu.upper, 4), mu.proven
-    (3.0, 3.0, True)
-    >>> round(rp.structured_singular_value([[2, 2], [-1, -1]], [("full", 2)]).upper, 4)
-    3.1623
     """
-    matrix = _complex_matrix(M)
-    structure = read_structure(blocks)
-    fitting(matrix.shape, structure)
     space = Space(structure, (False,) * len(structure.blocks))
-    size = float(np.linalg.norm(matrix, 2))
+    size = float(np.linalg.norm(M, 2))
     if size == 0:
         return StructuredSingularValue(0.0, 0.0, None, True, "zero")
     unit = float(np.exp2(np.round(np.log2(size))))
-    inequality = Inequality(space, (matrix / unit)[None])
+    inequality = Inequality(space, (M / unit)[None])
     level = lowered(inequality, started(inequality))
     witness = worst_delta(structure, inequality, level)
-    upper, proven = _proven(matrix / unit, space, level)
+    upper, proven = _proven(M / unit, space, level)
     lower = 1 / witness.size if witness else 0.0
     return StructuredSingularValue(
         lower * unit,
@@ -152,15 +128,3 @@ def _proven(M: AnyMatrix, space: Space, level: Level) -> tuple[float, bool]:
             if weights and proves(complex_ball(M), weights):
                 return upper, True
     return beta, False
-
-
-def _complex_matrix(M: Any) -> NDArray[np.complex128]:
-    wanted, remedy = "a matrix of finite numbers", "Pass nested lists or a NumPy array."
-    try:
-        found = np.atleast_2d(np.asarray(M, dtype=complex))
-    except (TypeError, ValueError):
-        raise invalid("M", described(type(M).__name__), wanted, remedy) from None
-    if found.ndim != 2 or 0 in found.shape or not np.isfinite(found).all():
-        shown = described(f"an array of shape {found.shape}")
-        raise invalid("M", shown, wanted, "Check its shape and entries.")
-    return found

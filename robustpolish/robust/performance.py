@@ -22,9 +22,9 @@ from robustpolish.robust.stability import (
     RobustStability,
     Status,
     checked,
-    down,
     named_values,
     nominal_verdict,
+    proven_margin,
     robust_stability,
     says,
 )
@@ -185,8 +185,6 @@ def robust_performance(system: UncertainSystem, gamma: float = 1.0) -> RobustPer
     loop = LoopModel.of(scaled, _performance(system))
     found = bounds(loop)
     coverage, witness = found.coverage, found.witness
-    zero = coverage.level == 0
-    lower = math.inf if zero else down(1 / (coverage.level * loop.gain))
     upper, values, frequency = math.inf, {}, math.nan
     if witness is not None:
         upper = witness.size / loop.gain
@@ -194,7 +192,7 @@ def robust_performance(system: UncertainSystem, gamma: float = 1.0) -> RobustPer
         frequency = loop.omega(loop.frequency(witness.at))
     status = "bracketed" if witness else "no witness"
     return RobustPerformance(
-        lower if coverage.complete else 0.0,
+        proven_margin(coverage, loop.gain),
         upper,
         gamma,
         frequency,

@@ -23,7 +23,7 @@ import numpy as np
 from robustpolish.arrays import AnyMatrix, Matrix, Vector
 from robustpolish.exact.balls import is_positive_definite, midpoint, precision
 from robustpolish.exact.realisation import Realisation
-from robustpolish.robust.scalings import Space
+from robustpolish.robust.scaled.scalings import Space
 
 Ball = Any  # flint.acb_mat; python-flint ships no stubs for it
 

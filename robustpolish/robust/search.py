@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robustpolish.robust.centre import Level
 from robustpolish.robust.coverage import Coverage, cover, response
 from robustpolish.robust.loop_model import LoopModel
 from robustpolish.robust.rays import Crossing, crossings
-from robustpolish.robust.scalings import Inequality, Space
+from robustpolish.robust.scaled.centre import Level
+from robustpolish.robust.scaled.scalings import Inequality, Space
 from robustpolish.robust.witness import Witness, directions, smallest
 
 # Crossings, peaks and directions that a search starts from: the first ones are the best nearly
@@ -100,12 +100,18 @@ def _from_peak(
     # At rest and at infinity a stable real system has real values: look there, and nearby.
     near = min(max(angle, _BESIDE), math.pi / 2 - _BESIDE)
     for w in directions(inequality, level.square, level.x, _DIRECTIONS):
-        starts = [(np.real(w).astype(complex), angle, False), (w, near, True)]
-        for signals, at, moves in starts if ends else starts[1:]:
+        starts = [(w, near, True)]
+        if ends:
+            starts = [(np.real(w).astype(complex), angle, False), *starts]
+        else:  # a search along the axis may leap off a narrow peak, and end on another
+            starts = [*starts, (w, angle, False)]
+        for signals, at, moves in starts:
+            if best and reached * best.size <= 1 + _NEAR:
+                break
             found = smallest(
                 loop.structure, loop.response, signals, at, moves, scale, fixed=space.fixed
             )
-            if found and (moves or _is_real(found)):
+            if found and (moves or not ends or _is_real(found)):
                 best = _better(best, found)
         if best and reached * best.size <= 1 + _NEAR:
             break

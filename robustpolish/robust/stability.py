@@ -7,14 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-import numpy as np
-
 from robustpolish.analysis.poles.stability import stability
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.long_calls import same_bits
 from robustpolish.models.uncertain.elements import ComplexElement, RealElement
 from robustpolish.models.uncertain.system import UncertainSystem
 from robustpolish.robust.all_pass import all_pass
+from robustpolish.robust.coverage import Coverage
 from robustpolish.robust.loop_model import LoopModel
 from robustpolish.robust.one_number import proven_size
 from robustpolish.robust.search import bounds
@@ -157,11 +156,11 @@ def robust_stability(system: UncertainSystem) -> RobustStability:
     if not system.blocks:
         return RobustStability(math.inf, math.inf, math.nan, {}, everywhere, "unaffected", True)
     loop = LoopModel.of(system)
-    if _acts_back_nowhere(loop):
+    if not loop.acts_back:
         return RobustStability(math.inf, math.inf, math.nan, {}, everywhere, "unaffected", True)
     found = bounds(loop)
     coverage, witness = found.coverage, found.witness
-    lower = down(1 / (coverage.level * loop.gain)) if coverage.complete else 0.0
+    lower = proven_margin(coverage, loop.gain)
     intervals, proven = loop.in_rad_per_s(coverage.intervals), coverage.complete
     exact = proven_size(loop, witness.size) if witness else None
     if exact is not None:
@@ -197,12 +196,9 @@ def says(status: Status) -> str:
 def named_values(system: UncertainSystem, loop: LoopModel, witness: Witness) -> dict[str, Any]:
     """Return the values of the elements of a system that a witness stands for."""
     omega = loop.omega(loop.frequency(witness.at))
-    turned = (witness.at + math.pi / 2) % math.pi - math.pi / 2 < 0
     values: dict[str, Any] = {}
     for block, delta in zip(system.blocks, witness.deltas, strict=False):
-        own = delta / loop.gain
-        if turned:  # the same mode at the positive frequency
-            own = np.conj(own)
+        own = loop.at_positive(delta, witness.at) / loop.gain
         element = block.element
         if isinstance(element, RealElement):
             values[element.name] = element.value(float(own[0, 0].real))
@@ -221,23 +217,11 @@ def nominal_verdict(system: UncertainSystem) -> str:
     return stability(whole).verdict
 
 
-def _acts_back_nowhere(loop: LoopModel) -> bool:
-    """Say whether no delta is in a loop with itself or others, by the pattern of zeros."""
-    model, structure = loop.model, loop.structure
-    n = model.states
-    states = np.eye(n, dtype=bool)
-    for _ in range(n):
-        states = states | (states @ (model.A != 0))
-    through = (model.C != 0) @ states @ (model.B != 0) if n else np.zeros(model.D.shape, bool)
-    whole = through | (model.D != 0)
-    blocks = len(structure.blocks)
-    acts = np.zeros((blocks, blocks), dtype=bool)
-    for i, z in enumerate(structure.inputs):
-        for j, w in enumerate(structure.outputs):
-            acts[i, j] = bool(whole[z, w].any())
-    for _ in range(blocks):
-        acts = acts | (acts @ acts)
-    return not acts.diagonal().any()
+def proven_margin(coverage: Coverage, gain: float) -> float:
+    """Return the size below which a level proves something: 0 if it is not proven."""
+    if not coverage.complete:
+        return 0.0
+    return down(1 / (coverage.level * gain)) if coverage.level else math.inf
 
 
 def down(value: float) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from robustpolish.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vector
-from robustpolish.robust.scalings import Inequality
+from robustpolish.robust.scaled.scalings import Inequality
 from robustpolish.robust.structure import DeltaBlock, Structure
 
 # What is left of w = Delta z, relative, at which a Delta counts as one that makes it singular.

@@ -50,6 +50,20 @@ def test_mixed_structures_do_not_contradict(seed):
     assert delta[0, 0] == delta[1, 1]
 
 
+def test_documented_example_of_slicot():
+    # of its routine AB13MD, whose upper bound is this; the witness shows that it is the value
+    rows = [
+        [-1 + 6j, 2 - 3j, 3 + 8j, 3 + 8j, -5 - 9j, -6 + 2j],
+        [4 + 2j, -2 + 5j, -6 - 7j, -4 + 11j, 8 - 7j, 12 - 1j],
+        [5 - 4j, -4 - 8j, 1 - 3j, -6 + 14j, 2 - 5j, 4 + 16j],
+    ]
+    M = np.array(rows + rows)
+    mu = rp.structured_singular_value(M, ["real", "real", ("full", 2), "complex", "complex"])
+    assert mu.upper == pytest.approx(41.74753408, rel=1e-5)
+    assert mu.lower <= mu.upper
+    assert mu.proven
+
+
 def test_scaling():
     small = rp.structured_singular_value(1e-9 * np.array(M), ["complex", "real"])
     assert small.upper == pytest.approx(3e-9, rel=1e-5)

@@ -4,7 +4,7 @@ import pytest
 from robustpolish.exact.balls import precision
 from robustpolish.exact.realisation import Realisation
 from robustpolish.robust.proof import ProvenModel, Weights, complex_ball, is_definite, proves
-from robustpolish.robust.scalings import Inequality, Space
+from robustpolish.robust.scaled.scalings import Inequality, Space
 from robustpolish.robust.structure import read_structure
 
 LAG = Realisation(np.array([[-1.0]]), np.array([[1.0]]), np.array([[2.0]]), np.zeros((1, 1)), False)

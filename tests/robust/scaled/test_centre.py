@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.robust.centre import EFFORT, centre, lowered, normalised, started
-from robustpolish.robust.scalings import Inequality, Space
+from robustpolish.robust.scaled.centre import EFFORT, centre, lowered, normalised, started
+from robustpolish.robust.scaled.scalings import Inequality, Space
 from robustpolish.robust.structure import read_structure
 
 slycot = pytest.importorskip("slycot")

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.robust.scalings import Inequality, Space, balanced
+from robustpolish.robust.scaled.scalings import Inequality, Space, balanced
 from robustpolish.robust.structure import read_structure
 
 

@@ -204,7 +204,8 @@ class Inequality:
 
     def least_square(self, x: Vector) -> float:
         """Return the least beta^2 for which scalings fulfil it, infinite if there is none."""
-        _, still, scaled, _ = self.space.matrices(x)
+        _, still, scaled, _ = self.space.bases
+        still, scaled = np.tensordot(x, still, 1), np.tensordot(x, scaled, 1)
         worst = 0.0
         for gains in np.tensordot(self._gains, x, (1, 0)):
             worst = max(worst, _least(gains - still, scaled))

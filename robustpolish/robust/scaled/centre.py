@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from robustpolish.arrays import AnyArray, Vector
-from robustpolish.robust.scalings import Box, Inequality, Space
+from robustpolish.arrays import Vector
+from robustpolish.robust.scaled.barrier import Barrier
+from robustpolish.robust.scaled.scalings import Inequality, Space
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,8 @@ def normalised(space: Space, x: Vector) -> Vector | None:
 
 def centre(inequality: Inequality, square: float, x: Vector) -> Vector:
     """Return the analytic centre of the scalings that prove a level, from one that does."""
-    barrier = _Barrier.of(inequality, square)
+    bounds = inequality.space.boxes(EFFORT.largest * (inequality.size or 1.0))
+    barrier = Barrier.of(inequality.coefficients(square), bounds)
     value = barrier.value(x)
     if not np.isfinite(value):
         return x
@@ -151,55 +153,6 @@ def centre(inequality: Inequality, square: float, x: Vector) -> Vector:
         if decrement < EFFORT.centred:
             return x
     return x
-
-
-@dataclass(frozen=True, eq=False)
-class _Barrier:
-    """Minus the logarithms of all determinants that have to stay positive."""
-
-    coefficients: AnyArray
-    boxes: tuple[Box, ...]
-
-    @classmethod
-    def of(cls, inequality: Inequality, square: float) -> _Barrier:
-        largest = EFFORT.largest * (inequality.size or 1.0)
-        return cls(inequality.coefficients(square), inequality.space.boxes(largest))
-
-    def _boxed(self, x: Vector) -> list[Box]:
-        """Return D, 1 - D and the bounds of G, each with what its numbers multiply."""
-        return [
-            (numbers, units, constant + np.tensordot(x[numbers], units, 1))
-            for numbers, units, constant in self.boxes
-        ]
-
-    def value(self, x: Vector) -> float:
-        try:
-            factors = np.linalg.cholesky(np.tensordot(self.coefficients, x, (1, 0)))
-            total = -2 * np.log(np.diagonal(factors, axis1=1, axis2=2).real).sum()
-            for _, _, matrix in self._boxed(x):
-                total -= 2 * np.log(np.diagonal(np.linalg.cholesky(matrix)).real).sum()
-        except np.linalg.LinAlgError:
-            return np.inf
-        return float(total) if np.isfinite(total) else np.inf
-
-    def derivatives(self, x: Vector) -> tuple[Vector, AnyArray]:
-        matrices = np.tensordot(self.coefficients, x, (1, 0))
-        weighted = np.linalg.solve(matrices[:, None], self.coefficients)
-        slope = -np.trace(weighted, axis1=2, axis2=3).real.sum(axis=0)
-        curvature = _products(weighted)
-        for numbers, units, matrix in self._boxed(x):
-            part = np.linalg.solve(matrix, units)
-            slope[numbers] -= np.trace(part, axis1=1, axis2=2).real
-            curvature[numbers[:, None], numbers] += _products(part[None])
-        return slope, curvature
-
-
-def _products(weighted: AnyArray) -> AnyArray:
-    """Return the traces of all products of pairs, summed over the first axis."""
-    k, size, n, _ = weighted.shape
-    rows = weighted.transpose(1, 0, 2, 3).reshape(size, k * n * n)
-    columns = weighted.transpose(1, 0, 3, 2).reshape(size, k * n * n)
-    return np.real(rows @ columns.T)
 
 
 def started(inequality: Inequality) -> Level:

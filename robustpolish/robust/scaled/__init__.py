@@ -1,0 +1,1 @@
+"""Scalings that prove a level: the space of them, their analytic centre, the least level."""

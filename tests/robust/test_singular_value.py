@@ -1,0 +1,98 @@
+import control
+import numpy as np
+import pytest
+
+import robustpolish as rp
+from tests.robust.loops import carts, covers, servo
+
+
+def of_loop(loop):
+    """M of a loop and its blocks."""
+    nw = sum(block.rows for block in loop.blocks)
+    nz = sum(block.columns for block in loop.blocks)
+    M = loop.interconnection[:nz, :nw]
+    return control.ss(M.A, M.B, M.C, M.D, M.dt), list(loop.blocks)
+
+
+def left_over(M, mu):
+    """How singular I - M Delta is at the critical frequency."""
+    omega = mu.critical_frequency
+    at = np.exp(1j * omega * M.dt) if M.dt else 1j * omega
+    value = M.D if np.isinf(omega) else np.atleast_2d(M(at, squeeze=False))
+    return np.linalg.svd(np.eye(len(value)) - value @ mu.witness, compute_uv=False)[-1]
+
+
+def test_one_over_the_margin_of_stability():
+    loop = servo()
+    M, blocks = of_loop(loop)
+    margin, mu = rp.robust_stability(loop), rp.structured_singular_value(M, blocks)
+    assert mu.lower == pytest.approx(1 / margin.upper, rel=1e-8)
+    assert mu.upper == pytest.approx(1 / margin.lower, rel=1e-8)
+    assert mu.proven
+    assert mu.status == "bracketed"
+    assert covers(mu.intervals)
+    assert mu.critical_frequency == pytest.approx(margin.critical_frequency, rel=1e-6)
+    assert left_over(M, mu) < 1e-8
+    assert "critical frequency" in repr(mu)
+
+
+@pytest.mark.slow
+def test_two_carts():
+    M, blocks = of_loop(carts())
+    mu = rp.structured_singular_value(M, blocks)
+    assert 0.34645 <= mu.lower <= mu.upper <= 0.34681
+    assert np.linalg.norm(mu.witness, 2) == pytest.approx(1 / mu.lower)
+
+
+@pytest.mark.parametrize("dt", [0, 0.1, True])
+def test_one_full_block_is_the_norm(dt):
+    random = np.random.default_rng(3)
+    A = random.standard_normal((4, 4))
+    A = A - (np.linalg.eigvals(A).real.max() + 0.5) * np.eye(4)
+    if dt:
+        A = 0.8 * A / np.abs(np.linalg.eigvals(A)).max()
+    M = control.ss(A, random.standard_normal((4, 3)), random.standard_normal((2, 4)), 0, dt)
+    mu, norm = rp.structured_singular_value(M, [("full", (3, 2))]), rp.hinf_norm(M)
+    assert mu.lower <= norm.value * (1 + 1e-8)
+    assert norm.value * (1 - 1e-8) <= mu.upper <= mu.lower * 1.002
+    assert mu.critical_frequency == pytest.approx(norm.frequency, rel=1e-3, abs=1e-6)
+    assert left_over(M, mu) < 1e-8
+
+
+def test_one_real_number_is_exact():
+    # s^2 + (1 - d) s + 1 gets unstable at d = 1, which a grid of frequencies misses
+    s = control.tf("s")
+    mu = rp.structured_singular_value(s / (s**2 + s + 1), [[-1, 0]])
+    assert mu.lower == pytest.approx(1, abs=1e-9)
+    assert mu.upper == pytest.approx(1, abs=1e-9)
+    assert mu.lower <= mu.upper
+    assert mu.critical_frequency == pytest.approx(1, rel=1e-6)
+    assert mu.witness == pytest.approx(np.ones((1, 1)))
+
+
+def test_without_states_it_is_that_of_the_matrix():
+    D = [[2.0, 2.0], [-1.0, -1.0]]
+    mu = rp.structured_singular_value(control.ss([], [], [], D), ["complex", "complex"])
+    assert mu.lower == pytest.approx(3, rel=1e-5)
+    assert mu.upper == pytest.approx(3, rel=2e-3)
+    assert covers(mu.intervals)
+
+
+def test_statuses():
+    unstable = rp.structured_singular_value(control.ss([[1.0]], [[1.0]], [[1.0]], 0), ["real"])
+    assert (unstable.status, unstable.lower, unstable.upper) == ("unstable", np.inf, np.inf)
+    marginal = rp.structured_singular_value(control.ss([[0.0]], [[1.0]], [[1.0]], 0), ["real"])
+    assert marginal.status == "marginal"
+    apart = control.ss([[-1.0]], [[0.0, 1.0]], [[1.0], [0.0]], 0)
+    zero = rp.structured_singular_value(apart, ["real", "complex"])
+    assert (zero.status, zero.lower, zero.upper, zero.proven) == ("zero", 0, 0, True)
+
+
+def test_bad_input():
+    M = control.ss([[-1.0]], [[1.0]], [[1.0]], 0)
+    with pytest.raises(rp.InvalidInputError, match="blocks"):
+        rp.structured_singular_value(M, ["real", "real"])
+    with pytest.raises(rp.InvalidInputError, match="robust_stability"):
+        rp.structured_singular_value(servo(), ["real"])
+    with pytest.raises(rp.InvalidInputError, match="M"):
+        rp.structured_singular_value(control.frd([1.0, 2.0], [1.0, 2.0]), ["real"])
