@@ -126,6 +126,7 @@ def test_d22_is_part_of_the_loop():
     )
 
 
+@pytest.mark.slow
 def test_fixed_order_stabilises_where_no_static_gain_does():
     # A double integrator with its position measured needs a derivative.
     plant = GeneralizedPlant.from_matrices(
