@@ -32,7 +32,8 @@ from robustpolish.implementation import (
     certify_sampled,
     plant_at_samples,
 )
-from robustpolish.loops import LoopAnalysis, LoopRequirements, loop_analysis
+from robustpolish.loops import LoopAnalysis, LoopRequirements
+from robustpolish.loops.analysis import model_analysis
 from robustpolish.models import GeneralizedPlant, PolishingHardware, polishing_plant
 from robustpolish.models.plant.blocks import named_system
 from robustpolish.synthesis import Design, given_controller, largest_period
@@ -290,12 +291,12 @@ def build_against_brush(
         hardware=hardware,
         requirements=asked,
         sampled=sampled,
-        loop=loop_analysis(at_samples, sampled.controller, requirements=asked),
+        loop=model_analysis(at_samples, sampled.controller, asked),
         survived=MappingProxyType(survived),
         axis=axis,
         run=run,
         ideal=ideal,
-        ideal_loop=loop_analysis(ideal.plant, ideal.design.controller),
+        ideal_loop=model_analysis(ideal.plant, ideal.design.controller, LoopRequirements()),
     )
 
 

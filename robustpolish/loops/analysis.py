@@ -286,7 +286,17 @@ def loop_analysis(
     if unstable_poles != 0:
         shown, want = described("a count for a model"), "a count for a measured plant only"
         raise invalid("unstable_poles", shown, want, "Leave it out: a model tells its poles.")
-    loop = loop_of(plant, controller)  # type: ignore[arg-type]
+    return model_analysis(plant, controller, asked, disturbance)  # type: ignore[arg-type]
+
+
+def model_analysis(
+    plant: Design | GeneralizedPlant | control.StateSpace | control.TransferFunction,
+    controller: Design | GivenController | None,
+    asked: LoopRequirements,
+    disturbance: xr.Dataset | None = None,
+) -> LoopAnalysis:
+    """Return what :func:`loop_analysis` finds out of a model."""
+    loop = loop_of(plant, controller)
     at = {place: sensitivities(loop, place) for place in PLACES}
     if not loop.stability:
         return LoopAnalysis(

@@ -14,7 +14,8 @@ from robustpolish.analysis import hinf_norm, singular_values
 from robustpolish.display import Card, Displayed, Table, quantities
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.implementation import SampledDesign
-from robustpolish.loops import LoopAnalysis, LoopRequirements, loop_analysis
+from robustpolish.loops import LoopAnalysis, LoopRequirements
+from robustpolish.loops.analysis import model_analysis
 from robustpolish.machine_design.read import read_design_task
 from robustpolish.machine_design.task import DesignTask
 from robustpolish.measurements import ratio_unit
@@ -264,7 +265,7 @@ def design_machine(
         if task.sample_rate_hz is None
         else LoopRequirements(sample_rate_hz=task.sample_rate_hz)
     )
-    analysis = loop_analysis(plant, K, requirements=asked)
+    analysis = model_analysis(plant, K, asked)
     sampled, sampling = _sampled(task, design)
     return MachineDesign(task, plant, design, analysis, _channels(plant, K), sampled, sampling)
 

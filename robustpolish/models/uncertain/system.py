@@ -341,7 +341,8 @@ class UncertainSystem(Displayed):
         if not isinstance(key, tuple) or len(key) != 2:
             raise invalid("key", key, "rows and columns", "Write system[0, :].")
         ny, nu = self.shape
-        rows, columns = _chosen(key[0], ny), _chosen(key[1], nu)
+        rows = _chosen(key[0], list(self.output_labels))
+        columns = _chosen(key[1], list(self.input_labels))
         picked = wired(self.matrices, np.zeros((nu, ny)), np.eye(nu)[:, columns], np.eye(ny)[rows])
         inputs = tuple(np.array(self.input_labels)[columns].tolist())
         outputs = tuple(np.array(self.output_labels)[rows].tolist())
@@ -428,11 +429,16 @@ def _quotient(one: Lft, two: Lft) -> Lft:
     return product(inverse(two), one) if numbers else product(one, inverse(two))
 
 
-def _chosen(key: Any, count: int) -> list[int]:
+def _chosen(key: Any, labels: list[str]) -> list[int]:
+    """Return the positions that a name, an index, a slice or a list of these stands for."""
+    if isinstance(key, str | list | tuple):
+        each = [key] if isinstance(key, str) else key
+        key = [labels.index(k) if k in labels else k for k in each]
     try:
-        return np.atleast_1d(np.arange(count)[key]).tolist()
+        return np.atleast_1d(np.arange(len(labels))[key]).tolist()
     except IndexError:
-        raise invalid("key", key, f"positions below {count}", "Correct the index.") from None
+        known = f"positions below {len(labels)} or names among {', '.join(labels)}"
+        raise invalid("key", key, known, "Correct the index.") from None
 
 
 def _certain(one: Lft) -> Any:

@@ -156,3 +156,18 @@ def test_interconnection_is_the_same_system():
 def test_bad_input(call, says):
     with pytest.raises(rp.InvalidInputError, match=says):
         call()
+
+
+def test_signals_are_picked_by_name_and_by_position():
+    k = rp.uncertain_real("k", 10, percent=40)
+    system = rp.uncertain_system(
+        [[0, 1], [-k, -2]], np.eye(2), np.eye(2), inputs=["F", "push"], outputs=["x", "v"]
+    )
+    picked = system[["v", 0], "push"]
+    assert (picked.output_labels, picked.input_labels) == (["v", "x"], ["push"])
+    same = system[[1, 0], [1]]
+    np.testing.assert_array_equal(picked.at({"k": 12}).B, same.at({"k": 12}).B)
+    np.testing.assert_array_equal(picked.at({"k": 12}).C, same.at({"k": 12}).C)
+    assert system[:, "F"].shape == (2, 1)
+    with pytest.raises(rp.InvalidInputError, match="names among F, push"):
+        _ = system["x", "force"]
