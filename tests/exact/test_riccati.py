@@ -80,3 +80,12 @@ def test_stability_is_that_of_the_eigenvalues(states):
         A = rng.standard_normal((states, states)) - rng.uniform(0, 3) * np.eye(states)
         with precision(300):
             assert is_surely_stable(ball(A)) == (np.linalg.eigvals(A).real.max() < 0)
+
+
+def test_eigenvalues_are_on_the_axis_only_where_that_is_proven():
+    """A simple pair is proven by a change of sign; of two equal ones there is none."""
+    one, none = ball(np.eye(1)), ball(np.zeros((1, 1)))
+    with precision(768):
+        assert stabilising_solution(none, one, one) is None
+        with pytest.raises(UndecidedError):
+            stabilising_solution(ball(np.zeros((2, 2))), ball(np.eye(2)), ball(np.eye(2)))
