@@ -1,0 +1,62 @@
+"""The package starts quickly: names are imported when they are asked for, and Ctrl-C ends it."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import robustpolish as rp
+
+HEAVY = {"numpy", "scipy", "control", "cvxpy", "matplotlib", "xarray", "pandas", "numba"}
+
+
+def loaded_by(program):
+    """Return the top-level packages that a program has imported at its end."""
+    end = "import sys; print(' '.join({name.partition('.')[0] for name in sys.modules}))"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{program}\n{end}"], check=True, capture_output=True, text=True
+    )
+    return set(done.stdout.splitlines()[-1].split())
+
+
+def test_import_loads_nothing_heavy():
+    found = loaded_by("import robustpolish as rp; rp.__version__; rp.__all__; dir(rp)")
+    assert "robustpolish" in found
+    assert not found & HEAVY
+
+
+def test_the_command_loads_nothing_heavy():
+    found = loaded_by("from robustpolish.cli import main; main(['--help'], standalone_mode=False)")
+    assert "click" in found
+    assert not found & HEAVY
+
+
+def test_a_name_loads_what_it_needs_and_no_more():
+    found = loaded_by("import robustpolish as rp; rp.HinfNorm")
+    assert "control" in found
+    assert not found & {"cvxpy", "numba"}
+
+
+def test_every_name_is_there():
+    assert len(set(rp.__all__)) > 100
+    assert set(rp.__all__) <= set(dir(rp))
+    for name in rp.__all__:
+        assert getattr(rp, name) is not None
+    with pytest.raises(AttributeError, match="no_such_name"):
+        rp.no_such_name  # noqa: B018
+
+
+@pytest.mark.parametrize("seconds", [0.3, 1.5])
+def test_ctrl_c_ends_without_a_traceback(seconds):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "robustpolish", "brush"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+    time.sleep(seconds)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the whole group
+    _, said = process.communicate(timeout=60)
+    assert process.returncode != 0
+    assert "Traceback" not in said
