@@ -15,6 +15,7 @@ from robustpolish.closed_loop.simulation import simulate
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_time_series
+from robustpolish.si_prefix import bears_prefix, prefix_power, prefixed
 from robustpolish.synthesis.design.design import Design
 from robustpolish.validation import instance_of, invalid, one_of
 
@@ -53,26 +54,44 @@ class ControllerComparison(Displayed):
     load: str
 
     def rows(self) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-        """Return column names and rows, for a report or a CSV file.
+        """Return column names and rows in SI units, for a CSV file.
 
         Returns
         -------
         header : tuple of str
         body : list of tuple
         """
+        return self._rows({})
+
+    def shown_rows(self) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+        """Return column names and rows with the prefixes that suit them, as in the figures.
+
+        Returns
+        -------
+        header : tuple of str
+            Signals of one unit share a prefix.
+        body : list of tuple
+        """
+        largest: dict[str, float] = {}
+        for unit, values in zip(self._units(), self.table["deviation"].values.T, strict=True):
+            largest[unit] = max(largest.get(unit, 0.0), float(np.max(values)))
+        return self._rows({u: prefix_power(v) for u, v in largest.items() if bears_prefix(u)})
+
+    def _rows(self, powers: Mapping[str, int]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
         signals = [str(name) for name in self.table["signal"].to_numpy()]
-        unit = self.table["deviation"].attrs.get("units", "")
-        effort_unit = self.table["effort"].attrs.get("units", "")
+        units, effort_unit = self._units(), self.table["effort"].attrs.get("units", "")
+        scales = [10.0 ** -powers.get(unit, 0) for unit in units]
+        shown = [prefixed(unit, powers.get(unit, 0)) for unit in units]
         header = (
             "",
-            *(f"max |{name}| [{unit}]" for name in signals),
+            *(f"max |{name}| [{unit}]" for name, unit in zip(signals, shown, strict=True)),
             *(f"{name} improved [%]" for name in signals),
             f"max |u| [{effort_unit}]",
         )
         body = [
             (
                 str(row),
-                *map(float, self.table["deviation"].sel(row=row)),
+                *map(float, self.table["deviation"].sel(row=row).values * scales),
                 *map(float, self.table["improvement"].sel(row=row)),
                 float(self.table["effort"].sel(row=row)),
             )
@@ -80,8 +99,13 @@ class ControllerComparison(Displayed):
         ]
         return header, body
 
+    def _units(self) -> list[str]:
+        first = next(iter(self.responses.values()))
+        names = [str(name) for name in self.table["signal"].to_numpy()]
+        return [str(first[name].attrs.get("units", "")) for name in names]
+
     def _card(self) -> Card:
-        header, body = self.rows()
+        header, body = self.shown_rows()
         return Card("", (Table("", header, tuple(body)),), (f"({self.load})",))
 
     def plot(self, ax: Axes | None = None, *, signal: str | None = None) -> Axes:
@@ -114,7 +138,7 @@ class ControllerComparison(Displayed):
         worst = names[int(np.argmax(self.table["deviation"].values[0]))]
         chosen = one_of("signal", worst if signal is None else signal, names)
         return plot_time_series(
-            {row: response[chosen] for row, response in self.responses.items()}, ax=ax
+            {row: response[chosen] for row, response in self.responses.items()}, ax, bands=True
         )
 
 

@@ -6,10 +6,10 @@ import math
 from typing import Any
 
 import numpy as np
-from matplotlib.ticker import EngFormatter
 
 from robustpolish.loops.figures import LoopFigures
 from robustpolish.loops.margins.disk import decibel
+from robustpolish.si_prefix import prefix_power, prefixed
 
 
 def problems(found: LoopFigures) -> list[str]:
@@ -317,10 +317,8 @@ def quantity(value: float, unit: str) -> str:
     if not math.isfinite(value) or value == 0:
         return f"{value:g} {unit}"
     digits = f"{value:.3g}"
-    power = 3 * math.floor(math.log10(abs(float(digits))) / 3)
-    power = min(max(power, min(EngFormatter.ENG_PREFIXES)), max(EngFormatter.ENG_PREFIXES))
-    prefix = EngFormatter.ENG_PREFIXES[power]
-    return f"{float(digits) / 10**power:.3g} {prefix}{unit}"
+    power = prefix_power(abs(float(digits)))
+    return f"{float(digits) / 10**power:.3g} {prefixed(unit, power)}"
 
 
 def _amount(value: float, unit: str) -> str:

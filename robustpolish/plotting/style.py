@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import Any
 
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import EngFormatter, Formatter, LogLocator, NullFormatter
+
+from robustpolish.si_prefix import bears_prefix, prefix_power, prefixed
 
 # Okabe and Ito's colours, dark to light, with line styles for a print in grey.
 LINE_STYLES: tuple[dict[str, Any], ...] = (
@@ -33,8 +34,6 @@ LEVEL: dict[str, Any] = {"facecolor": "#999999", "edgecolor": "#333333"}
 GOOD: dict[str, Any] = {"facecolor": "#56b4e9", "edgecolor": "#333333", "hatch": "//"}
 BAD: dict[str, Any] = {"facecolor": "#d55e00", "edgecolor": "#333333", "hatch": "xx"}
 
-# A prefix before a power ("mm^2") or a kilogram would be read wrongly.
-_PREFIXABLE = re.compile(r"(?!kg\b|deg\b)[A-Za-zΩ]+(?![A-Za-zΩ^²³0-9])")
 _FEW_DECADES = 1.5
 
 
@@ -52,7 +51,7 @@ def new_axes(ax: Axes | None) -> Axes:
     return plt.subplots(layout="constrained")[1] if ax is None else ax
 
 
-def si_axis(axis: Axis, name: str, unit: str) -> None:
+def si_axis(axis: Axis, name: str, unit: str, power: int | None = None) -> None:
     """Label an axis with its unit, with the SI prefix that suits what is shown, such as [um].
 
     Units that bear no prefix (none at all, %, 1/s, m^2, kg) stay as they are. The label follows
@@ -62,9 +61,11 @@ def si_axis(axis: Axis, name: str, unit: str) -> None:
     ----------
     axis : matplotlib.axis.Axis
     name, unit : str
+    power : int, optional
+        The prefix's power of ten, where several axes share one; otherwise it follows the limits.
     """
-    if _PREFIXABLE.match(unit):
-        axis.set_major_formatter(_Prefixed(axis, name, unit))
+    if bears_prefix(unit):
+        axis.set_major_formatter(_Prefixed(axis, name, unit, power))
     else:
         axis.set_label_text(_label(name, unit))
 
@@ -72,9 +73,9 @@ def si_axis(axis: Axis, name: str, unit: str) -> None:
 class _Prefixed(Formatter):
     """Plain numbers at the ticks; the prefix that they share goes into the label."""
 
-    def __init__(self, axis: Axis, name: str, unit: str) -> None:
+    def __init__(self, axis: Axis, name: str, unit: str, power: int | None) -> None:
         self.set_axis(axis)
-        self._name, self._unit = name, unit
+        self._name, self._unit, self._power = name, unit, power
         self._written: str | None = None
         self._exponent()
 
@@ -87,11 +88,11 @@ class _Prefixed(Formatter):
     def _exponent(self) -> int:
         """Return the exponent that suits the axis's limits, and write it into the label."""
         axis: Any = self.axis
-        largest = max(abs(limit) for limit in axis.get_view_interval())
-        power = 3 * math.floor(math.log10(largest) / 3) if 0 < largest < math.inf else 0
-        power = min(max(power, min(EngFormatter.ENG_PREFIXES)), max(EngFormatter.ENG_PREFIXES))
+        power = self._power
+        if power is None:
+            power = prefix_power(max(abs(limit) for limit in axis.get_view_interval()))
         if self._written is None or axis.get_label_text() == self._written:
-            self._written = _label(self._name, EngFormatter.ENG_PREFIXES[power] + self._unit)
+            self._written = _label(self._name, prefixed(self._unit, power))
             axis.set_label_text(self._written)
         return power
 
@@ -117,7 +118,7 @@ def log_axis(ax: Axes, which: str, name: str, unit: str) -> None:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     elif which == "x":
         axis.set_major_locator(LogLocator(numticks=6))  # "100 kHz" needs room
-    if _PREFIXABLE.match(unit):
+    if bears_prefix(unit):
         axis.set_major_formatter(EngFormatter(unit=unit))
         axis.set_label_text(name)
     else:

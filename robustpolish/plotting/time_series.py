@@ -12,9 +12,15 @@ from numpy.typing import NDArray
 from robustpolish.plotting.style import LINE_STYLES, new_axes, si_axis
 
 _BINS = 2000
+# A band has fewer bins, so that each holds some periods and the edges are smooth, and is drawn
+# where the signal moves through this part of its range within a typical bin.
+_BAND_BINS = 400
+_QUICK = 0.05
 
 
-def plot_time_series(signals: Mapping[str, xr.DataArray], ax: Axes | None = None) -> Axes:
+def plot_time_series(
+    signals: Mapping[str, xr.DataArray], ax: Axes | None = None, *, bands: bool = False
+) -> Axes:
     """Draw signals over time.
 
     Long records are reduced to the smallest and largest value per bin, so that every peak stays
@@ -26,6 +32,9 @@ def plot_time_series(signals: Mapping[str, xr.DataArray], ax: Axes | None = None
         Signals over `time` by the name in the legend; the units come from their attributes.
     ax : matplotlib.axes.Axes, optional
         Where to draw; a new figure by default.
+    bands : bool, optional
+        Draw oscillations that are too quick to be seen one by one as a pale band between their
+        smallest and largest values, through which the other signals show.
 
     Returns
     -------
@@ -34,15 +43,44 @@ def plot_time_series(signals: Mapping[str, xr.DataArray], ax: Axes | None = None
     ax = new_axes(ax)
     name, unit = "", ""
     for i, (label, signal) in enumerate(signals.items()):
-        time, values = _envelope(signal["time"].to_numpy(), signal.to_numpy())
+        time, values = signal["time"].to_numpy(), signal.to_numpy()
         style = LINE_STYLES[(i if len(signals) > 1 else 1) % len(LINE_STYLES)]
-        ax.plot(time, values, label=label, linewidth=1.0, **style)
+        band = _band(time, values) if bands else None
+        if band is not None:
+            _draw_band(ax, band, label, style["color"])
+        else:
+            ax.plot(*_envelope(time, values), label=label, linewidth=1.0, **style)
         name, unit = str(signal.name or ""), signal.attrs.get("units", "")
     si_axis(ax.xaxis, "time", "s")
     si_axis(ax.yaxis, name, unit)
     if len(signals) > 1:
         ax.legend(loc="best")
     return ax
+
+
+def _band(
+    time: NDArray[np.float64], values: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return time, smallest and largest value of bins; None for what a line can show."""
+    size = values.size // _BAND_BINS
+    if size < 4:
+        return None
+    whole = values[: size * _BAND_BINS].reshape(_BAND_BINS, size)
+    low, high = whole.min(axis=1), whole.max(axis=1)
+    if np.median(high - low) <= _QUICK * np.ptp(values):
+        return None
+    turns = np.sum(np.diff(np.sign(np.diff(whole, axis=1)), axis=1) != 0, axis=1)
+    if np.median(turns) < 2:  # steep, not quick
+        return None
+    middles = time[: size * _BAND_BINS].reshape(_BAND_BINS, size).mean(axis=1)
+    return middles, low, high
+
+
+def _draw_band(ax: Axes, band: tuple[NDArray[np.float64], ...], label: str, color: str) -> None:
+    time, low, high = band
+    ax.fill_between(time, low, high, facecolor=color, alpha=0.35, label=label, linewidth=0)
+    for edge in (low, high):
+        ax.plot(time, edge, color=color, linewidth=0.8)
 
 
 def _envelope(

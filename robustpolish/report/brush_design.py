@@ -130,7 +130,7 @@ def save_brush_design(job: BrushDesign, folder: Path) -> None:
 
 
 def _gained(job: BrushDesign) -> Section:
-    header, body = job.comparison.rows()
+    header, body = job.comparison.shown_rows()
     return Section(
         "What was gained",
         ("The brush's forces drive all loops from rest; " + job.comparison.load + ".",),

@@ -1,5 +1,7 @@
 """The comparison table: its numbers, its words, its picture."""
 
+import dataclasses
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -41,6 +43,22 @@ def test_words_say_that_the_load_is_the_same(comparison):
     assert "every row is driven by the same disturbance" in text
     assert len({len(line) for line in text.splitlines()[:-1]}) == 1
     assert "<table>" in comparison._repr_html_()
+
+
+def test_what_is_shown_has_the_prefix_of_the_figure(comparison):
+    (_, *names), body = comparison.shown_rows()
+    assert names[:3] == ["max |x| [µm]", "max |y| [µm]", "max |z| [µm]"]
+    np.testing.assert_allclose(body[0][2], 1e6 * comparison.rows()[1][0][2], rtol=1e-12)
+    assert "max |y| [µm]" in str(comparison)
+
+
+def test_signals_of_several_units_keep_them(comparison):
+    changed = {
+        row: response.assign(x=response["x"].assign_attrs(units="m/s^2"))
+        for row, response in comparison.responses.items()
+    }
+    header, _ = dataclasses.replace(comparison, responses=changed).shown_rows()
+    assert header[1:3] == ("max |x| [m/s^2]", "max |y| [µm]")
 
 
 def test_plot_draws_every_row(comparison):
