@@ -10,6 +10,9 @@ import numpy as np
 from robustpolish.arrays import Vector
 
 _BACKGROUND = 400
+# Rates this far below the fastest are poles at 0 that rounding moved (a double one by the root
+# of the precision).
+_AT_REST = 1e-8
 
 
 def frequency_grid(poles: Any, highest: float = math.inf) -> Vector:
@@ -18,7 +21,7 @@ def frequency_grid(poles: Any, highest: float = math.inf) -> Vector:
     Parameters
     ----------
     poles : ndarray of complex
-        Poles, and zeros if these count too, in rad/s; zeros and infinities are ignored.
+        Poles, and zeros if these count too, in rad/s; infinities and what is at 0 are ignored.
     highest : float, optional
         No frequency lies above it, such as pi over the sampling time.
 
@@ -37,6 +40,7 @@ def frequency_grid(poles: Any, highest: float = math.inf) -> Vector:
     """
     rates = np.abs(poles)
     rates = rates[(rates > 0) & np.isfinite(rates)]
+    rates = rates[rates > _AT_REST * rates.max(initial=0.0)]
     low, high = (rates.min(), rates.max()) if rates.size else (1.0, 1.0)
     grid = [np.geomspace(low / 10, min(high * 10, highest), _BACKGROUND)]
     for pole in poles[(np.abs(poles.imag) > 0) & np.isfinite(poles)]:

@@ -305,7 +305,9 @@ class Design(Displayed):
         Returns
         -------
         matplotlib.axes.Axes
-            For the H-infinity norm, with the certified norm at its peak.
+            With the certified norm at its peak. Prices of control and measurement noise act in
+            a closed loop only: the two loops are drawn without them, and a third curve shows what
+            the norm is of.
 
         Examples
         --------
@@ -314,13 +316,19 @@ class Design(Displayed):
         >>> rp.given_controller(plant, [[-3.0]]).plot().get_xlabel()
         'frequency'
         """
-        open_loop = self.plant.open_loop
+        open_loop, closed_loop = self.plant.open_loop, self.closed_loop
         without = "without control" + ("" if stability(open_loop) else " (unstable)")
+        z, w = self._physical()
+        loops = {without: open_loop[z, w], "with control": closed_loop[z, w]}
+        if len(z) * len(w) < open_loop.noutputs * open_loop.ninputs:
+            loops["with control, price and noise"] = closed_loop
         unit = self._gain_unit()
-        loops = {without: open_loop, "with control": self.closed_loop}
+        # From the plant's own frequencies on: below them nothing happens in either loop.
+        lowest = float(singular_values(open_loop)["frequency"].values.min())
         grids = [singular_values(loop)["frequency"].values for loop in loops.values()]
+        grid = np.unique(np.concatenate(grids))
         gains = {
-            name: singular_values(loop, np.unique(np.concatenate(grids)))
+            name: singular_values(loop, grid[grid >= lowest])
             .isel(singular_value=0)
             .assign_attrs(units=unit)
             for name, loop in loops.items()
@@ -354,6 +362,15 @@ class Design(Displayed):
         """
         demanded = self.details.get("pole_regions", ()) if regions is None else regions
         return self.certificate.plot(ax, regions=demanded)
+
+    def _physical(self) -> tuple[list[int], list[int]]:
+        """Return the outputs z and inputs w that the plant has without control."""
+        system = self.plant.open_loop
+        z = np.flatnonzero(np.hstack([system.C, system.D]).any(axis=1))
+        w = np.flatnonzero(np.vstack([system.B, system.D]).any(axis=0))
+        if not (z.size and w.size):  # nothing reaches anything without control
+            return list(range(system.noutputs)), list(range(system.ninputs))
+        return z.tolist(), w.tolist()
 
     def _gain_unit(self) -> str:
         """Return the unit of the gain from w to z, if all z and all w have one each."""

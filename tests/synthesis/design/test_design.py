@@ -60,6 +60,19 @@ def test_the_plot_shows_both_loops_and_the_norm(design):
     assert names(held.plot())[0] == "without control (unstable)"
 
 
+def test_the_plot_compares_like_with_like(design):
+    """A price acts in the closed loop only; control does not seem worse for it."""
+    plant = design.plant
+    priced = rp.state_feedback(plant, control_weight=1e-3)
+    ax = priced.plot()
+    drawn = {line.get_label(): line.get_ydata() for line in ax.lines}
+    assert list(drawn)[:3] == ["without control", "with control", "with control, price and noise"]
+    without, loop, whole = list(drawn.values())[:3]
+    assert loop[-1] == pytest.approx(without[-1], rel=1e-2)  # far above the bandwidth
+    assert (whole >= loop * (1 - 1e-9)).all()
+    assert whole.max() == pytest.approx(priced.certificate.achieved, rel=1e-3)
+
+
 def test_the_regions_that_were_demanded_are_drawn(design):
     slow = rp.HalfPlane(-0.1)
     assert not any("outside" in name for name in names(design.plot_poles()))
