@@ -71,6 +71,13 @@ class ControllerComparison(Displayed):
         header : tuple of str
             Signals of one unit share a prefix.
         body : list of tuple
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> comparison = rp.design_against_brush(duration=0.02, realisation="ideal").comparison
+        >>> comparison.shown_rows()[0][1]
+        'max |x| [µm]'
         """
         largest: dict[str, float] = {}
         for unit, values in zip(self._units(), self.table["deviation"].values.T, strict=True):

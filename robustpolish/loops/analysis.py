@@ -34,8 +34,8 @@ from robustpolish.loops.sensitivities import from_to, sensitivities
 from robustpolish.loops.tables import tables_of
 from robustpolish.loops.words import explain, problems
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.given_controller import GivenController
 from robustpolish.synthesis import Design
-from robustpolish.synthesis.certificate.loop_balls import GivenController
 from robustpolish.validation import described, instance_of, invalid, one_of
 
 Kind = Literal["bode", "sigma", "nyquist", "nichols", "step"]

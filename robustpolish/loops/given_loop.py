@@ -10,9 +10,9 @@ import numpy as np
 from robustpolish.errors import InvalidInputError
 from robustpolish.loops.loop import Loop
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.given_controller import GivenController, controller_system
 from robustpolish.models.plant.given_system import as_state_space
 from robustpolish.synthesis import Design
-from robustpolish.synthesis.certificate.loop_balls import GivenController, controller_system
 from robustpolish.validation import described, invalid
 
 

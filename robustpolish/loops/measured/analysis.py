@@ -35,8 +35,8 @@ from robustpolish.loops.words import (
     verdict,
 )
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.given_controller import GivenController
 from robustpolish.plotting import plot_bode, plot_gains, plot_nichols, plot_nyquist_disks
-from robustpolish.synthesis.certificate.loop_balls import GivenController
 from robustpolish.validation import described, invalid, one_of
 
 MeasuredKind = Literal["bode", "sigma", "nyquist", "nichols"]

@@ -18,7 +18,7 @@ from robustpolish.loops.delayed import closed_values, opened_values
 from robustpolish.loops.loop import Place
 from robustpolish.models import GeneralizedPlant
 from robustpolish.models.plant.blocks import matrices_of
-from robustpolish.synthesis.certificate.loop_balls import GivenController, controller_system
+from robustpolish.models.plant.given_controller import GivenController, controller_system
 from robustpolish.validation import described, invalid
 
 _AT_REST = 1e-9

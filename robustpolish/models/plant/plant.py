@@ -16,6 +16,7 @@ from robustpolish.arrays import Matrix
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.models.plant.blocks import closed_loop, named_system, static_controller
 from robustpolish.models.plant.file import plant_content, plant_parts
+from robustpolish.models.plant.given_controller import GivenController, controller_system
 from robustpolish.models.plant.given_system import as_state_space
 from robustpolish.models.plant.measured import finite
 from robustpolish.models.plant.sorting import Chosen, sorted_signals
@@ -554,13 +555,14 @@ class GeneralizedPlant(WiredPlant, Displayed):
         names = (self.disturbance_names, self.performance_names, self.states)
         return named_system(matrices, self.dt, *names)
 
-    def closed_loop(self, controller: control.StateSpace | ArrayLike) -> control.StateSpace:
+    def closed_loop(self, controller: GivenController) -> control.StateSpace:
         """Connect u = K y and return the system from w to z.
 
         Parameters
         ----------
-        controller : control.StateSpace or array_like
-            K: a system with ny inputs and nu outputs, or a gain of shape (nu, ny).
+        controller : control.StateSpace, control.TransferFunction or array_like
+            K: a system with ny inputs and nu outputs, or a gain of shape (nu, ny). A transfer
+            function is realised.
 
         Returns
         -------
@@ -574,7 +576,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
             If shapes or sampling times differ, or if I - D22 Dk is singular, so
             that the loop has no solution.
         """
-        return closed_loop(self, controller)
+        return closed_loop(self, controller_system(self, controller))
 
     def state_feedback_loop(self, gain: ArrayLike) -> control.StateSpace:
         """Connect u = F x, whatever is measured, and return the system from w to z.

@@ -17,6 +17,7 @@ from robustpolish.analysis.delays.delayed_system import frequencies, resolvent_r
 from robustpolish.measurements import labelled_response, ratio_unit
 from robustpolish.models.plant.blocks import PlantBlocks, closed_loop, named_system
 from robustpolish.models.plant.elements import lag, single_filter
+from robustpolish.models.plant.given_controller import GivenController, controller_system
 from robustpolish.models.plant.measured import between_lines
 from robustpolish.models.plant.sorting import chosen_names
 from robustpolish.models.plant.wiring import Side, Wiring
@@ -317,13 +318,13 @@ class WiredPlant(PlantBlocks):
     def without_delays(self) -> Self:
         """Return the plant whose Pade approximations are all that is known of its delays."""
 
-    def delayed_loop(self, controller: control.StateSpace | ArrayLike) -> DelayedSystem:
+    def delayed_loop(self, controller: GivenController) -> DelayedSystem:
         """Connect u = K y and return the loop with its delays as they are.
 
         Parameters
         ----------
-        controller : control.StateSpace or array_like
-            K: a system with ny inputs and nu outputs, or a gain of shape (nu, ny).
+        controller : control.StateSpace, control.TransferFunction or array_like
+            K, as for :meth:`closed_loop`.
 
         Returns
         -------
@@ -346,7 +347,9 @@ class WiredPlant(PlantBlocks):
         [True, False]
         """
         wiring = self.wiring
-        return DelayedSystem(closed_loop(wiring, controller), wiring.lines)
+        return DelayedSystem(
+            closed_loop(wiring, controller_system(wiring, controller)), wiring.lines
+        )
 
     def frequency_response(self, frequency: ArrayLike) -> xr.DataArray:
         """Return the response from (w, u) to (z, y), delays as they are.

@@ -19,16 +19,11 @@ from robustpolish.analysis import stability
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.long_calls import same_bits
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.given_controller import GivenController, controller_system
 from robustpolish.plotting import plot_poles
 from robustpolish.synthesis.certificate.achieved_norm import achieved_h2, achieved_hinf
 from robustpolish.synthesis.certificate.exact_delays import ExactDelays, exact_delays
-from robustpolish.synthesis.certificate.loop_balls import (
-    GivenController,
-    controller_system,
-    enclose_loop,
-    enclosed,
-    rounding_level,
-)
+from robustpolish.synthesis.certificate.loop_balls import enclose_loop, enclosed, rounding_level
 from robustpolish.synthesis.certificate.norm_proof import NormProof, prove_computed_norm
 from robustpolish.synthesis.certificate.tightest_proof import TIGHT, tightest_proof
 from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries

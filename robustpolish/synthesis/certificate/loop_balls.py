@@ -13,17 +13,13 @@ from typing import Any
 import control
 import flint
 import numpy as np
-from numpy.typing import ArrayLike
 
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.exact import balls
 from robustpolish.exact.balls import Ball
 from robustpolish.models import GeneralizedPlant
-from robustpolish.models.plant.given_system import realised
 from robustpolish.synthesis.certificate.quick_norm import state_scale
-from robustpolish.validation import described, invalid
 
-GivenController = control.StateSpace | control.TransferFunction | ArrayLike
 BITS = 240
 """Precision of the balls; more where that does not suffice for a proof."""
 
@@ -177,46 +173,3 @@ def rounding_level(loop: LoopBalls) -> float:
     slowest = poles.min() if poles.size else 0.0
     gain = np.linalg.norm(B) * np.linalg.norm(C) / slowest if slowest > 0 else 0.0
     return float(10 * np.finfo(float).eps * max(A.shape[0], 1) * (gain + np.linalg.norm(D)))
-
-
-def controller_system(plant: GeneralizedPlant, controller: GivenController) -> control.StateSpace:
-    """Return K of u = K y as a system.
-
-    Parameters
-    ----------
-    plant : GeneralizedPlant
-    controller : control.StateSpace, control.TransferFunction or array_like, shape (nu, ny)
-        A system comes back as it is. A transfer function is realised; its states have no meaning.
-        One of several inputs or outputs takes slycot, which realises it with the fewest states.
-
-    Returns
-    -------
-    control.StateSpace
-
-    Raises
-    ------
-    InvalidInputError
-        If it is of another kind, improper or of another shape than the plant needs.
-    """
-    if isinstance(controller, control.StateSpace):
-        return controller
-    if isinstance(controller, control.TransferFunction):
-        if (controller.noutputs, controller.ninputs) != (plant.nu, plant.ny):
-            shown = f"{controller.noutputs} outputs and {controller.ninputs} inputs"
-            raise invalid(
-                "controller",
-                described(f"a TransferFunction with {shown}"),
-                f"one with {plant.nu} outputs and {plant.ny} inputs",
-                "It leads from the measurements y to the controls u.",
-            )
-        # A transfer function without a sampling time takes that of the plant.
-        names = (plant.measurement_names, plant.control_names)
-        return realised("controller", controller, plant.dt, *names)
-    if isinstance(controller, control.InputOutputSystem | control.LTI):
-        raise invalid(
-            "controller",
-            described(type(controller).__name__),
-            "a control.StateSpace, a control.TransferFunction or a gain",
-            "Fit or linearise it first.",
-        )
-    return plant.static_controller(controller)

@@ -9,8 +9,8 @@ import control
 
 from robustpolish.analysis import hinf_norm
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.given_controller import GivenController, controller_system
 from robustpolish.synthesis.certificate.exact_delays import exact_delays
-from robustpolish.synthesis.certificate.loop_balls import GivenController, controller_system
 from robustpolish.synthesis.loop_shaping.coprime import loop_plant
 from robustpolish.validation import one_of
 

@@ -7,11 +7,8 @@ from typing import Literal
 from robustpolish.errors import SolverError
 from robustpolish.long_calls import Budget
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.given_controller import GivenController, controller_system
 from robustpolish.synthesis.certificate.certificate import certify
-from robustpolish.synthesis.certificate.loop_balls import (
-    GivenController,
-    controller_system,
-)
 from robustpolish.synthesis.design.design import Design
 
 

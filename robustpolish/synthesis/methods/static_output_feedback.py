@@ -131,12 +131,13 @@ def _mask(
     mask = np.asarray(structure)
     known = mask.dtype == bool or (mask.dtype.kind in "iuf" and np.isin(mask, (0, 1)).all())
     if mask.shape != shape or not known:
-        raise invalid(
-            "structure",
-            described(f"shape {mask.shape}, entries {mask.dtype}"),
-            f"booleans of shape {shape}",
-            "Mark the entries that may differ from zero.",
-        )
+        sizes = f"{plant.nu} controls by {plant.ny} measurements"
+        remedy = "Mark the entries of u = K y that may differ from zero."
+        if order:
+            sizes += f", after {order} rows and columns for the controller's states"
+            remedy = "Mark the entries of [[Ak, Bk], [Ck, Dk]] that may differ from zero."
+        shown = described(f"shape {mask.shape}, entries {mask.dtype}")
+        raise invalid("structure", shown, f"booleans of shape {shape}: {sizes}", remedy)
     return mask.astype(bool)
 
 
