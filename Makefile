@@ -62,8 +62,9 @@ browser: ## Install Chromium for the tests of reports, where that is possible
 		|| { test "$$(id -u)" = 0 && apt-get -qq update && apt-get -qq -y install chromium chromium-driver; } >/dev/null 2>&1 \
 		|| echo "No Chromium: the tests of reports in a browser will be skipped."
 
-bench: $(READY) ## Compare all synthesis methods on the benchmark plants
+bench: $(READY) ## Compare all synthesis methods on the benchmark plants, and norms with SLICOT
 	$(BIN)/python benchmarks/compleib_table.py
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/norms.py
 
 hidden-effects: $(READY) ## Examine the diagnosis on all hidden cases (hours); goes on where it stopped
 	$(BIN)/python -m tests.hidden_effects.run --keep .hidden_effects_rows.jsonl

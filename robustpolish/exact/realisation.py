@@ -163,6 +163,11 @@ def _unit_gain(system: Realisation) -> Realisation:
 
 def typical_rate(A: Matrix) -> float:
     """Return the geometric mean of the magnitudes of the eigenvalues that are not zero."""
+    factorise: Any = sla.get_lapack_funcs("getrf", (A,))  # silent where A is singular
+    factors, _, _ = factorise(A)
+    pivots = np.abs(np.diag(factors))
+    if pivots.size and pivots.min() > 1e-6 * pivots.max():  # no eigenvalue is nearly zero
+        return float(np.exp(np.mean(np.log(pivots))))
     rates = np.abs(np.linalg.eigvals(A))
     rates = rates[rates > np.finfo(float).eps * size(A)]
     return float(np.exp(np.mean(np.log(rates)))) if rates.size else 1.0

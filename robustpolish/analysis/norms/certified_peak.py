@@ -10,15 +10,27 @@ import numpy as np
 from flint import arb, fmpq
 
 from robustpolish.analysis.norms.crossings import crossings
+from robustpolish.analysis.norms.modal.modal_form import modal_form
+from robustpolish.analysis.norms.modal.modal_peak import modal_peak
 from robustpolish.analysis.norms.peak_search import bounds_gain, cayley, peak
-from robustpolish.analysis.poles.eigen import EPS
+from robustpolish.analysis.poles.eigen import EPS, Eigensystem, eigensystem
 from robustpolish.exact.rational import ExactModel, fraction, transfer
 from robustpolish.exact.realisation import Realisation, rescaled
 
+EXACT_FIRST = 6
+"""Up to so many coupled states the proof is exact from the start: nothing is as quick."""
 EXACT_ALWAYS = 40
-"""Up to so many coupled states the proof is exact from the start."""
+"""Up to so many the bracket is as narrow as is asked for, which exact arithmetic grants."""
 EXACT_AT_MOST = 80
-"""Up to so many it is used where double precision proves nothing."""
+"""Up to so many exact arithmetic is used where nothing else proves a bound."""
+ESTIMATE_FIRST = 20
+"""Up to so many, estimates come from the Hamiltonian matrix, which is quicker there."""
+# Widths of brackets that are accepted from modal coordinates: beyond EXACT_ALWAYS, beyond
+# EXACT_AT_MOST where nothing else would prove any, and of estimates, which the Hamiltonian test
+# could narrow.
+_WIDE, _WIDEST, _ESTIMATED = 1e-6, 1e-2, 1e-6
+# Gains of so many signals per state are quicker by the Hamiltonian matrix.
+_SIGNALS = 4
 
 
 @dataclass(frozen=True)
@@ -48,13 +60,27 @@ class Peak:
 
 
 def certified_peak(
-    model: Realisation, tolerance: float, exact: bool, exact_model: ExactModel | None = None
+    model: Realisation,
+    tolerance: float,
+    exact: bool,
+    exact_model: ExactModel | None = None,
+    spectrum: Eigensystem | None = None,
 ) -> Peak:
-    """Find and bracket the peak of a stable, rescaled system."""
+    """Find and bracket the peak of a stable, rescaled system.
+
+    The `spectrum` of its A is taken if it is at hand. An `exact_model` takes its place where the
+    doubles are rounded.
+    """
+    spectrum = spectrum or eigensystem(model.A)
+    if exact_model is None and model.states > (EXACT_FIRST if exact else ESTIMATE_FIRST):
+        found = _modal(model, spectrum, tolerance, exact)
+        if found is not None:
+            return found
     search = replace(model, time=1.0, gain=1.0)
+    poles = spectrum.values
     if model.discrete:
         search = rescaled(cayley(search))
-    poles = np.linalg.eigvals(search.A).astype(complex)
+        poles = np.linalg.eigvals(search.A).astype(complex)
     frequency, gain = peak(search, poles, tolerance)
     if not exact or model.states > EXACT_ALWAYS:
         found = _estimated(search, frequency, gain, tolerance)
@@ -64,6 +90,27 @@ def certified_peak(
         if model.states > EXACT_AT_MOST:
             return _sharper_below(model, found)
     return _proven(exact_model or ExactModel.of(model), frequency * search.time, tolerance)
+
+
+def _modal(model: Realisation, spectrum: Eigensystem, tolerance: float, exact: bool) -> Peak | None:
+    """Bracket the peak in modal coordinates; None where these are too ill conditioned."""
+    if model.D.size > _SIGNALS * model.states:
+        return None
+    form = modal_form(model, spectrum, exact)
+    if form is None or not form.stable:
+        return None
+    widest = _WIDE if model.states <= EXACT_AT_MOST else _WIDEST
+    if not exact:
+        widest = _ESTIMATED
+    elif model.states <= EXACT_ALWAYS:
+        widest = tolerance
+    found = modal_peak(form, tolerance, max(tolerance, widest))
+    if found is None:
+        return None
+    text = "every frequency covered, rounding errors enclosed"
+    if not exact:
+        text = "every frequency covered, within the rounding errors of double precision"
+    return Peak(found.frequency, found.gain, found.lower, found.upper, text)
 
 
 def _proven(model: ExactModel, start: float, tolerance: float) -> Peak:

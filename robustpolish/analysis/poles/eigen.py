@@ -27,18 +27,23 @@ class Eigensystem:
     shares : ndarray of float, shape (n, n)
         Part of each state (row) in each mode (column), whatever the units of the states;
         rounded, so that the first of equal states leads.
+    right, left : ndarray of complex, shape (n, n)
+        Right and left eigenvectors in the columns.
     """
 
     values: NDArray[np.complex128]
     errors: NDArray[np.float64]
     shares: NDArray[np.float64]
+    right: NDArray[np.complex128]
+    left: NDArray[np.complex128]
 
 
 def eigensystem(M: NDArray[np.float64]) -> Eigensystem:
     """Compute the eigenvalues of a square matrix and what belongs to them."""
     n = M.shape[0]
     if n == 0:
-        return Eigensystem(np.empty(0, complex), np.empty(0), np.empty((0, 0)))
+        none = np.empty((0, 0), complex)
+        return Eigensystem(np.empty(0, complex), np.empty(0), np.empty((0, 0)), none, none)
     found: Any = sla.eig(M, left=True, right=True, check_finite=False)
     values, left, right = found
     shares = np.abs(left.conj() * right)
@@ -48,7 +53,7 @@ def eigensystem(M: NDArray[np.float64]) -> Eigensystem:
         errors = backward / cosines
     vanishing = shares.sum(axis=0) <= np.finfo(float).tiny  # defective: orthogonal vectors
     shares[:, vanishing] = np.abs(right[:, vanishing])
-    return Eigensystem(values, errors, np.round(shares / shares.sum(axis=0), 3))
+    return Eigensystem(values, errors, np.round(shares / shares.sum(axis=0), 3), right, left)
 
 
 def pair_text(value: complex) -> str:

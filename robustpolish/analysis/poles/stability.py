@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from robustpolish.analysis.poles.eigen import eigensystem
+from robustpolish.analysis.poles.eigen import Eigensystem, eigensystem
 from robustpolish.analysis.poles.exact_poles import count_poles
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.exact.rational import EXACT_STATES, ExactModel, rational
@@ -132,13 +132,14 @@ def stability(system: control.StateSpace) -> Stability:
     'pole 0 rad/s on the imaginary axis'
     """
     model = rescaled(realisation("system", system))
-    poles = eigensystem(model.A).values * model.time
-    return replace(stability_of(model), poles=poles, discrete=model.discrete)
-
-
-def stability_of(model: Realisation) -> Stability:
-    """Decide it for rescaled matrices."""
     spectrum = eigensystem(model.A)
+    poles = spectrum.values * model.time
+    return replace(stability_of(model, spectrum), poles=poles, discrete=model.discrete)
+
+
+def stability_of(model: Realisation, spectrum: Eigensystem | None = None) -> Stability:
+    """Decide it for rescaled matrices; the `spectrum` of A is taken if it is at hand."""
+    spectrum = spectrum or eigensystem(model.A)
     poles, errors = spectrum.values, spectrum.errors
     if poles.size == 0:
         return Stability("stable", None, np.inf, False, "there are no states")

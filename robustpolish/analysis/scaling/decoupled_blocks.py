@@ -107,10 +107,26 @@ def parts(model: Realisation) -> list[Realisation]:
 
 def parts_with_indices(model: Realisation) -> list[tuple[Realisation, tuple[int, ...]]]:
     """Split a system into its decoupled blocks; tell which states each has."""
+    if _is_one_part(model):
+        return [(model, tuple(range(model.states)))]
     blocks = decoupled_blocks(model.A, model.B, model.C, model.D)
     if len(blocks) == 1:
         return [(model, blocks[0].states)]
     return [(_part(model, block), block.states) for block in blocks]
+
+
+def _is_one_part(model: Realisation) -> bool:
+    """Say, sooner than by components, whether all states are coupled and no signal is idle."""
+    joined = model.A != 0
+    reached = np.zeros(model.states, bool)
+    reached[:1] = True
+    count = 0
+    while count < (found := int(np.count_nonzero(reached))):
+        count = found
+        reached |= joined[reached].any(axis=0) | joined[:, reached].any(axis=1)
+    return 0 < model.states == count and bool(
+        (model.B != 0).any(axis=0).all() and (model.C != 0).any(axis=1).all()
+    )
 
 
 def _part(model: Realisation, block: Block) -> Realisation:

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robustpolish.analysis import hinf_norm
-from robustpolish.analysis.norms import peak_search
+from robustpolish.analysis.norms import certified_peak, peak_search
 from robustpolish.errors import InvalidInputError
 from robustpolish.models import AirBearingParameters, air_bearing
 
@@ -152,11 +152,26 @@ def test_rates_far_apart_and_equal_modes():
     assert hinf_norm(all_pass).value == pytest.approx(1, rel=1e-12)
 
 
-def test_large_systems_take_few_hamiltonians(monkeypatch):
-    """The work, which is the same on every machine: it takes 0.3 s on an idle core."""
+def large_system():
     rng = np.random.default_rng(0)
     A = rng.standard_normal((100, 100)) - 12 * np.eye(100)
-    system = ss(A, rng.standard_normal((100, 3)), rng.standard_normal((2, 100)))
+    return ss(A, rng.standard_normal((100, 3)), rng.standard_normal((2, 100)))
+
+
+def sampled_gain(system):
+    return max(np.linalg.norm(system(1j * x), 2) for x in np.linspace(0, 40, 400))
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_large_systems_take_no_hamiltonian(monkeypatch, exact):
+    """Modal coordinates do, even for a bracket that is proven and narrow."""
+    monkeypatch.setattr(peak_search, "hamiltonian", None)
+    norm = hinf_norm(large_system(), exact=exact)
+    assert sampled_gain(large_system()) <= norm.upper <= norm.lower * (1 + 2e-9)
+    assert ("errors enclosed" in norm.reason) is exact
+
+
+def test_without_modal_coordinates_it_takes_few_hamiltonians(monkeypatch):
     sizes = []
 
     def counted(model, gamma, hamiltonian=peak_search.hamiltonian):
@@ -164,12 +179,11 @@ def test_large_systems_take_few_hamiltonians(monkeypatch):
         return hamiltonian(model, gamma)
 
     monkeypatch.setattr(peak_search, "hamiltonian", counted)
-    norm = hinf_norm(system)
+    monkeypatch.setattr(certified_peak, "modal_form", lambda *_: None)
+    norm = hinf_norm(large_system())
     assert 2 <= len(sizes) <= 8
     assert set(sizes) == {100}
-    w = np.linspace(0, 40, 400)
-    sampled = max(np.linalg.norm(system(1j * x), 2) for x in w)
-    assert sampled <= norm.upper <= norm.lower * (1 + 1e-6)
+    assert sampled_gain(large_system()) <= norm.upper <= norm.lower * (1 + 1e-6)
 
 
 def test_bad_input_is_refused():

@@ -1,0 +1,237 @@
+r"""A system in modal coordinates, and bounds of everything that rounding left out of them.
+
+With any invertible matrix V, V^-1 A V = L + F with L diagonal. V and L are taken from the computed
+eigensystem; what is left in F follows from the residual A V - V L, which is formed in extended
+precision where the machine has it. So the response is enclosed whatever the quality of the
+eigensystem, which shows in the size of F only.
+
+Discrete systems are mapped to the imaginary axis by z = (1 + s)/(1 - s), mode by mode:
+
+.. math:: \frac{1}{z - \lambda} = \frac{1}{1 + \lambda}
+          \left(\frac{1 - q}{s - q} - 1\right), \qquad q = \frac{\lambda - 1}{\lambda + 1}.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robustpolish.analysis.norms.modal.wide_product import WIDE, wide_product
+from robustpolish.analysis.poles.eigen import EPS, Eigensystem
+from robustpolish.arrays import AnyArray, Vector
+from robustpolish.exact.realisation import Realisation
+
+# Bounds are summed in doubles too; this covers it.
+_OUTWARD = 1 + 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class ModalForm:
+    """The response D + sum of residues / (s - pole), on the imaginary axis s = i x.
+
+    It has at least as many outputs as inputs: a system with fewer is transposed, which keeps the
+    gains. All errors bound magnitudes.
+
+    Attributes
+    ----------
+    real : ndarray, shape (n,)
+        Real parts of the poles.
+    imag : ndarray of extended precision, shape (n,)
+        Imaginary parts.
+    residues : ndarray of complex, shape (n, p * m)
+    sizes : ndarray, shape (n,)
+        Bounds of the norms of the residues.
+    D : ndarray of complex, shape (p, m)
+    D_error : float
+        Rounding error of D.
+    coupling : ndarray, shape (n, n) or (n,)
+        Bounds of the entries of F, in the coordinates of the given system; its diagonal alone
+        where they are estimates.
+    rows : ndarray, shape (n,)
+        Row sums of `coupling`.
+    shown, moved : ndarray, shape (n,)
+        Norms of the columns of C V and of the rows of V^-1 B, their errors included.
+    signal_errors : ndarray, shape (n,)
+        What the errors of C V and V^-1 B make of each residue.
+    stretch : ndarray, shape (n,)
+        1 / |z - eigenvalue| is this times weight / |s - pole|.
+    discrete : bool
+        Whether the weight is |1 - s|; otherwise it is one.
+    stable : bool
+        Whether discs around the computed eigenvalues that hold all true ones lie within the
+        boundary of stability.
+    """
+
+    real: Vector
+    imag: AnyArray
+    residues: AnyArray
+    sizes: Vector
+    D: AnyArray
+    D_error: float
+    coupling: Vector
+    rows: Vector
+    shown: Vector
+    moved: Vector
+    signal_errors: Vector
+    stretch: Vector
+    discrete: bool
+    stable: bool
+
+    @property
+    def states(self) -> int:
+        """Number of states."""
+        return self.real.size
+
+    def weight(self, x: Vector, h: Vector) -> Vector:
+        """Return the largest weight within h of x."""
+        return np.hypot(1.0, x) + h if self.discrete else np.ones_like(x)
+
+
+def modal_form(model: Realisation, spectrum: Eigensystem, proven: bool) -> ModalForm | None:
+    """Bring a system to modal form; None if its eigenvectors do not span the space.
+
+    Parameters
+    ----------
+    model : Realisation
+        Rescaled.
+    spectrum : Eigensystem
+        Of its A.
+    proven : bool
+        False takes the estimated errors of the eigenvalues for `coupling`, which is quicker.
+    """
+    if model.D.shape[0] < model.D.shape[1]:
+        A, B, C, D = model.A.T, model.C.T, model.B.T, model.D.T
+        right, left = spectrum.left.conj(), spectrum.right.conj()
+    else:
+        A, B, C, D = model.A, model.B, model.C, model.D
+        right, left = spectrum.right, spectrum.left
+    turned = left.conj().T
+    cosines = np.sum(turned.T * right, axis=0)
+    if not (np.abs(cosines) > 1e-8).all():
+        return None
+    X = turned / cosines[:, None]  # nearly the inverse of the right eigenvectors
+    gap = _inverse_gap(X, right)
+    if not gap < 0.1 and spectrum.values.size > 1:  # multiple eigenvalues
+        try:
+            X = np.linalg.inv(right)
+        except np.linalg.LinAlgError:
+            return None
+        gap = _inverse_gap(X, right)
+    if not gap < 0.1:
+        return None
+    values = spectrum.values.astype(np.clongdouble)
+    if proven:
+        values, coupling = _remainder(A, right, X, values, gap)
+        rows = coupling.sum(axis=1) * _OUTWARD
+    else:
+        coupling = rows = spectrum.errors
+    b, b_error = _reached(B, right, X, gap)
+    c, c_error = _seen(C, right)
+    return _on_the_axis(model.discrete, values, coupling, rows, (b, b_error), (c, c_error), D)
+
+
+def _inverse_gap(X: AnyArray, V: AnyArray) -> float:
+    """Bound the row-sum norm of 1 - X V."""
+    n = V.shape[0]
+    product = X @ V
+    product[np.arange(n), np.arange(n)] -= 1
+    rounding = 4 * (n + 4) * EPS * (np.abs(X) @ np.abs(V))
+    return float((np.abs(product) + rounding).sum(axis=1).max(initial=0.0)) * _OUTWARD
+
+
+def _remainder(
+    A: AnyArray, V: AnyArray, X: AnyArray, values: AnyArray, gap: float
+) -> tuple[AnyArray, Vector]:
+    """Return better eigenvalues, and bounds of the entries of V^-1 A V - diag(eigenvalues)."""
+    n = A.shape[0]
+    product, rounding = wide_product(A, V)
+    rounding = rounding + (8 * WIDE * np.abs(V) * np.abs(values)).astype(float)
+    residual = (product - V * values).astype(complex)
+    rounding = rounding + 2 * EPS * np.abs(residual)
+    found = X @ residual
+    size = np.abs(X)
+    error = size @ rounding + 4 * (n + 4) * EPS * (size @ np.abs(residual))
+    # V^-1 is (1 - S)^-1 X with S = 1 - X V, so it adds at most this to every entry of a column.
+    error = error + (np.abs(found) + error).max(axis=0) * (gap / (1 - gap))
+    diagonal = np.arange(n)
+    better = values + found[diagonal, diagonal]
+    coupling = np.abs(found) + error
+    coupling[diagonal, diagonal] = error[diagonal, diagonal]
+    coupling[diagonal, diagonal] += (16 * WIDE * (1 + np.abs(values))).astype(float)
+    return better, coupling * _OUTWARD
+
+
+def _reached(B: AnyArray, V: AnyArray, X: AnyArray, gap: float) -> tuple[AnyArray, Vector]:
+    """Return V^-1 B and bounds of the errors of its rows' norms."""
+    b = X @ B.astype(complex)
+    b = b + X @ _missing(B, V, b)[0]
+    missing, rounding = _missing(B, V, b)
+    error = np.abs(X) @ ((1 + 2 * EPS) * np.abs(missing) + rounding)
+    error = error + error.max(axis=0, initial=0.0) * (gap / (1 - gap))
+    return b, np.linalg.norm(error, axis=1) * _OUTWARD
+
+
+def _missing(B: AnyArray, V: AnyArray, b: AnyArray) -> tuple[AnyArray, Vector]:
+    """Return B - V b and a bound of its error."""
+    (real, first), (imag, second) = wide_product(np.real(V), b), wide_product(np.imag(V), b)
+    missing = (B - (real + 1j * imag)).astype(complex)
+    return missing, 2 * (first + second) + 4 * WIDE * np.abs(B)
+
+
+def _seen(C: AnyArray, V: AnyArray) -> tuple[AnyArray, Vector]:
+    """Return C V and bounds of the errors of its columns' norms."""
+    exact, grain = wide_product(C, V)
+    c = exact.astype(complex)
+    return c, np.linalg.norm(grain + EPS * np.abs(c), axis=0) * _OUTWARD
+
+
+def _on_the_axis(
+    discrete: bool,
+    values: AnyArray,
+    coupling: Vector,
+    rows: Vector,
+    reached: tuple[AnyArray, Vector],
+    seen: tuple[AnyArray, Vector],
+    D: AnyArray,
+) -> ModalForm | None:
+    (b, b_error), (c, c_error) = reached, seen
+    n = values.size
+    shown, moved = np.linalg.norm(c, axis=0), np.linalg.norm(b, axis=1)
+    residues = c.T[:, :, None] * b[:, None, :]
+    direct, D_error = D.astype(complex), 0.0
+    if discrete:
+        size = np.abs(values)
+        stable = bool((size + rows < 1).all())
+        with np.errstate(divide="ignore", invalid="ignore"):
+            factor = 1 / (1 + values)
+            poles = (values - 1) * factor
+            # |z|^2 - 1 without the cancellation of its square
+            real = (size - 1) * (size + 1) * np.abs(factor) ** 2
+        if not np.isfinite(poles).all():
+            return None
+        stretch = np.abs(factor).astype(float)
+        direct = direct - np.tensordot(factor.astype(complex), residues, 1)
+        D_error = 8 * (n + 8) * EPS * float((shown * moved * stretch).sum() + np.linalg.norm(D))
+        residues = residues * (2 * factor**2).astype(complex)[:, None, None]
+        sizes = 2 * shown * moved * stretch**2
+        imag = poles.imag
+    else:
+        stable = bool((np.real(values) + rows < 0).all())
+        stretch, real, imag, sizes = np.ones(n), np.real(values), np.imag(values), shown * moved
+    return ModalForm(
+        real.astype(float),
+        imag,
+        residues.reshape(n, -1),
+        sizes * _OUTWARD,
+        direct,
+        D_error,
+        coupling,
+        rows,
+        (shown + c_error) * _OUTWARD,
+        (moved + b_error) * _OUTWARD,
+        (shown * b_error + c_error * (moved + b_error)) * _OUTWARD,
+        stretch * _OUTWARD,
+        discrete,
+        stable,
+    )
