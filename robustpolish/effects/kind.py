@@ -227,9 +227,11 @@ class EffectKind:
         input) or as it is shown (of an output). Every effect on an input or output needs it.
         The signal has to enter linearly, plus a constant; of an output also sample by sample,
         so that it can be taken out of measured data again.
-    between_samples : bool
-        Of an effect on an input: whether only what acts between the samples changes. Outputs that
-        an input reaches at once, such as accelerations, see the sample itself.
+    timing : callable, optional
+        Of an effect on an input that changes only when its samples act: ``timing(values)`` gives
+        the order of the hold between them (0 held, 1 linear, 3 smooth, None if it says nothing
+        about that) and a delay in s. Runs go by it; `on_signal` is the nearest record of a linear
+        input.
     linear_signal : callable, optional
         ``linear_signal(values)`` gives the factor and the delay in s that a linear model keeps
         of `on_signal`; by default its answer to a step, and no delay.
@@ -290,7 +292,7 @@ class EffectKind:
     parameters: tuple[Parameter, ...]
     law: Law | None = None
     on_signal: SignalChange | None = None
-    between_samples: bool = False
+    timing: Callable[[Values], tuple[float | None, float]] | None = None
     linear_signal: Callable[[Values], tuple[float, float]] | None = None
     linear_in: tuple[str | tuple[str, ...], ...] = ()
     scan: tuple[Scan, ...] = ()

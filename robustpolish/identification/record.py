@@ -25,7 +25,8 @@ from robustpolish.measurements import (
 )
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import Input, Output
-from robustpolish.simulation.signals import at_samples, raw_outputs, signals
+from robustpolish.simulation.between import Lines
+from robustpolish.simulation.signals import lines, raw_outputs, signals
 from robustpolish.validation import described, invalid
 
 _REPEATS = 0.98
@@ -122,18 +123,21 @@ class Record:
         """
         return np.concatenate([signals(model, data) for data in self.sets])
 
-    def at_samples(self, model: MechanicalModel) -> Array | None:
-        """Return what a model's signals are at the samples less what acts between them.
+    def lines(self, model: MechanicalModel) -> Lines | None:
+        """Return what a model's signals do between the samples, None if all are linear.
 
-        See :func:`robustpolish.simulation.signals.at_samples`; over all records, as `signals`.
+        See :func:`robustpolish.simulation.signals.lines`; over all records, as `signals`.
         """
-        each = [at_samples(model, data) for data in self.sets]
-        return None if each[0] is None else np.concatenate(each)  # type: ignore[arg-type]
+        each = [found for data in self.sets if (found := lines(model, data)) is not None]
+        return Lines(*(np.concatenate(side) for side in zip(*each, strict=True))) if each else None
+
+    def own_lines(self, found: Lines | None) -> Lines | None:
+        """Return the lines of this part, of those over all records."""
+        return None if found is None else Lines(self.own(found.begin), self.own(found.end))
 
     def raw_outputs(self, model: MechanicalModel) -> Array:
         """Return the measured outputs as a model without effects on signals shows them."""
-        Y, beside = raw_outputs(model, self.Y, self.time), self.at_samples(model)
-        return Y if beside is None else Y - self.own(beside) @ model.matrices.first_order()[3].T
+        return raw_outputs(model, self.Y, self.time)
 
 
 def record_of(model: MechanicalModel, data: Any) -> Record:

@@ -142,8 +142,10 @@ def _settle(out, v0, v1, mean, push, tilt, by_push, by_tilt, ends, slow, last, h
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def run_steps(m, output, laws, layout, p, W, Y, K, s0, z0, t0, dt, substeps, keep):  # type: ignore[no-untyped-def]
+def run_steps(m, output, laws, layout, p, W, E, Y, K, s0, z0, t0, dt, substeps, keep):  # type: ignore[no-untyped-def]
     """Step through the samples and return predictions, states and internal states.
+
+    Signals are lines from W at a sample to E at the end of the step that begins there.
 
     Without feedback (K all zero) this is a free run; otherwise K times the prediction error
     is added to the states after every sample.
@@ -171,13 +173,12 @@ def run_steps(m, output, laws, layout, p, W, Y, K, s0, z0, t0, dt, substeps, kee
     v1, mean, mid = np.empty(len(dry)), np.empty(len(dry)), np.zeros(len(dry))
     ends = np.empty(len(dry)), np.empty(len(dry))
     for k in range(samples):
-        later = min(k + 1, samples - 1)
         for j in range(substeps):
             t = t0 + k * dt + j * h
             x0, x1 = j / substeps, (j + 1) / substeps
             for i in range(signals):
-                x[n + i] = (1 - x0) * W[k, i] + x0 * W[later, i]
-                x[n + signals + i] = (1 - x1) * W[k, i] + x1 * W[later, i]
+                x[n + i] = (1 - x0) * W[k, i] + x0 * E[k, i]
+                x[n + signals + i] = (1 - x1) * W[k, i] + x1 * E[k, i]
             for turn in range(2):  # again where feedback moves the state
                 for r in range(rows):
                     out[r] = 0.0
@@ -303,7 +304,7 @@ def run_steps(m, output, laws, layout, p, W, Y, K, s0, z0, t0, dt, substeps, kee
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def run_pieces(m, output, laws, layout, p, W, S0, Z0, t0, marks, dt, substeps, keep):  # type: ignore[no-untyped-def]
+def run_pieces(m, output, laws, layout, p, W, E, S0, Z0, t0, marks, dt, substeps, keep):  # type: ignore[no-untyped-def]
     """Step freely through pieces that follow each other in W, each from a start of its own."""
     ny, n, nz = output[0].shape[0], S0.shape[1], Z0.shape[1]
     samples = W.shape[0]
@@ -314,7 +315,21 @@ def run_pieces(m, output, laws, layout, p, W, S0, Z0, t0, marks, dt, substeps, k
     for i in range(len(S0)):
         a, b = marks[i], marks[i + 1]
         y, s, z = run_steps(
-            m, output, laws, layout, p, W[a:b], Y, K, S0[i], Z0[i], t0[i], dt, substeps, keep
+            m,
+            output,
+            laws,
+            layout,
+            p,
+            W[a:b],
+            E[a:b],
+            Y,
+            K,
+            S0[i],
+            Z0[i],
+            t0[i],
+            dt,
+            substeps,
+            keep,
         )
         predicted[a:b] = y
         if keep:

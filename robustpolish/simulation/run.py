@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from robustpolish.arrays import Array
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import DISPLACEMENT
+from robustpolish.simulation.between import Lines, lines_through
 from robustpolish.simulation.kernel import run_pieces, run_steps
-from robustpolish.simulation.signals import at_samples, measured, raw_outputs, signals
+from robustpolish.simulation.signals import lines, measured, raw_outputs, signals
 from robustpolish.simulation.step import Ahead
 from robustpolish.simulation.system import NonlinearSystem, build_system, needed_substeps
 from robustpolish.validation import matrix
@@ -63,7 +64,7 @@ class Stepper:
         led_by: Array | None = None,
         gain: Array | None = None,
         keep: bool = True,
-        at_samples: Array | None = None,
+        lines: Lines | None = None,
     ) -> NonlinearResponse:
         """Return outputs as the sensors show them, states and internal states.
 
@@ -80,8 +81,9 @@ class Stepper:
             sample; a free run by default.
         keep : bool, optional
             Whether states are kept; otherwise they have no samples.
-        at_samples : ndarray, shape (samples, signals), optional
-            See :func:`robustpolish.simulation.signals.at_samples`.
+        lines : Lines, optional
+            What the inputs do between the samples, see
+            :func:`robustpolish.simulation.signals.lines`; linear by default.
 
         Returns
         -------
@@ -89,12 +91,12 @@ class Stepper:
         """
         system = self.system
         ny = len(system.C)
-        seen = 0.0 if at_samples is None else at_samples @ system.D.T
+        W, E, seen = self._between(inputs, lines)
         Y = np.zeros((1, ny)) if led_by is None else raw_outputs(self.model, led_by, time) - seen
         K = np.zeros((system.states, ny)) if gain is None else gain
         outputs, states, inner = run_steps(
             self.matrices, (system.C, system.D, system.H), system.addresses,
-            system.layout, system.values, np.ascontiguousarray(inputs), Y, K,
+            system.layout, system.values, W, E, Y, K,
             np.ascontiguousarray(state), np.ascontiguousarray(internal), time[0], self.step,
             self.substeps, keep,
         )  # fmt: skip
@@ -108,7 +110,7 @@ class Stepper:
         time: Array,
         marks: NDArray[np.int64],
         keep: bool = False,
-        at_samples: Array | None = None,
+        lines: Lines | None = None,
     ) -> NonlinearResponse:
         """Return what :meth:`over` does freely, of pieces that follow each other in the arrays.
 
@@ -123,21 +125,30 @@ class Stepper:
             Where pieces begin and end.
         keep : bool, optional
             Whether states are kept; otherwise they have no samples.
-        at_samples : ndarray, shape (samples, signals), optional
+        lines : Lines, optional
 
         Returns
         -------
         NonlinearResponse
         """
         system = self.system
+        W, E, seen = self._between(inputs, lines)
         outputs, states, inner = run_pieces(
             self.matrices, (system.C, system.D, system.H), system.addresses,
-            system.layout, system.values, np.ascontiguousarray(inputs),
+            system.layout, system.values, W, E,
             np.ascontiguousarray(starts), np.ascontiguousarray(internal),
             np.ascontiguousarray(time[marks[:-1]]), marks, self.step, self.substeps, keep,
         )  # fmt: skip
-        seen = 0.0 if at_samples is None else at_samples @ system.D.T
         return NonlinearResponse(measured(self.model, outputs + seen, time), states, inner)
+
+    def _between(self, inputs: Array, lines: Lines | None) -> tuple[Array, Array, Array | float]:
+        """Return the inputs as lines, and what outputs see of a sample that is no end of a line.
+
+        An accelerometer sees a held force as it is.
+        """
+        found = lines_through(inputs) if lines is None else lines
+        seen = 0.0 if lines is None else (inputs - lines.begin) @ self.system.D.T
+        return np.ascontiguousarray(found.begin), np.ascontiguousarray(found.end), seen
 
 
 def simulate(
@@ -193,8 +204,8 @@ def simulate(
         stepper = Stepper(model, build_system(model, dt / n), dt, n)
         s0 = _state("initial_state", initial_state, stepper.system.states)
         z0 = _state("internal_state", internal_state, stepper.system.internal)
-        beside = at_samples(model, data)
-        return stepper.over(signals(model, data), s0, z0, time, at_samples=beside)
+        W, between = signals(model, data), lines(model, data)
+        return stepper.over(W, s0, z0, time, lines=between)
 
     amplitude = _output_amplitudes(model, data)
     n = substeps or needed_substeps(model, dt, amplitude)

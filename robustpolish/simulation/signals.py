@@ -10,13 +10,14 @@ from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import VELOCITY
+from robustpolish.simulation.between import LINEAR, SMOOTH, Lines, between, lines_through
 from robustpolish.validation import described, invalid
 
 # How much of the signal may be left over when output effects are put on again; it is rounding.
 _LEFT_OVER = 1e-6
 
 
-def signals(model: MechanicalData, data: xr.Dataset, between: bool = True) -> Array:
+def signals(model: MechanicalData, data: xr.Dataset) -> Array:
     """Return the columns of `MechanicalMatrices.signals`, effects on inputs applied.
 
     Parameters
@@ -24,18 +25,39 @@ def signals(model: MechanicalData, data: xr.Dataset, between: bool = True) -> Ar
     model : MechanicalData
     data : xarray.Dataset
         Holds every input over ``time``.
-    between : bool, optional
-        Whether what acts between the samples is wanted, or the samples themselves.
 
     Returns
     -------
     ndarray, shape (samples, signals)
+        At the samples.
 
     Raises
     ------
     InvalidInputError
         If an input is missing.
     """
+    return _signals(model, data)[0]
+
+
+def lines(model: MechanicalData, data: xr.Dataset) -> Lines | None:
+    """Return what signals do between the samples, None if all are linear.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    data : xarray.Dataset
+        As of :func:`signals`.
+
+    Returns
+    -------
+    Lines or None
+        See :mod:`robustpolish.simulation.between`.
+    """
+    return _signals(model, data)[1]
+
+
+def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, Lines | None]:
+    """Return the signals at the samples, and between them where one of them is not linear."""
     for name in model.input_names:
         if name not in data:
             raise invalid(
@@ -51,33 +73,26 @@ def signals(model: MechanicalData, data: xr.Dataset, between: bool = True) -> Ar
             order = 1 if signal.quantity == VELOCITY else 2
             columns.append(CubicSpline(time, data[signal.source].values)(time, order))
     W = np.column_stack(columns) if columns else np.zeros((time.size, 0))
+    timed: dict[int, tuple[float, float]] = {}
     for effect in _on(model, "input"):
-        if effect.definition.between_samples and not between:
-            continue
+        timing = effect.definition.timing
         for j, (name, source) in enumerate(zip(m.signals, m.sources, strict=True)):
-            if source == effect.at[0]:
+            if source != effect.at[0]:
+                continue
+            if timing is None:
                 W[:, j] = _changed(effect, W[:, j], time, derivative=name != source)
-    return np.ascontiguousarray(W)
-
-
-def at_samples(model: MechanicalData, data: xr.Dataset) -> Array | None:
-    """Return what signals are at the samples less what acts between them, None if that is one.
-
-    Parameters
-    ----------
-    model : MechanicalData
-    data : xarray.Dataset
-        As of :func:`signals`.
-
-    Returns
-    -------
-    ndarray, shape (samples, signals), or None
-        Times D it belongs to the outputs: an accelerometer sees a held force as it is, not its
-        linear interpolation.
-    """
-    if not any(effect.definition.between_samples for effect in _on(model, "input")):
-        return None
-    return signals(model, data, between=False) - signals(model, data)
+                continue
+            # an imposed motion has a velocity, so that it is smooth
+            order, delay = timed.get(j, (LINEAR if j < len(m.force_inputs) else SMOOTH, 0.0))
+            hold, late = timing(effect.values)
+            timed[j] = (order if hold is None else hold, delay + late)
+    if all(timing == (LINEAR, 0.0) for timing in timed.values()):
+        return np.ascontiguousarray(W), None
+    begin, end = (side.copy() for side in lines_through(W))
+    step = (time[-1] - time[0]) / (time.size - 1)
+    for j, (order, delay) in timed.items():
+        W[:, j], begin[:, j], end[:, j] = between(W[:, j], step, order, delay)
+    return np.ascontiguousarray(W), Lines(begin, end)
 
 
 def _changed(effect: Effect, signal: Array, time: Array, derivative: bool) -> Array:

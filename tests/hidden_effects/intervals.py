@@ -65,7 +65,14 @@ def effect_numbers(case, diagnosis):
         )
         if found is None:
             continue
-        values = {name: v.value for name, v in found.parameters.items()}
+        unit = unit_at(units, at)
+        forces = {p.name for p in found.definition.parameters if {"F", "M"} & set(p.dimension)} | (
+            {"gain"} if kind == "input_gain" else set()
+        )
+        values = {
+            name: v.value / (unit if name in forces else 1.0)
+            for name, v in found.parameters.items()
+        }
         truth = TRUTH[kind](p, values, begin)
         if kind == "input_delay" and case.held and not _knows_hold(diagnosis.model, at):
             truth["delay"] += case.machine.dt / 2
@@ -76,8 +83,7 @@ def effect_numbers(case, diagnosis):
             if not parameter.fitted or name not in truth or name not in found.parameters:
                 continue
             given = found.parameters[name]
-            force = {"F", "M"} & set(parameter.dimension) or kind == "input_gain"
-            true = truth[name] * (unit_at(units, at) if force else 1.0)
+            true = truth[name] * (unit if name in forces else 1.0)
             if name == "phase":
                 true = given.value + np.angle(np.exp(1j * (true - given.value)))
             stated.append(_stated(f"{kind}.{name}", true, given))

@@ -44,8 +44,8 @@ class NoPool:
     def __exit__(self, *error):
         return None
 
-    def map(self, call, items):
-        return map(call, items)
+    def map(self, call, *items):
+        return map(call, *items)
 
     def submit(self, call, item):
         future = Future()

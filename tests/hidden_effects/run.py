@@ -1,7 +1,8 @@
 """Run the hidden cases and write their page: ``python -m tests.hidden_effects.run``.
 
 Parts of names choose cases of the catalogue, with ``--drawn SEED`` those drawn at random from a
-seed, with ``--several`` the hundred with up to three effects. Without any of these all cases run,
+seed, with ``--several`` the hundred with up to three effects that rules were tuned on, with
+``--unseen`` another hundred of the kind that no rule has seen. Without any of these all cases run,
 and the page of the documentation is written. ``--part 0/2`` takes every second case, of all or of
 those chosen, and writes no page. ``--keep FILE`` keeps a row for each case that is done, and takes
 those that it holds for granted: an interrupted run goes on, parts of two machines come together.
@@ -17,7 +18,7 @@ from .drawn import JUDGED_SEED, drawn_cases
 from .kept import keep, kept_rows, key_of
 from .page import cases_table, page
 from .rows import run_case
-from .several import PLAN, name_of, several_case
+from .several import PLAN, SEEN_SEED, UNSEEN_SEED, name_of, several_case
 
 PAGE = Path(__file__).parents[2] / "docs" / "hidden_effects.md"
 
@@ -43,11 +44,11 @@ def run_all(cases, file=None):
     return [(rows[key_of(case)], case) for case in cases]
 
 
-def drawn_several(names=(), part=(0, 1)):
-    """Return the hundred cases or some, on all cores: it takes minutes to see that effects show."""
-    numbers = [i for i in range(len(PLAN)) if _chosen(name_of(i), names)]
+def drawn_several(seed, names=(), part=(0, 1)):
+    """Return cases of a seed, on all cores: it takes minutes to see that effects show."""
+    numbers = [i for i in range(len(PLAN)) if _chosen(name_of(i), names)][part[0] :: part[1]]
     with ProcessPoolExecutor(_cores()) as pool:
-        return list(pool.map(several_case, numbers[part[0] :: part[1]]))
+        return list(pool.map(several_case, numbers, [seed] * len(numbers)))
 
 
 def _chosen(name, names):
@@ -78,6 +79,7 @@ def main(arguments=None):
     parser.add_argument("names", nargs="*", help="parts of names of cases")
     parser.add_argument("--drawn", type=int, metavar="SEED", help="those drawn from a seed")
     parser.add_argument("--several", action="store_true", help="those with several effects")
+    parser.add_argument("--unseen", action="store_true", help="such as no rule was tuned on")
     parser.add_argument("--part", type=_part, metavar="I/N", help="every N-th case from I on")
     parser.add_argument("--keep", type=Path, metavar="FILE", help="where rows are kept")
     given = parser.parse_args(arguments)
@@ -86,17 +88,18 @@ def main(arguments=None):
     def some(cases):
         return [case for case in cases if _chosen(case.name, given.names)][first::step]
 
-    if given.several:
-        chosen = [drawn_several(given.names, (first, step))]
+    if given.several or given.unseen:
+        seeds = [SEEN_SEED] * given.several + [UNSEEN_SEED] * given.unseen
+        chosen = [drawn_several(seed, given.names, (first, step)) for seed in seeds]
     elif given.drawn is not None:
         chosen = [some(drawn_cases(given.drawn))]
     elif given.names:
         chosen = [some(all_cases())]
     else:
-        several = drawn_several(part=(first, step))
-        chosen = [some(all_cases()), some(drawn_cases(JUDGED_SEED)), several]
+        several = [drawn_several(seed, part=(first, step)) for seed in (SEEN_SEED, UNSEEN_SEED)]
+        chosen = [some(all_cases()), some(drawn_cases(JUDGED_SEED)), *several]
     rows = [run_all(cases, given.keep) for cases in chosen]
-    if len(rows) == 3 and given.part is None:
+    if len(rows) == 4 and given.part is None:
         text = page(*rows)
         print(text)
         PAGE.write_text(text, encoding="utf-8")

@@ -5,6 +5,7 @@ out changes a signal by more than the noise, and springs, dampers and the start 
 do its work (`visible.py`). Effects of one case differ in family or in place, so that there is one
 truth. The start was added after the first examination, and two cases were drawn anew by that:
 behind velocity sensors a constant force is another place to begin, which nobody can tell.
+There are two groups, of two seeds: one that rules were tuned on, one that no rule has seen.
 """
 
 from dataclasses import replace
@@ -17,9 +18,13 @@ from .drawn import AXES, DOF, PAIR, SIGNAL, effect_of, skeleton, two_axes
 from .motion import motion, shown
 from .visible import change_by_numbers, change_without, chaotic, sound
 
-SEVERAL_SEED = 20261122
-"""Chosen before any of its cases had been run; rules of the diagnosis are not to be changed while
-looking at its cases."""
+SEEN_SEED = 20261122
+"""Chosen before any of its cases had been run. Rules of the diagnosis were changed while looking at
+them since, so that they tell whether something got worse, and no more how good it is."""
+UNSEEN_SEED = 20261123
+"""The next number, chosen when rules had been changed for the last time, before any of its cases
+had been drawn or run. Rules are not to be changed while looking at them: after the next change that
+does so this seed has been seen, too, and a new one takes its place."""
 
 COUNTS = {"two": 2, "three": 3, "nothing": 0, "numbers": 0}
 PLAN = (
@@ -51,17 +56,17 @@ LARGER, ROUNDS, ATTEMPTS = 1.6, 5, 200
 """An effect that does not show is drawn again, larger by this; then machine and data anew."""
 
 
-def several_cases(count=None):
+def several_cases(count=None, seed=SEEN_SEED):
     """Return the cases of the plan in its order, or the first few."""
-    return [several_case(i) for i in range(len(PLAN) if count is None else count)]
+    return [several_case(i, seed) for i in range(len(PLAN) if count is None else count)]
 
 
 @cache
-def several_case(number):
+def several_case(number, seed=SEEN_SEED):
     """Return one case of the plan; each has a generator of random numbers of its own."""
-    rng = np.random.default_rng([SEVERAL_SEED, number])
+    rng = np.random.default_rng([seed, number])
     for _ in range(ATTEMPTS):
-        case = _attempt(PLAN[number], number, rng)
+        case = _attempt(number, seed, rng)
         if case is not None:
             return case
     raise RuntimeError(f"Case {number}, {PLAN[number]}: no machine shows its effects.")
@@ -77,12 +82,13 @@ def number_of_effects(case):
     return NUMBERS_OF_EFFECTS[len(case.effects) - 1]
 
 
-def _attempt(kind, number, rng):
+def _attempt(number, seed, rng):
     """Draw a machine, everyday data and effects; None if they are not what a machine is."""
+    kind = PLAN[number]
     axes = kind in AXES or (kind in COUNTS and rng.random() < 0.25)
     decay = kind not in ("input_gain", "input_delay") and rng.random() < 1 / 3
     machine = _with_sensors(_two_axes(rng) if axes else _chain(rng, decay), rng, axes)
-    case = Case(name_of(number), machine, seed=1000 * SEVERAL_SEED + number)
+    case = Case(name_of(number), machine, seed=1000 * seed + number)
     case.noise_db = float(rng.uniform(20, 60))
     case.colour = float(rng.choice([0.0, 0.0, 0.6, 0.9]))
     if decay:

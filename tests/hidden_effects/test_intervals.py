@@ -126,6 +126,15 @@ def test_a_decay_has_the_unit_of_the_models_mass():
     assert [(s.name, s.truth, s.covered) for s in own] == [("spring[0].stiffness", 3150.0, True)]
 
 
+def test_a_decay_has_the_force_that_bouc_wen_refers_to_in_that_unit():
+    case = Case("decay", one(), [("bouc_wen_hysteresis", X, [2500.0, 0.004, 1.5])],
+                excitation="none", start=0.02, wrong={"mass": 0.05})  # fmt: skip
+    told = numbers(case, found("bouc_wen_hysteresis", X, force=10.5, stiffness=2625.0,
+                               exponent=1.5, beta=0.5, gamma=0.5))  # fmt: skip
+    assert told["stiffness"].truth == pytest.approx(2625.0)
+    assert told["beta"].truth == pytest.approx(0.5)
+
+
 def test_where_another_gain_is_named_all_is_in_other_units():
     effects = [("sensor_gain", ("x",), [1.3]), ("cubic_stiffness", X, [4e6])]
     case = Case("gain", one(), effects)

@@ -191,15 +191,17 @@ def test_frequency_responses_are_refused_where_signals_over_time_are_needed():
         over_time(response)
 
 
-def test_outputs_are_freed_of_what_sensors_and_holds_add():
+def test_outputs_are_freed_of_what_sensors_add_and_lines_belong_to_their_part():
     model = oscillator(outputs=[Output("x", PLACE, "acceleration")])
     model = model.with_effect("sensor_offset", "x", {"offset": 2.0})
     held = model.with_effect("input_hold", "F", {"order": 0.0})
     shown = record()["x"].values
     found = record_of(model, record().assign(x=("time", shown, {"units": "m/s^2"})))
     np.testing.assert_allclose(found.raw_outputs(model), found.Y - 2.0)
-    assert found.at_samples(model) is None
-    beside = found.at_samples(held)
-    np.testing.assert_allclose(found.raw_outputs(held), found.Y - 2.0 - beside / held.dofs[0].mass)
+    np.testing.assert_allclose(found.raw_outputs(held), found.Y - 2.0)
+    assert found.lines(model) is None
+    lines = found.lines(held)
+    np.testing.assert_allclose(lines.end, found.signals(held))
     part = found.part(100, 200)
-    np.testing.assert_allclose(part.raw_outputs(held), found.raw_outputs(held)[100:200])
+    np.testing.assert_allclose(part.own_lines(lines).begin, lines.begin[100:200])
+    assert part.own_lines(None) is None

@@ -4,6 +4,7 @@ import numpy as np
 
 from robustpolish.effects import EffectKind, Parameter
 from robustpolish.effects.compiled import compiled_law
+from robustpolish.simulation.between import lines_through
 from robustpolish.simulation.kernel import run_pieces, run_steps
 from robustpolish.simulation.step import ahead, step_matrices
 
@@ -15,6 +16,7 @@ C, D = RNG.standard_normal((2, N)), RNG.standard_normal((2, SIGNALS))
 H = RNG.standard_normal((2, PORTS))
 MOTION = tuple(RNG.standard_normal((PORTS, width)) for width in (N, SIGNALS, N, SIGNALS))
 W = RNG.standard_normal((30, SIGNALS))
+LINES = lines_through(W)
 START, MEMORY = RNG.standard_normal(N), np.array([0.3])
 LAYOUT = np.array([[0, 1, 0, 1, 0, 2, 0], [1, 1, 1, 0, 2, 1, 0]])
 P = np.array([0.7, 2.0, 0.4])
@@ -76,7 +78,20 @@ def kernel(substeps, gain=None, measured=None):
     K = np.zeros((N, 2)) if gain is None else gain
     Y = np.zeros((1, 2)) if measured is None else measured
     return run_steps(
-        matrices, (C, D, H), ADDRESSES, LAYOUT, P, W, Y, K, START, MEMORY, 0.0, STEP, substeps, True
+        matrices,
+        (C, D, H),
+        ADDRESSES,
+        LAYOUT,
+        P,
+        *LINES,
+        Y,
+        K,
+        START,
+        MEMORY,
+        0.0,
+        STEP,
+        substeps,
+        True,
     )
 
 
@@ -102,12 +117,33 @@ def test_pieces_run_as_each_alone():
     starts, memory, t0 = RNG.standard_normal((2, N)), np.array([[0.3], [0.1]]), np.array([0.0, 5.0])
     given = ADDRESSES, LAYOUT, P
     y, s, z = run_pieces(
-        matrices, (C, D, H), *given, W, starts, memory, t0, np.array([0, 12, 30]), STEP, 1, True
+        matrices,
+        (C, D, H),
+        *given,
+        *LINES,
+        starts,
+        memory,
+        t0,
+        np.array([0, 12, 30]),
+        STEP,
+        1,
+        True,
     )
     Y, K = np.zeros((1, 2)), np.zeros((N, 2))
     for i, part in enumerate((slice(0, 12), slice(12, 30))):
         one = run_steps(
-            matrices, (C, D, H), *given, W[part], Y, K, starts[i], memory[i], t0[i], STEP, 1, True
+            matrices,
+            (C, D, H),
+            *given,
+            *(side[part] for side in LINES),
+            Y,
+            K,
+            starts[i],
+            memory[i],
+            t0[i],
+            STEP,
+            1,
+            True,
         )
         for whole, alone in zip((y, s, z), one, strict=True):
             np.testing.assert_array_equal(whole[part], alone)
@@ -116,7 +152,7 @@ def test_pieces_run_as_each_alone():
 def test_a_run_that_diverges_ends_in_nothing():
     matrices = ahead(step_matrices(A + 60 * np.eye(N), B, G, 1.0), MOTION)
     y, *_ = run_steps(
-        matrices, (C, D, H), ADDRESSES, LAYOUT, P, W, np.zeros((1, 2)), np.zeros((N, 2)),
+        matrices, (C, D, H), ADDRESSES, LAYOUT, P, *LINES, np.zeros((1, 2)), np.zeros((N, 2)),
         START, MEMORY, 0.0, 1.0, 1, False,
     )  # fmt: skip
     assert np.isfinite(y[0]).all()

@@ -9,7 +9,7 @@ from robustpolish.effects import EffectKind, Parameter, register
 from robustpolish.effects import effect as effect_module
 from robustpolish.errors import InvalidInputError
 from robustpolish.simulation import simulate_model
-from robustpolish.simulation.signals import at_samples, measured, raw_outputs, signals
+from robustpolish.simulation.signals import lines, measured, raw_outputs, signals
 
 GROUND = ("x", "ground")
 TIME = np.arange(400) * 1e-3
@@ -146,15 +146,41 @@ def test_a_sensor_that_bends_its_signal_is_simulated_but_not_taken_out(catalogue
         raw_outputs(model, Y, TIME)
 
 
-def test_what_acts_between_the_samples_is_not_what_is_there():
+def test_what_a_hold_does_between_the_samples_is_not_what_is_there():
     data = push("F")
-    plain, delayed = oscillator(), oscillator().with_effect("input_gain", "F", {"gain": 2.0})
-    assert at_samples(plain, data) is None
-    assert at_samples(delayed, data) is None
-    held = delayed.with_effect("input_hold", "F", {"order": 0.0})
+    plain, doubled = oscillator(), oscillator().with_effect("input_gain", "F", {"gain": 2.0})
+    assert lines(plain, data) is None
+    assert lines(doubled, data) is None
+    held = doubled.with_effect("input_hold", "F", {"order": 0.0})
     force = 2.0 * data["F"].values[:, None]
-    np.testing.assert_allclose(signals(held, data, between=False), force)
-    np.testing.assert_allclose(at_samples(held, data) + signals(held, data), force)
+    np.testing.assert_allclose(signals(held, data), force)
+    begin, end = lines(held, data)
+    np.testing.assert_allclose(begin, force)
+    np.testing.assert_allclose(end, force)
+
+
+def test_a_delay_moves_a_force_as_it_is_between_its_samples():
+    data, step = push("F"), TIME[1] - TIME[0]
+    late = oscillator().with_effect("input_delay", "F", {"delay": 1.25 * step})
+    straight = np.interp(TIME - 1.25 * step, TIME, data["F"].values)
+    np.testing.assert_allclose(signals(late, data)[:, 0], straight)
+    held = late.with_effect("input_hold", "F", {"order": 0.0})
+    np.testing.assert_allclose(signals(held, data)[2:, 0], data["F"].values[:-2])
+    twice = held.with_effect("input_delay", "F", {"delay": 0.75 * step})
+    np.testing.assert_allclose(lines(twice, data).begin[2:, 0], data["F"].values[:-2])
+
+
+def test_an_imposed_motion_is_smooth_and_late_with_its_derivatives():
+    model = rp.MechanicalModel(
+        [rp.Dof("b", 0.0), rp.Dof("x", 1.0)],
+        [rp.Spring(("b", "x"), 50.0)],
+        inputs=[rp.Input("b_dot", ("b", "ground"), imposes="displacement")],
+        outputs=[rp.Output("x", GROUND)],
+    )
+    data, step = push("b_dot"), TIME[1] - TIME[0]
+    late = model.with_effect("input_delay", "b_dot", {"delay": 3 * step})
+    plain = signals(model, data)
+    np.testing.assert_allclose(signals(late, data)[3:], plain[:-3], atol=1e-9 * np.max(plain))
 
 
 def test_a_missing_column_is_named():

@@ -32,6 +32,10 @@ def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:
     return CubicSpline(time, u)(np.maximum(time - values["delay"], time[0]))
 
 
+def _timing(values: Mapping[str, float]) -> tuple[None, float]:
+    return (None, values["delay"])
+
+
 def _linear_signal(values: Mapping[str, float]) -> tuple[float, float]:
     return (1.0, values["delay"])
 
@@ -42,6 +46,7 @@ KIND = EffectKind(
     domain="input",
     parameters=(Parameter("delay", "T", "time from the record to the force", lower=0.0),),
     on_signal=_on_signal,
+    timing=_timing,
     linear_signal=_linear_signal,
     shapes=_shapes,
     looks_like="A residual in quadrature, growing with frequency; it looks like negative "

@@ -1,8 +1,8 @@
 """What an input does between its samples; no effect of the machine but of the record.
 
-The simulation takes inputs as linear between samples. A zero-order hold, or a smooth signal
-with content near the sampling rate, is the linear interpolation of a filtered record; short
-filters match the frequency responses.
+Runs take each step by itself, see ``simulation/between.py``. As a record of its own, a zero-order
+hold, or a smooth signal with content near the sampling rate, is the linear interpolation of a
+filtered one; short filters match the frequency responses.
 """
 
 from __future__ import annotations
@@ -29,6 +29,10 @@ def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:
     return now - second / 12 + fourth / 90
 
 
+def _timing(values: Mapping[str, float]) -> tuple[float, float]:
+    return (values["order"], 0.0)
+
+
 KIND = EffectKind(
     kind="input_hold",
     title="Behaviour of an input between its samples",
@@ -45,7 +49,7 @@ KIND = EffectKind(
         ),
     ),
     on_signal=_on_signal,
-    between_samples=True,
+    timing=_timing,
     looks_like="Half a sample of delay (order 0), or an error that grows with the square of the "
     "frequency (order 3).",
     checks=("Whether the input was written by a controller (held) or measured (smooth).",),

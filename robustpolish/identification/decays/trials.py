@@ -108,7 +108,8 @@ class Trials:
     def _fitted(
         self, model: MechanicalModel, laws: Laws, pieces: Sequence[StartedPiece]
     ) -> Fit | None:
-        held, reference = self.found.held(laws) | speeds_of_turns(model), self.reference
+        jumps = speeds_of_turns(self.found.model_with(laws))
+        held, reference = self.found.held(laws) | jumps, self.reference
         prepared = replace(self.prepared, held=held)
         model = rounded(model, prepared)
         spans = prepared.spans(pieces, prepared.policy.growth)

@@ -1,9 +1,9 @@
-"""The end of a diagnosis: gains that masses and springs hide, final fit, verdict, result."""
+"""The end of a diagnosis: final fit, verdict, result."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,15 +11,17 @@ import numpy as np
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.judge import tolerance, undetermined
-from robustpolish.identification.discover.reconsider import simpler
+from robustpolish.identification.discover.reconsider import gently, knows_turn, simpler
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.findings.findings import Confusion, FoundEffect, Value
 from robustpolish.identification.findings.ledger import Entry, Ledger
-from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, free_rms, homotopy
+from robustpolish.identification.fit.homotopy import JudgedFit, free_rms, homotopy
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
-from robustpolish.identification.fit.parameters import chain_keys, connected, driving
+from robustpolish.identification.fit.parameters import (
+    turns_over_gently,
+)
 from robustpolish.identification.laws.free_shape import better_shape
 from robustpolish.identification.laws.learn import Learned, learn
 from robustpolish.identification.observer.kalman import force_sites
@@ -54,6 +56,7 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
     calm = best.reproducible and free_rms(best.model, prepared, prepared.everything)[1]
     final, error = _final_fit(search, best, calm)
     final, error = _without_idle(search, final, error, calm)
+    final, error = _gently(search, final, error, calm)
     added = len(final.model.effects) > len(reference.effects)
     search.say("errors of every step")
     errors = [_whole_error(m, search, calm) for _, m in search.steps[:-1]] + [error]
@@ -116,6 +119,32 @@ def _without_idle(search: Search, final: Fit, error: Array, calm: bool) -> tuple
                 search.steps.append((last.kind, final.model))
                 search.confusions.append(confused(last, effect))
                 break
+    return final, error
+
+
+def _gently(search: Search, final: Fit, error: Array, calm: bool) -> tuple[Fit, Array]:
+    """Return the final fit with those jumps of friction rounded that the data know to be none.
+
+    What a jump leaves at every reversal may be less than the noise and yet move all other numbers
+    by more than their standard errors. So likelihood decides, not a visible fall.
+    """
+    prepared, reference = search.prepared, search.reference
+    pieces = prepared.everything if calm else prepared.windows
+    for at in range(len(reference.effects), len(final.model.effects)):
+        effect = final.model.effects[at]
+        if not effect.definition.turns_over or turns_over_gently(effect):
+            continue
+        gentle = gently(effect, final.model, search)
+        if gentle is None:
+            continue
+        effects = final.model.effects
+        model = replace(final.model, effects=(*effects[:at], gentle, *effects[at + 1 :]))
+        spans = prepared.spans(pieces)[-1:]
+        for fitted in homotopy(model, prepared, pieces, reference, spans, prepared.steps):
+            left = _whole_error(fitted.model, search, calm)
+            odds = prepared.record.samples * float(np.sum(np.log(error / left)))
+            if odds > search.policy.least_odds and knows_turn(fitted, at, search):
+                final, error = fitted, left
     return final, error
 
 
@@ -328,76 +357,3 @@ def _loaded(model: MechanicalModel, constant: FoundEffect) -> str | None:
         output = next(o for o in model.outputs if o.name == constant.at[0])
         return output.of[0] if output.quantity == FORCE else None
     return None
-
-
-@dataclass(frozen=True)
-class WrongGain:
-    """A gain that explains what a refit did to masses and springs.
-
-    Attributes
-    ----------
-    effect : Effect
-    alike : tuple of Effect
-        Effects that would explain it as well.
-    """
-
-    effect: Effect
-    alike: tuple[Effect, ...]
-
-
-def add_wrong_gains(search: Search) -> None:
-    """Add the gains that explain what the refit did to masses and springs, if there are any."""
-    for wrong in _wrong_gains(search):
-        _add(search, wrong)
-
-
-def _add(search: Search, wrong: WrongGain) -> None:
-    """Add the gain of an input, if the error does not mind."""
-    prepared, reference, effect = search.prepared, search.reference, wrong.effect
-    search.say(f"refit with {effect}")
-    model = replace(reference, effects=(*search.stage.model.effects, effect))
-    spans = prepared.spans(prepared.trial)
-    stages = homotopy(model, prepared, prepared.trial, reference, spans)
-    if not stages:
-        return
-    stage = best_stage(stages, prepared)
-    if np.mean(np.log(stage.error / search.stage.error)) > search.policy.gain_loss:
-        return
-    search.stage = stage
-    search.confusions += [confused(effect, other) for other in wrong.alike]
-    search.reasons.append(
-        f"Masses and springs err by one factor: {effect.at[0]} acts {effect.values['gain']:.3g} "
-        "times as strongly as the record says."
-    )
-    search.steps.append((effect.kind, stage.model))
-
-
-def _wrong_gains(search: Search) -> list[WrongGain]:
-    """Return the gains that a refit hides in a common factor of masses and springs."""
-    before, after = search.reference, search.stage.model
-    old, new = before.parameters, after.parameters
-    found = []
-    there = {(e.kind, e.at) for e in after.effects}
-    for chain in connected(before):
-        names = driving(before, chain)
-        if len(names) != 1 or ("input_gain", (names[0],)) in there:
-            continue
-        masses, springs, _ = chain_keys(before, chain)
-        gain = np.log(new[f"input.{names[0]}.gain"] / old[f"input.{names[0]}.gain"])
-        moved = [
-            gain - np.array([np.log(new[k] / old[k]) for k in keys if old[k] > 0 and new[k] > 0])
-            for keys in (masses, springs)
-        ]
-        if not all(logs.size for logs in moved):
-            continue
-        # masses are weighed, springs are known roughly: each may err by itself, their mean hardly
-        common = float(np.mean(moved[0]))
-        apart = max(float(np.ptp(moved[0])), abs(float(np.mean(moved[1])) - common))
-        spread = search.policy.gain_spread * abs(common)
-        if abs(common) < search.policy.gain_least or apart > spread:
-            continue
-        effect = Effect("input_gain", (names[0],), {"gain": float(np.exp(common))})
-        outputs = [o.name for o in before.outputs if chain.intersection(o.of)]
-        alike = [Effect("sensor_gain", (outputs[0],))] if len(outputs) == 1 else []
-        found.append(WrongGain(effect, tuple(alike)))
-    return found

@@ -96,9 +96,12 @@ def _sound(trials: Trials, laws: Laws) -> bool:
 def _chosen(trials: Trials, good: list[Laws]) -> Laws:
     """Return the set of laws that predicts best, of those as good the one with the fewest effects.
 
-    The own damper is known to be there: it goes only where it does harm.
+    The own damper is known to be there: it goes only where it does harm. Where the beginning of a
+    decay leaves a law open, luck decides how it goes on: what a fit to all of it does not need is
+    no finding.
     """
     verdict, found = trials.error_ahead, trials.found
+    good = [laws for laws in good if not any(_idle(trials, laws, fewer) for fewer in good)]
     least = min(verdict(laws) for laws in good)
     good = [laws for laws in good if verdict(laws) <= least + trials.same]
     fewest = min(len(found.effects(laws)) for laws in good)
@@ -107,6 +110,15 @@ def _chosen(trials: Trials, good: list[Laws]) -> Laws:
     damped = [laws for laws in good if not found.held(laws)]
     kept = min(damped, key=verdict, default=best)
     return kept if verdict(kept) < verdict(best) + trials.same else best
+
+
+def _idle(trials: Trials, laws: Laws, fewer: Laws) -> bool:
+    """Return whether a set of laws is another and effects that the whole record does not need."""
+    effects = trials.found.effects
+    if not (fewer < laws and len(effects(fewer)) < len(effects(laws))):
+        return False
+    samples, policy = trials.prepared.record.Y.size, trials.prepared.policy
+    return samples * (trials.error(fewer) - trials.error(laws)) < policy.least_odds
 
 
 def _without_idle(search: Search, trials: Trials, chosen: Laws) -> Trials:

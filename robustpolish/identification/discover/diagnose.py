@@ -7,12 +7,13 @@ from dataclasses import replace
 from typing import Any
 
 from robustpolish.identification.discover.add_one import add_one
-from robustpolish.identification.discover.conclude import add_wrong_gains, conclude
+from robustpolish.identification.discover.conclude import conclude
 from robustpolish.identification.discover.dampings import settle_damping
 from robustpolish.identification.discover.own_numbers import refit_own, with_holds
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.discover.second_look import second_look
 from robustpolish.identification.discover.warned import warned
+from robustpolish.identification.discover.wrong_gains import add_wrong_gains
 from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.fit.long_records import taken
 from robustpolish.identification.fit.prepared import PreparedRecord, prepare

@@ -22,7 +22,7 @@ from robustpolish.identification.discover.judge import (
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.fit.homotopy import JudgedFit
-from robustpolish.identification.fit.least_squares import covariance_of, errors_from
+from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import turns_over_gently
 from robustpolish.identification.screening.candidates import places, rivals
 from robustpolish.identification.screening.screen import ScreenedEffect
@@ -86,8 +86,7 @@ def _elsewhere(search: Search, at: int) -> list[RefittedEffect]:
     for place in places(search.stage.model, effect.definition):
         if place not in taken:
             other = Effect(effect.kind, place, effect.parameters)
-            search.say(f"refit with {other} in place of {effect}")
-            fitted = search.fitted_without(search.stage.model, at, other)
+            fitted = _in_place(search, at, other)
             if fitted is not None:
                 tried.append(RefittedEffect(ScreenedEffect(other, 0.0, 0.0), fitted))
     return tried
@@ -117,15 +116,13 @@ def simpler(search: Search, at: int) -> Iterator[JudgedFit]:
 
     A kind is simpler if the effect has all of its numbers and more: it is tried from their values.
     """
-    model = search.stage.model
-    effect = model.effects[at]
+    effect = search.stage.model.effects[at]
     kind, values = effect.definition, effect.values
     names = {k: [p.name for p in k.parameters if p.fitted] for k in kinds().values()}
     for other in sorted(names, key=lambda k: len(names[k])):
         if other.kind != kind.kind and rivals(other, kind) and set(values) > set(names[other]):
             instead = Effect(other.kind, effect.at, {name: values[name] for name in names[other]})
-            search.say(f"refit with {instead} in place of {effect}")
-            fitted = search.fitted_without(model, at, instead)
+            fitted = _in_place(search, at, instead)
             if fitted is not None:
                 yield fitted
 
@@ -193,21 +190,41 @@ def rounded_friction(
 
 def _rounded(jump: RefittedEffect, start: MechanicalModel, search: Search) -> RefittedEffect | None:
     """Return a friction fitted with the speed of its turn, None if the data leave that open."""
-    effect, name = jump.fitted.model.effects[-1], jump.effect.definition.turns_over
-    motion = search.prepared.motion(start, search.prepared.screened)
-    speed = float(np.sqrt(np.mean((port_rows(start, effect) @ motion.v)[0] ** 2)))
-    if not speed > 0:
+    gentle = gently(jump.fitted.model.effects[-1], start, search)
+    if gentle is None:
         return None
-    gentle = effect.with_values({**effect.parameters, name: search.policy.turnover * speed})
-    search.say(f"refit with {effect} that turns over gently")
     fitted = search.fitted_with(start, gentle)
-    if fitted is None:
-        return None
-    index = len(fitted.model.effects) - 1
-    error = errors_from(covariance_of(fitted.fit)).get(f"effect[{index}].{name}", np.inf)
-    if not error < search.policy.determined * fitted.model.effects[index].values[name]:
+    if fitted is None or not knows_turn(fitted.fit, -1, search):
         return None
     return RefittedEffect(replace(jump.screened, effect=gentle), fitted)
+
+
+def gently(effect: Effect, model: MechanicalModel, search: Search) -> Effect | None:
+    """Return a dry friction that turns over within some speed, None if nothing moves there.
+
+    Parameters
+    ----------
+    effect : Effect
+    model : MechanicalModel
+        Of the motion.
+    search : Search
+    """
+    motion = search.prepared.motion(model, search.prepared.screened)
+    speed = float(np.sqrt(np.mean((port_rows(model, effect) @ motion.v)[0] ** 2)))
+    if not speed > 0:
+        return None
+    search.say(f"refit with {effect} that turns over gently")
+    name = effect.definition.turns_over
+    return effect.with_values({**effect.parameters, name: search.policy.turnover * speed})
+
+
+def knows_turn(fitted: Fit, index: int, search: Search) -> bool:
+    """Return whether the data determine the speed over which a friction of a fit turns over."""
+    index %= len(fitted.model.effects)
+    effect = fitted.model.effects[index]
+    name = effect.definition.turns_over
+    error = errors_from(covariance_of(fitted)).get(f"effect[{index}].{name}", np.inf)
+    return bool(error < search.policy.determined * effect.values[name])
 
 
 def retold(search: Search) -> Search:
@@ -231,10 +248,15 @@ def _as_good(without: JudgedFit, search: Search) -> bool:
 
 def _does_as_well(search: Search, at: int, other: Effect) -> bool:
     """Return whether another effect in place of one leaves as little."""
-    model = search.stage.model
-    search.say(f"refit with {other} in place of {model.effects[at]}")
-    fitted = search.fitted_without(model, at, other)
+    fitted = _in_place(search, at, other)
     if fitted is None:
         return False
     apart = judgement(fitted, [search.stage]) - judgement(search.stage, [fitted])
     return apart < tolerance(search)
+
+
+def _in_place(search: Search, at: int, other: Effect) -> JudgedFit | None:
+    """Refit with another effect in place of one, None if no fit ended well."""
+    model = search.stage.model
+    search.say(f"refit with {other} in place of {model.effects[at]}")
+    return search.fitted_without(model, at, other)

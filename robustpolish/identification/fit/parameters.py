@@ -17,6 +17,9 @@ from robustpolish.models.mechanical.parts import FORCE
 # Share of the largest force within which a law over the velocity has none at rest, where a law over
 # the displacement could have it as well.
 _HELD = 1e-3
+# How many times steeper a friction may turn over after one fit: a step that goes too far would make
+# it jump, and from there no slope leads back.
+_STEEPER = 10.0
 
 
 @dataclass(frozen=True)
@@ -290,6 +293,8 @@ def _at_rest(model: MechanicalModel, i: int, column: Mapping[str, int]) -> Array
 def _effect(i: int, effect: Effect, parameter: Parameter) -> FreeParameter:
     value = effect.values[parameter.name]
     lower, upper = parameter.bounds_from(effect.values)
+    if parameter.name == effect.definition.turns_over:
+        lower = max(lower, value / _STEEPER)
     scale = parameter.scale_from(value, effect.values)
     other = f"effect[{i}].{parameter.at_least}" if parameter.at_least else ""
     key = f"effect[{i}].{parameter.name}"

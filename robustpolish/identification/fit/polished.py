@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 
 from robustpolish.arrays import Array
 from robustpolish.identification.fit.least_squares import Fit, Residuals, unfitted
-from robustpolish.identification.fit.parameters import free_parameters
+from robustpolish.identification.fit.parameters import free_parameters, turns_over_gently
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.run import StartedPiece
 from robustpolish.models.mechanical import MechanicalModel
@@ -52,11 +52,11 @@ def rounded(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel
 
 
 def speeds_of_turns(model: MechanicalModel) -> frozenset[str]:
-    """Return the keys of the speeds over which the dry frictions of a model turn over."""
+    """Return the keys of the speeds over which those dry frictions turn over that jump."""
     return frozenset(
         f"effect[{i}].{effect.definition.turns_over}"
         for i, effect in enumerate(model.effects)
-        if effect.definition.turns_over
+        if effect.definition.turns_over and not turns_over_gently(effect)
     )
 
 
@@ -76,8 +76,8 @@ def sharpened(
     """
     effects = []
     for effect, old in zip(fitted.model.effects, before.effects, strict=True):
-        if effect.values.get(_WIDTH) != old.values.get(_WIDTH):
-            effect = effect.with_values({**effect.parameters, _WIDTH: old.values[_WIDTH]})
+        if old.values.get(_WIDTH) == 0.0:
+            effect = effect.with_values({**effect.parameters, _WIDTH: 0.0})
         effects.append(effect)
     model = replace(fitted.model, effects=tuple(effects))
     return unfitted(residuals_of(model, fitted.pieces, prepared, reference))

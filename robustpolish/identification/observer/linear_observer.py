@@ -16,6 +16,7 @@ from robustpolish.identification.observer.kalman import (
 )
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_matrices
+from robustpolish.simulation.between import Lines, lines_through
 from robustpolish.simulation.step import step_matrices
 from robustpolish.simulation.system import NonlinearSystem, build_system
 
@@ -131,11 +132,20 @@ class LinearObserver:
         return self.system.A.shape[0]
 
     def innovations(
-        self, Y: Array, W: Array, forces: PortForces | None, s0: Array | None = None
+        self,
+        Y: Array,
+        W: Array,
+        forces: PortForces | None,
+        s0: Array | None = None,
+        lines: Lines | None = None,
     ) -> tuple[Array, Array]:
-        """Return the predicted states and the innovations, some forces being known."""
+        """Return the predicted states and the innovations, some forces being known.
+
+        `lines` says what the inputs do between the samples, where they are not linear.
+        """
+        begin, end = lines or lines_through(W)
         drive = np.zeros((len(Y), self.states))
-        drive[:-1] = W[:-1] @ self.m.full_now.T + W[1:] @ self.m.full_later.T
+        drive[:-1] = begin[:-1] @ self.m.full_now.T + end[:-1] @ self.m.full_later.T
         direct = W @ self.system.D.T
         if forces is not None:
             G0, G1, H = self.port_steps(forces.rows, forces.pairs)

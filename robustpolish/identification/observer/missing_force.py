@@ -21,6 +21,7 @@ from robustpolish.models.mechanical.ports import (
     port_pairs,
     port_rows,
 )
+from robustpolish.simulation.between import Lines
 from robustpolish.simulation.run import NonlinearResponse
 
 _START = 3.0
@@ -157,10 +158,11 @@ def _smooth(
     sizes = _start_sizes(model, scales, amplitude)
     q, v = motion_of(model, seen.states, W)
     forces = known_forces(model, np.nan_to_num(q), np.nan_to_num(v), time, record.dt)
-    s = _smoothed_states(observer, Y, W, forces, sizes)
+    lines = record.own_lines(record.lines(model))
+    s = _smoothed_states(observer, Y, W, lines, forces, sizes)
     if forces is not None:  # once more, along the smoothed motion
         forces = known_forces(model, *motion_of(model, s, W), time, record.dt)
-        s = _smoothed_states(observer, Y, W, forces, sizes)
+        s = _smoothed_states(observer, Y, W, lines, forces, sizes)
     q, v = motion_of(model, s, W)
     n = 2 * len(model.free)
     return Smoothed(
@@ -195,13 +197,20 @@ def _through(model: MechanicalModel, forces: PortForces) -> Array:
 
 
 def _smoothed_states(
-    observer: LinearObserver, Y: Array, W: Array, forces: PortForces | None, sizes: Array
+    observer: LinearObserver,
+    Y: Array,
+    W: Array,
+    lines: Lines | None,
+    forces: PortForces | None,
+    sizes: Array,
 ) -> Array:
     """Smooth; the start is fitted to the first part of the record."""
     first = min(len(Y), 4000)
     head = None if forces is None else forces.head(first)
-    errors = observer.innovations(Y[:first], W[:first], head)[1]
-    states, errors = observer.innovations(Y, W, forces, observer.likeliest_start(errors, sizes))
+    begin = None if lines is None else Lines(lines.begin[:first], lines.end[:first])
+    errors = observer.innovations(Y[:first], W[:first], head, lines=begin)[1]
+    start = observer.likeliest_start(errors, sizes)
+    states, errors = observer.innovations(Y, W, forces, start, lines)
     return observer.smooth(states, errors)
 
 

@@ -22,6 +22,7 @@ from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.ports import dynamic_effects
+from robustpolish.simulation.between import Lines
 from robustpolish.simulation.run import NonlinearResponse, Stepper
 from robustpolish.simulation.system import NonlinearSystem, build_system, needed_substeps
 
@@ -85,7 +86,7 @@ class Runner:
         self.substeps = substeps or needed_substeps(model, dt, amplitude)
         self._leak = None if level.free or scales is None else scales.leak
         self._moves_inputs = any(e.definition.domain == "input" for e in model.effects)
-        self._signals: tuple[tuple[object, object], Array, Array | None] | None = None
+        self._signals: tuple[tuple[object, object], Array, Lines | None] | None = None
         self.gain: Gain | None = None
         if self._leak is not None and scales is not None:
             self.gain = observer_gain(self._system(model), dt, level, scales)
@@ -102,19 +103,21 @@ class Runner:
         """Return the model's input signals over a record, shape (samples, signals)."""
         return record.own(self._known(model, record)[1])
 
-    def at_samples(self, model: MechanicalModel, records: Sequence[Record]) -> Array | None:
-        """Return what the signals are at the samples of records less what acts between them."""
-        known = [(record, self._known(model, record)[2]) for record in records]
-        found = [record.own(beside) for record, beside in known if beside is not None]
-        return np.concatenate(found) if found else None
+    def lines(self, model: MechanicalModel, records: Sequence[Record]) -> Lines | None:
+        """Return what the signals do between the samples of records, None if all are linear."""
+        known = [record.own_lines(self._known(model, record)[2]) for record in records]
+        found = [each for each in known if each is not None]
+        if not found:
+            return None
+        return Lines(*(np.concatenate(side) for side in zip(*found, strict=True)))
 
     def _known(
         self, model: MechanicalModel, record: Record
-    ) -> tuple[tuple[object, object], Array, Array | None]:
+    ) -> tuple[tuple[object, object], Array, Lines | None]:
         key = (record.sets, model if self._moves_inputs else None)
         known = self._signals
         if known is None or any(a is not b for a, b in zip(known[0], key, strict=True)):
-            known = self._signals = (key, record.signals(model), record.at_samples(model))
+            known = self._signals = (key, record.signals(model), record.lines(model))
         return known
 
 
@@ -154,9 +157,9 @@ class RecordRun:
         state = np.zeros(self.run.system.states)
         state[: start.state.size] = start.state
         inputs = self.runner.inputs(self.model, record)
-        beside = self.runner.at_samples(self.model, [record])
+        lines = self.runner.lines(self.model, [record])
         led = (None, None) if gain is None else (record.Y, gain.filter)
-        return self.run.over(inputs, state, start.internal, record.time, *led, keep, beside)
+        return self.run.over(inputs, state, start.internal, record.time, *led, keep, lines)
 
     def over_all(self, pieces: Sequence[StartedPiece], keep: bool = False) -> NonlinearResponse:
         """Return what the model predicts for several pieces, one after the other in the arrays."""
@@ -173,7 +176,7 @@ class RecordRun:
             np.concatenate([p.record.time for p in pieces]),
             np.cumsum([0, *(p.record.samples for p in pieces)]),
             keep,
-            self.runner.at_samples(self.model, [p.record for p in pieces]),
+            self.runner.lines(self.model, [p.record for p in pieces]),
         )
 
     def all_errors(self, pieces: Sequence[StartedPiece]) -> Array:

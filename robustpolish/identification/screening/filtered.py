@@ -18,6 +18,7 @@ from robustpolish.identification.record import Record
 from robustpolish.identification.screening.candidates import Columns
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_row
+from robustpolish.simulation.between import Lines, lines_through
 
 
 class FilteredRecord:
@@ -47,7 +48,8 @@ class FilteredRecord:
         self.observer = LinearObserver(model, record.dt, level, prepared.scales)
         forces = known_forces(model, motion.q, motion.v, record.time, record.dt)
         Y = record.raw_outputs(model)
-        _, errors = self.observer.innovations(Y, motion.inputs, forces)
+        lines = record.own_lines(record.lines(model))
+        _, errors = self.observer.innovations(Y, motion.inputs, forces, lines=lines)
         self.errors = errors
         self.sigma = np.ones(errors.shape[1])
         self.raw, self.ridge = own_errors(model, self.policy, self.observer, motion, record)
@@ -165,11 +167,12 @@ def own_errors(
     columns = []
     for row, pair, force in zip(rows, pairs, forces, strict=True):
         columns.append(observer.respond(row[None], [pair], force[None, None])[0])
+    lines = record.own_lines(record.lines(model)) or lines_through(motion.inputs)
+    nothing = np.zeros((record.samples, len(model.outputs)))
     for j in range(m.B.shape[1]):
-        force = np.outer(m.B[:, j], motion.inputs[:, j])
-        eye = np.eye(len(m.B))
-        ends = [(name, "ground") for name in model.dof_names]
-        columns.append(observer.respond(eye, ends, force[None])[0])
+        only = np.arange(motion.inputs.shape[1]) == j
+        force = Lines(only * lines.begin, only * lines.end)
+        columns.append(-observer.innovations(nothing, only * motion.inputs, None, lines=force)[1])
         ridge.append(1 / policy.gain_prior)
     for column in _effect_columns(model, policy, observer, motion, record):
         columns.append(column)

@@ -127,3 +127,10 @@ def test_a_channel_belongs_to_no_chain():
 
 def chosen(model):
     return [free.key for free in free_parameters(model, 30.0, POLICY)]
+
+
+def test_a_friction_that_turns_over_gently_never_becomes_a_jump_in_one_fit():
+    model = oscillator().with_effect("coulomb_friction", PLACE, {"force": 1.0, "width": 0.2})
+    numbers = free_parameters(model, 10.0, POLICY, oscillator())
+    (width,) = (number for number in numbers if number.key == "effect[0].width")
+    assert (width.lower, width.start) == (pytest.approx(0.02), 0.2)

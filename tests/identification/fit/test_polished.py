@@ -53,8 +53,9 @@ def test_the_minimum_is_reached_where_damped_steps_stop_before(prepared, damped)
     assert best.information.shape == (len(best.free), len(best.free))
 
 
-def test_it_goes_on_with_the_widths_that_were_given(prepared, damped):
-    start = fitted(rounded(damped, prepared), prepared)
+def test_it_goes_on_with_the_jumps_that_were_given(prepared, damped):
+    held = replace(prepared, held=speeds_of_turns(damped))
+    start = fitted(rounded(damped, held), held)
     sharp = sharpened(start, damped, prepared, pendulum())
     assert sharp.model.parameters["effect[1].width"] == 0.0
     assert sharp.model.parameters["effect[1].force"] == start.model.parameters["effect[1].force"]
@@ -92,3 +93,5 @@ def test_the_speeds_that_rounding_sets_are_told_by_their_keys():
     assert speeds_of_turns(pendulum()) == frozenset()
     model = pendulum().with_effect("coulomb_friction", AT, {"force": 1.0})
     assert speeds_of_turns(model) == {"effect[1].width"}
+    gentle = pendulum().with_effect("coulomb_friction", AT, {"force": 1.0, "width": 0.1})
+    assert speeds_of_turns(gentle) == frozenset()  # those that were found are fitted
