@@ -158,6 +158,7 @@ def examples(name):
 
 RESULTS = [n for n, c in CLASSES.items() if issubclass(c, Displayed)]
 NO_PICTURE = (
+    "SectorStability",
     "GeneralizedPlant",
     "AirBearingParameters",
     "PolishingHardware",
@@ -165,10 +166,7 @@ NO_PICTURE = (
     "LmiCheck",
     "DesignTask",
     "UncertainSystem",
-    "StructuredSingularValue",
-    "RobustStability",
-    "RobustPerformance",
-    "WorstCaseGain",
+    "Ellipsoid",
 )
 
 

@@ -79,7 +79,9 @@ def check_robustness(
     Notes
     -----
     Prices on u and noise on y that the synthesis added are kept. If n of n loops are stable, at
-    least 0.05^(1/n) of all are, with 95 % confidence (Clopper and Pearson, Biometrika 26, 1934).
+    least 0.05^(1/n) of all are, with 95 % confidence (Clopper and Pearson, Biometrika 26, 1934). No
+    number of draws proves all of them: :func:`robust_stability` and :func:`worst_case_gain` of the
+    ``uncertain()`` machines of the fit do.
 
     Examples
     --------

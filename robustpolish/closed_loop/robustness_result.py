@@ -13,6 +13,7 @@ from scipy.stats import beta
 
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.plotting import plot_distribution
+from robustpolish.validation import invalid
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,8 +76,42 @@ class RobustnessCheck(Displayed):
     @property
     def least_share_stable(self) -> float:
         """Share of all such machines that are stable, at least, with 95 % confidence."""
-        good = int(np.sum(self.stable))
-        return float(beta.ppf(0.05, good, self.samples - good + 1)) if good else 0.0
+        return _at_least(int(np.sum(self.stable)), self.samples, 0.95)
+
+    @property
+    def most_share_stable(self) -> float:
+        """Share of all such machines that are stable, at most, with 95 % confidence."""
+        return 1.0 - _at_least(int(np.sum(~self.stable)), self.samples, 0.95)
+
+    def least_share_within(self, norm: float, confidence: float = 0.95) -> float:
+        """Return the share of all such machines whose norm is at most `norm`, at least.
+
+        Parameters
+        ----------
+        norm : float
+            Chosen before looking at the result; :attr:`worst` is the largest of a sample, of which
+            the same is true.
+        confidence : float, optional
+
+        Returns
+        -------
+        float
+            The lower limit of Clopper and Pearson, for independent draws.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import robustpolish as rp
+        >>> check = rp.RobustnessCheck(
+        ...     "hinf", 1.0, np.linspace(0.9, 1.1, 59), ("dof.x.mass",),
+        ...     np.linspace(0.9, 1.1, 59)[:, None], np.array([1.0]))
+        >>> round(check.least_share_within(check.worst), 3), round(check.least_share_within(1.0), 2)
+        (0.95, 0.39)
+        """
+        if not 0 < confidence < 1:
+            raise invalid("confidence", confidence, "a share between 0 and 1", "Write 0.95.")
+        within = self.stable & (self.norms <= norm)
+        return _at_least(int(np.sum(within)), self.samples, confidence)
 
     @property
     def median(self) -> float:
@@ -113,13 +148,23 @@ class RobustnessCheck(Displayed):
         return plot_distribution(found, {"certificate": self.nominal}, ax, note=note)
 
     def _card(self) -> Card:
+        # Where a loop is unstable, the share of stable ones says it already.
+        within = f"{100 * self.least_share_within(self.worst):.4g} %"
+        no_worse = (("no worse, at least (95 %)", within),) if np.isfinite(self.worst) else ()
         table = quantities(
             ("machines", self.samples),
             ("stable", f"{100 * self.share_stable:.4g} %"),
             ("stable, at least (95 %)", f"{100 * self.least_share_stable:.4g} %"),
+            ("stable, at most (95 %)", f"{100 * self.most_share_stable:.4g} %"),
             ("norm of the certificate", self.nominal),
             ("median norm", self.median),
             ("worst norm", self.worst),
+            *no_worse,
         )
         left = f"Not drawn, because not determined: {', '.join(self.left_out)}."
         return Card("Robustness over the fit's errors", (table,), (left,) if self.left_out else ())
+
+
+def _at_least(good: int, samples: int, confidence: float) -> float:
+    """Return the lower limit of Clopper and Pearson (Biometrika 26, 1934) for a share."""
+    return float(beta.ppf(1 - confidence, good, samples - good + 1)) if good else 0.0

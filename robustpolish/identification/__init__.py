@@ -14,6 +14,7 @@ from robustpolish.identification.findings.ledger import Ledger as Ledger
 from robustpolish.identification.findings.record_error import OutputError as OutputError
 from robustpolish.identification.findings.record_error import RecordError as RecordError
 from robustpolish.identification.findings.refitted import Refit as Refit
+from robustpolish.identification.findings.sector import effect_sector as effect_sector
 from robustpolish.identification.frequency.amplitudes import (
     AmplitudeDependence as AmplitudeDependence,
 )

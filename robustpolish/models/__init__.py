@@ -1,5 +1,6 @@
 """Machines and plants: parameters, air bearing, generalised plant, linearisation."""
 
+from robustpolish.models.cover.cover import Cover, cover
 from robustpolish.models.linearization import Linearization, linearize
 from robustpolish.models.machines.air_bearing import air_bearing
 from robustpolish.models.machines.air_bearing_parameters import (
@@ -19,6 +20,7 @@ from robustpolish.models.uncertain.connections import (
     series,
     uncertain_system,
 )
+from robustpolish.models.uncertain.ellipsoid import Ellipsoid, uncertain_ellipsoid
 from robustpolish.models.uncertain.parameters import (
     uncertain_complex,
     uncertain_dynamics,
@@ -31,9 +33,11 @@ from robustpolish.models.weights.weight import weight
 __all__ = [
     "AirBearingParameters",
     "CoupledInertia",
+    "Cover",
     "Damper",
     "DampingCoefficients",
     "Dof",
+    "Ellipsoid",
     "GeneralizedPlant",
     "Input",
     "Linearization",
@@ -44,6 +48,7 @@ __all__ = [
     "UncertainSystem",
     "air_bearing",
     "append",
+    "cover",
     "feedback",
     "lft",
     "linearize",
@@ -53,6 +58,7 @@ __all__ = [
     "series",
     "uncertain_complex",
     "uncertain_dynamics",
+    "uncertain_ellipsoid",
     "uncertain_real",
     "uncertain_system",
     "weight",

@@ -7,15 +7,18 @@ from robustpolish.robust.performance import (
     robust_performance,
     worst_case_gain,
 )
+from robustpolish.robust.sector import SectorStability, robust_sector
 from robustpolish.robust.singular_value import structured_singular_value
 from robustpolish.robust.stability import RobustStability, robust_stability
 
 __all__ = [
     "RobustPerformance",
     "RobustStability",
+    "SectorStability",
     "StructuredSingularValue",
     "WorstCaseGain",
     "robust_performance",
+    "robust_sector",
     "robust_stability",
     "structured_singular_value",
     "worst_case_gain",

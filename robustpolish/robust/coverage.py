@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robustpolish.arrays import AnyMatrix, Vector
-from robustpolish.exact.realisation import Realisation
+from robustpolish.exact.realisation import Realisation, typical_rate
 from robustpolish.robust.proof import ProvenModel, Weights
 from robustpolish.robust.scaled.centre import Level, at, lowered, started
 from robustpolish.robust.scaled.scalings import Inequality, Space
@@ -23,8 +23,8 @@ class CoveragePolicy:
     ----------
     slack : float
         What the level is above the largest one that was needed anywhere, relative: the room that
-        constant scalings have around the worst frequency. With half of the 0.2 % that a bracket
-        may be wide, the other half is left for the lower bound.
+        constant scalings have around the worst frequency. With half of the 0.2 % that a
+        bracket may be wide, the other half is left for the lower bound.
     most : int
         Intervals before the bound is given up.
     narrow : float
@@ -126,7 +126,7 @@ def cover(
         if state.scalings(omega) is None:
             return Coverage(math.inf, (), False, tuple(state.peaks))
     gaps, intervals, complete = [(0.0, math.inf)], [], True
-    rate = _rate(model)
+    rate = typical_rate(model.A)
     for _ in range(POLICY.most):
         if not gaps:
             break
@@ -151,12 +151,6 @@ def cover(
     complete = not gaps
     peaks = sorted(state.peaks, key=lambda peak: -peak[1])
     return Coverage(state.level, tuple(sorted(intervals)), complete, tuple(peaks))
-
-
-def _rate(model: Realisation) -> float:
-    poles = np.abs(np.linalg.eigvals(model.A)) if model.states else np.ones(1)
-    poles = poles[poles > 0]
-    return float(np.exp(np.log(poles).mean())) if poles.size else 1.0
 
 
 def _inside(low: float, high: float, rate: float) -> float:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+import scipy.linalg as sla
 
 from robustpolish.analysis.norms.peak_search import cayley
 from robustpolish.arrays import AnyMatrix, Matrix
-from robustpolish.exact.realisation import Realisation, rescaled
+from robustpolish.exact.realisation import Realisation, power_of_two, rescaled, typical_rate
 from robustpolish.models.uncertain.system import UncertainSystem
 from robustpolish.robust.structure import DeltaBlock, Structure, structure_of
 
@@ -62,15 +63,14 @@ class LoopModel:
         discrete = bool(dt)
         step = 0.0 if not discrete else 1.0 if dt is True else float(dt)
         model = rescaled(Realisation(A, B, C, D, discrete, step or 1.0))
+        model = rescaled(_evened(model, structure))
         image = replace(cayley(model), time=1.0, gain=1.0)
         return cls(structure, image, model.gain, model.time, step)
 
     @cached_property
     def rate(self) -> float:
         """A typical frequency of the model, in its own units."""
-        poles = np.abs(np.linalg.eigvals(self.model.A)) if self.model.states else np.ones(1)
-        poles = poles[poles > 0]
-        return float(np.exp(np.log(poles).mean())) if poles.size else 1.0
+        return typical_rate(self.model.A)
 
     def response(self, angle: float) -> tuple[AnyMatrix, AnyMatrix]:
         """Return M and its slope at the frequency ``rate * tan(angle)``."""
@@ -140,6 +140,35 @@ class LoopModel:
             return []
         poles: Any = np.linalg.eigvals(self.model.A)
         return sorted({float(f"{abs(pole):.6g}") for pole in poles if abs(pole) > 0})
+
+
+def _evened(model: Realisation, structure: Structure) -> Realisation:
+    """Return the model with the signals of every copy of a block in a unit of its own.
+
+    Whatever units the signals came in, those of each are made to have about the same effect on
+    what is around as this has on them: powers of two, that Delta does not see.
+    """
+    w, z = (_copy_of(structure, side) for side in ("rows", "columns"))
+    if not z or not w:
+        return model
+    n, count = model.states, max(w) + 1
+    nodes_w, nodes_z = [*range(n), *(n + i for i in w)], [*range(n), *(n + i for i in z)]
+    whole = np.block([[model.A, model.B], [model.C, model.D]])
+    squares = np.zeros((n + count, n + count))
+    np.add.at(squares, (np.array(nodes_z)[:, None], np.array(nodes_w)[None]), np.abs(whole) ** 2)
+    # SciPy casts permutation indices that were never set, and may complain about their values.
+    with np.errstate(invalid="ignore"):
+        _, (scales, _) = sla.matrix_balance(np.sqrt(squares), permute=False, separate=True)
+    own = scales[n:] / power_of_two(float(np.exp(np.log(scales[n:]).mean())))
+    units_w, units_z = own[w], own[z]
+    B, C = model.B * units_w, model.C / units_z[:, None]
+    return replace(model, B=B, C=C, D=model.D * units_w / units_z[:, None])
+
+
+def _copy_of(structure: Structure, side: Literal["rows", "columns"]) -> list[int]:
+    """Return of each signal the number of the copy that it belongs to."""
+    copies = [getattr(block, side) for block in structure.blocks for _ in range(block.copies)]
+    return [i for i, count in enumerate(copies) for _ in range(count)]
 
 
 def _used(A: Matrix, B: Matrix, C: Matrix) -> list[int]:

@@ -9,8 +9,9 @@ from typing import Literal
 import numpy as np
 
 from robustpolish.arrays import AnyMatrix
-from robustpolish.display import Card, Displayed, quantities
+from robustpolish.display import Card, quantities
 from robustpolish.exact.balls import precision
+from robustpolish.robust.over_frequency import OverFrequency
 from robustpolish.robust.proof import Weights, complex_ball, proves
 from robustpolish.robust.scaled.centre import Level, lowered, started
 from robustpolish.robust.scaled.scalings import Inequality, Space
@@ -21,11 +22,21 @@ from robustpolish.robust.witness import Witness, directions, smallest
 _STARTS = 6
 _BITS = 160
 
-Status = Literal["bracketed", "no witness", "zero", "incomplete", "unstable", "marginal"]
+Status = Literal["bracketed", "wide", "no witness", "zero", "incomplete", "unstable", "marginal"]
+
+_SAYS = {
+    "bracketed": "proven above, and reached by the witness",
+    "wide": "proven above, and reached by the witness, but farther apart than was asked for",
+    "no witness": "proven above; no search found a Delta that makes I - M Delta singular",
+    "zero": "no Delta makes I - M Delta singular, whatever its size",
+    "incomplete": "not proven: the intervals do not cover the axis",
+    "unstable": "M is unstable",
+    "marginal": "M has a pole on the boundary of stability",
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StructuredSingularValue(Displayed):
+class StructuredSingularValue(OverFrequency):
     """Bounds of the structured singular value of a matrix, or of its peak over all frequencies.
 
     Attributes
@@ -40,8 +51,11 @@ class StructuredSingularValue(Displayed):
         Whether `upper` was proven in ball arithmetic, of a system for all frequencies.
     status : str
         "bracketed" or "no witness" where there are both bounds or none from below; "zero" where
-        no Delta makes it singular. Of a system also "incomplete" where `upper` was not proven,
+        no Delta makes it singular. Of a system also "wide" where the bounds are farther apart than
+        was asked for, "incomplete" where `upper` was not proven,
         and "unstable" or "marginal", with infinite bounds, where M itself is.
+    reason : str
+        The status in a sentence.
     critical_frequency : float
         In rad/s, where the witness makes a system singular; nan of a matrix or without a witness.
     intervals : tuple of (float, float)
@@ -63,11 +77,20 @@ class StructuredSingularValue(Displayed):
     critical_frequency: float = math.nan
     intervals: tuple[tuple[float, float], ...] = ()
 
+    @property
+    def reason(self) -> str:
+        """The status in a sentence."""
+        return _SAYS[self.status]
+
+    def _shown(self) -> tuple[str, tuple[float, float], float]:
+        return self._drawn, (self.lower, self.upper), self.critical_frequency
+
     def _card(self) -> Card:
         rows = [("at least", self.lower), ("at most", self.upper), ("proven", self.proven)]
         if not math.isnan(self.critical_frequency):
             rows.insert(2, ("critical frequency [rad/s]", self.critical_frequency))
-        return Card(f"Structured singular value: {self.status}", (quantities(*rows),))
+        title = f"Structured singular value: {self.status}"
+        return Card(title, (quantities(*rows),), (self.reason,))
 
 
 def matrix_value(M: AnyMatrix, structure: Structure) -> StructuredSingularValue:

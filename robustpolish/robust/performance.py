@@ -10,30 +10,32 @@ from typing import Any
 import numpy as np
 
 from robustpolish.analysis.norms.hinf_norm import hinf_norm
-from robustpolish.display import Card, Displayed, quantities
+from robustpolish.display import Card, quantities
 from robustpolish.exact.realisation import power_of_two
 from robustpolish.long_calls import same_bits
 from robustpolish.models.uncertain.elements import RealElement
 from robustpolish.models.uncertain.lft import constant, product
 from robustpolish.models.uncertain.system import UncertainSystem
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.search import bounds
-from robustpolish.robust.stability import (
-    RobustStability,
+from robustpolish.robust.over_frequency import Asked, Witnessed, machine_at
+from robustpolish.robust.reached import (
     Status,
-    checked,
-    named_values,
-    nominal_verdict,
+    critical,
+    inverse,
+    nominal_status,
+    outcome,
     proven_margin,
-    robust_stability,
+    reached,
     says,
 )
+from robustpolish.robust.search import GAP, bounds
+from robustpolish.robust.stability import checked, robust_stability
 from robustpolish.robust.structure import DeltaBlock
 from robustpolish.validation import positive
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RobustPerformance(Displayed):
+class RobustPerformance(Witnessed):
     """How far the uncertainty may grow while the gain stays in proportion below a bound.
 
     Attributes
@@ -49,10 +51,12 @@ class RobustPerformance(Displayed):
         Values of all that is uncertain, as of :class:`RobustStability`.
     intervals : tuple of (float, float)
         Frequencies in rad/s over each of which the lower bound was proven; they cover the axis.
-    status : {"bracketed", "no witness", "incomplete", "unstable", "marginal", "unaffected"}
+    status : {"bracketed", "wide", "no witness", "incomplete", "unstable", "marginal", "unaffected"}
         Whether both bounds are there, and why not.
     proven : bool
         Whether the lower bound is proven, in ball arithmetic, for all frequencies.
+    reason : str
+        The status in a sentence.
     mu : (float, float)
         Bounds of the structured singular value with the performance block: one over the margin.
 
@@ -76,9 +80,17 @@ class RobustPerformance(Displayed):
     proven: bool = False
 
     @property
+    def reason(self) -> str:
+        """The status in a sentence."""
+        return says(self.status)
+
+    @property
     def mu(self) -> tuple[float, float]:
         """Bounds of the structured singular value with the performance block."""
-        return _inverse(self.upper), _inverse(self.lower)
+        return inverse(self.upper), inverse(self.lower)
+
+    def _shown(self) -> tuple[str, tuple[float, float], float]:
+        return self._drawn, self.mu, self.critical_frequency
 
     def _card(self) -> Card:
         rows = (
@@ -90,11 +102,11 @@ class RobustPerformance(Displayed):
         )
         verdict = "met" if self.proven and self.lower >= 1 else "not proven"
         title = f"Robust performance: {'not met' if self.upper < 1 else verdict}"
-        return Card(title, (quantities(*rows),), (says(self.status),))
+        return Card(title, (quantities(*rows),), (self.reason,))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class WorstCaseGain(Displayed):
+class WorstCaseGain(Witnessed):
     """The largest gain of all machines within the bounds.
 
     Attributes
@@ -110,10 +122,12 @@ class WorstCaseGain(Displayed):
         Values of all that is uncertain, within the bounds, as of :class:`RobustStability`.
     intervals : tuple of (float, float)
         Frequencies in rad/s over each of which the upper bound was proven; they cover the axis.
-    status : {"bracketed", "no witness", "incomplete", "unstable", "marginal", "unaffected"}
+    status : {"bracketed", "wide", "no witness", "incomplete", "unstable", "marginal", "unaffected"}
         As of :class:`RobustStability`; "unstable" also if a machine within the bounds is.
     proven : bool
         Whether the upper bound is proven, in ball arithmetic, for all frequencies.
+    reason : str
+        The status in a sentence.
 
     Examples
     --------
@@ -133,6 +147,16 @@ class WorstCaseGain(Displayed):
     status: Status = "bracketed"
     proven: bool = False
 
+    @property
+    def reason(self) -> str:
+        """The status in a sentence."""
+        if self.status == "unstable" and math.isfinite(self.nominal):
+            return "a machine within the bounds is unstable: the witness"
+        return says(self.status, "above")
+
+    def _shown(self) -> tuple[str, tuple[float, float], float]:
+        return "worst-case gain", (self.lower, self.upper), self.critical_frequency
+
     def _card(self) -> Card:
         rows = (
             ("gain at least", self.lower),
@@ -141,11 +165,13 @@ class WorstCaseGain(Displayed):
             ("critical frequency [rad/s]", self.critical_frequency),
             ("proven", self.proven),
         )
-        return Card("Worst-case gain", (quantities(*rows),), (says(self.status),))
+        return Card("Worst-case gain", (quantities(*rows),), (self.reason,))
 
 
 @same_bits
-def robust_performance(system: UncertainSystem, gamma: float = 1.0) -> RobustPerformance:
+def robust_performance(
+    system: UncertainSystem, gamma: float = 1.0, *, gap: float = GAP
+) -> RobustPerformance:
     """Bound the margin of performance of an uncertain system over all frequencies.
 
     Parameters
@@ -154,6 +180,8 @@ def robust_performance(system: UncertainSystem, gamma: float = 1.0) -> RobustPer
         A closed loop with weights, whose largest gain is to stay below `gamma`.
     gamma : float, optional
         The bound; 1 by default.
+    gap : float, optional
+        Relative distance of both bounds that is small enough, as of :func:`robust_stability`.
 
     Returns
     -------
@@ -163,7 +191,7 @@ def robust_performance(system: UncertainSystem, gamma: float = 1.0) -> RobustPer
     Raises
     ------
     InvalidInputError
-        If it is not an uncertain system, or gamma not positive.
+        If it is not an uncertain system, or gamma or the gap not positive.
 
     Examples
     --------
@@ -176,41 +204,39 @@ def robust_performance(system: UncertainSystem, gamma: float = 1.0) -> RobustPer
     (1.39, 1.391)
     """
     checked(system)
-    gamma = positive("gamma", gamma)
-    verdict = nominal_verdict(system)
-    if verdict != "stable":
-        status: Status = "marginal" if verdict == "marginal" else "unstable"
+    gamma, gap = positive("gamma", gamma), positive("gap", gap)
+    status = nominal_status(system.interconnection)
+    if status != "stable":
         return RobustPerformance(0.0, 0.0, gamma, math.nan, status=status)
     scaled = UncertainSystem(product(constant(np.eye(system.noutputs) / gamma), system.matrices))
     loop = LoopModel.of(scaled, _performance(system))
-    found = bounds(loop)
-    coverage, witness = found.coverage, found.witness
-    upper, values, frequency = math.inf, {}, math.nan
-    if witness is not None:
-        upper = witness.size / loop.gain
-        values = named_values(system, loop, witness)
-        frequency = loop.omega(loop.frequency(witness.at))
-    status = "bracketed" if witness else "no witness"
+    found = bounds(loop, gap=gap)
+    coverage, at = found.coverage, reached(system, loop, found.witness)
     return RobustPerformance(
         proven_margin(coverage, loop.gain),
-        upper,
+        at.size,
         gamma,
-        frequency,
-        values,
+        at.frequency,
+        at.values,
         loop.in_rad_per_s(coverage.intervals),
-        status if coverage.complete else "incomplete",
+        outcome(found, gap),
         coverage.complete,
+        _asked=Asked(
+            loop, loop.gain, (False,) * (len(system.blocks) + 1), critical(loop, found), system
+        ),
     )
 
 
 @same_bits
-def worst_case_gain(system: UncertainSystem) -> WorstCaseGain:
+def worst_case_gain(system: UncertainSystem, *, gap: float = GAP) -> WorstCaseGain:
     """Bound the largest gain of all machines within the bounds of an uncertain system.
 
     Parameters
     ----------
     system : UncertainSystem
         Continuous or discrete; the gain is the H-infinity norm from its inputs to its outputs.
+    gap : float, optional
+        Relative distance of both bounds that is small enough, as of :func:`robust_stability`.
 
     Returns
     -------
@@ -219,7 +245,7 @@ def worst_case_gain(system: UncertainSystem) -> WorstCaseGain:
     Raises
     ------
     InvalidInputError
-        If it is not an uncertain system.
+        If it is not an uncertain system, or the gap not positive.
 
     Examples
     --------
@@ -230,37 +256,37 @@ def worst_case_gain(system: UncertainSystem) -> WorstCaseGain:
     >>> round(worst.nominal, 2), round(worst.lower, 2), round(worst.witness["c"], 6)
     (2.55, 5.03, 0.2)
     """
-    margin = robust_stability(system)
-    if margin.status in ("unstable", "marginal") or margin.upper <= 1:
-        reached = margin.witness
+    margin = robust_stability(system, gap=gap)
+    status = "marginal" if margin.status == "marginal" else "unstable"
+    if margin.upper <= 1:
+        gain = math.inf if margin.upper == 0 else _nominal_gain(system)
         return WorstCaseGain(
-            math.inf, math.inf, _nominal_gain(system, margin), margin.critical_frequency, reached,
-            (), "marginal" if margin.status == "marginal" else "unstable",
-        )  # fmt: skip
-    nominal = _nominal_gain(system, margin)
-    performance = _performance(system)
-    loop = LoopModel.of(system, performance)
+            math.inf, math.inf, gain, margin.critical_frequency, margin.witness, (), status
+        )
+    nominal = _nominal_gain(system)
+    loop = LoopModel.of(system, _performance(system))
     unit = power_of_two(nominal)
     loop = _in_unit_of_gain(loop, unit)
     fixed = (True,) * len(system.blocks) + (False,)
-    found = bounds(loop, fixed)
-    coverage, witness = found.coverage, found.witness
-    lower, values, frequency = nominal, {}, math.nan
-    if witness is not None:
-        values = _within(system, named_values(system, loop, witness))
-        frequency = loop.omega(loop.frequency(witness.at))
-        lower = max(lower, _gain_at(system.at(values), frequency))
+    found = bounds(loop, fixed, gap)
+    coverage, at = found.coverage, reached(system, loop, found.witness)
+    lower, values = nominal, {}
+    if found.witness is not None:
+        values = _within(system, at.values)
+        lower = max(
+            lower, _gain_at(machine_at(system, values, at.frequency, loop.step), at.frequency)
+        )
     upper = coverage.level * unit if coverage.complete else math.inf
-    status: Status = "bracketed" if witness else "no witness"
     return WorstCaseGain(
         lower,
         max(math.nextafter(upper, math.inf), lower),
         nominal,
-        frequency,
+        at.frequency,
         values,
         loop.in_rad_per_s(coverage.intervals),
-        status if coverage.complete else "incomplete",
+        outcome(found, gap),
         coverage.complete,
+        _asked=Asked(loop, unit, fixed, critical(loop, found), system),
     )
 
 
@@ -279,14 +305,15 @@ def _in_unit_of_gain(loop: LoopModel, unit: float) -> LoopModel:
     return replace(loop, model=scaled, gain=1.0)
 
 
-def _within(system: UncertainSystem, values: dict[str, Any]) -> dict[str, Any]:
-    """Return numbers that rounding has put just outside their range at its end."""
-    return {
-        name: float(np.clip(value, element.low, element.high))
-        if isinstance(element := system.elements[name], RealElement)
-        else value
-        for name, value in values.items()
-    }
+def _within(system: UncertainSystem, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values with numbers that rounding has put just outside their range at its end."""
+    real = {n: e for n, e in system.elements.items() if isinstance(e, RealElement)}
+    inside = {n: float(np.clip(values[n], e.low, e.high)) for n, e in real.items()}
+    for group in {element.group for element in real.values() if element.group}:
+        names = [name for name, element in real.items() if element.group == group]
+        size = math.hypot(*(inside[name] for name in names))
+        inside.update({name: inside[name] / max(size, 1.0) for name in names})
+    return {**values, **inside}
 
 
 def _gain_at(machine: Any, omega: float) -> float:
@@ -299,14 +326,8 @@ def _gain_at(machine: Any, omega: float) -> float:
     return float(np.linalg.norm(np.atleast_2d(machine(z)), 2))
 
 
-def _nominal_gain(system: UncertainSystem, margin: RobustStability) -> float:
-    if margin.status in ("unstable", "marginal"):
-        return math.inf
+def _nominal_gain(system: UncertainSystem) -> float:
     machine: Any = system.nominal
     if isinstance(machine, float | np.ndarray):
         return float(np.linalg.norm(np.atleast_2d(machine), 2))
     return hinf_norm(machine).value
-
-
-def _inverse(value: float) -> float:
-    return math.inf if value == 0 else 1 / value

@@ -21,7 +21,14 @@ import flint
 import numpy as np
 
 from robustpolish.arrays import AnyMatrix, Matrix, Vector
-from robustpolish.exact.balls import is_positive_definite, midpoint, precision
+from robustpolish.exact.balls import (
+    block,
+    is_positive_definite,
+    joined_rows,
+    midpoint,
+    precision,
+    symmetric,
+)
 from robustpolish.exact.realisation import Realisation
 from robustpolish.robust.scaled.scalings import Space
 
@@ -44,12 +51,7 @@ def is_definite(matrix: Ball) -> bool:
     """Prove that every Hermitian matrix that a complex ball holds is positive definite."""
     real = flint.arb_mat([[entry.real for entry in row] for row in matrix.tolist()])
     imag = flint.arb_mat([[entry.imag for entry in row] for row in matrix.tolist()])
-    n = real.nrows()
-    rows = [real.tolist()[i] + (-imag).tolist()[i] for i in range(n)]
-    rows += [imag.tolist()[i] + real.tolist()[i] for i in range(n)]
-    whole = flint.arb_mat(rows)
-    half = flint.arb(0.5)
-    return is_positive_definite((whole + whole.transpose()) * half)
+    return is_positive_definite(symmetric(block([[real, -imag], [imag, real]])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,9 +156,7 @@ class ProvenModel:
         closed = A - B * RS
         top = (closed, -(B * RB))
         bottom = (-(Q - S * RS), -(closed.conjugate().transpose()))
-        rows = [a + b for a, b in zip(top[0].tolist(), top[1].tolist(), strict=True)]
-        rows += [a + b for a, b in zip(bottom[0].tolist(), bottom[1].tolist(), strict=True)]
-        return flint.acb_mat(rows)
+        return flint.acb_mat(joined_rows([top, bottom]))
 
 
 def _clear(centres: AnyMatrix, radii: Vector, omega: float) -> tuple[float, float] | None:

@@ -9,22 +9,20 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.analysis.poles.stability import stability
 from robustpolish.long_calls import same_bits
 from robustpolish.models.plant.given_system import as_state_space
 from robustpolish.models.uncertain.system import UncertainSystem
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.matrix_value import Status, StructuredSingularValue, matrix_value
-from robustpolish.robust.one_number import proven_size
-from robustpolish.robust.search import bounds
+from robustpolish.robust.matrix_value import StructuredSingularValue, matrix_value
+from robustpolish.robust.over_frequency import Asked
+from robustpolish.robust.reached import critical, nominal_status, outcome, up
+from robustpolish.robust.search import EVERYWHERE, GAP, bounds
 from robustpolish.robust.structure import Structure, fitting, read_structure
-from robustpolish.validation import described, invalid
-
-_EVERYWHERE = ((0.0, math.inf),)
+from robustpolish.validation import described, invalid, positive
 
 
 @same_bits
-def structured_singular_value(M: Any, blocks: Any) -> StructuredSingularValue:
+def structured_singular_value(M: Any, blocks: Any, *, gap: float = GAP) -> StructuredSingularValue:
     r"""Bound the structured singular value of a complex matrix, or its peak of a system.
 
     It is one over the size of the smallest Delta, block-diagonal as told, that makes I - M Delta
@@ -41,6 +39,9 @@ def structured_singular_value(M: Any, blocks: Any) -> StructuredSingularValue:
         a real number, repeated on the diagonal; ``"complex"`` or ``("complex", copies)`` for a
         complex one; ``("full", (rows, columns))`` for a full complex matrix, ``("full", n)`` for a
         square one. Rows of MATLAB's ``mussv`` are taken too: ``[-r, 0]``, ``[r, 0]``, ``[r, c]``.
+    gap : float, optional
+        Relative distance of both bounds of a system that is small enough, as of
+        :func:`robust_stability`.
 
     Returns
     -------
@@ -49,7 +50,8 @@ def structured_singular_value(M: Any, blocks: Any) -> StructuredSingularValue:
     Raises
     ------
     InvalidInputError
-        If M is neither a finite matrix nor a system, or the blocks do not fit it.
+        If M is neither a finite matrix nor a system, the blocks do not fit it, or the gap is not
+        positive.
 
     Notes
     -----
@@ -76,28 +78,27 @@ def structured_singular_value(M: Any, blocks: Any) -> StructuredSingularValue:
 
     >>> M = control.ss([[0, 1], [-4, -0.1]], [[0], [1]], [[1, 0]], 0)
     >>> mu = rp.structured_singular_value(M, ["complex"])
-    >>> round(mu.lower, 2), round(mu.upper, 2), round(mu.critical_frequency, 2), mu.proven
-    (5.0, 5.0, 2.0, True)
+    >>> round(mu.lower, 2), mu.upper < 1.002 * mu.lower, round(mu.critical_frequency, 2), mu.proven
+    (5.0, True, 2.0, True)
     """
     if isinstance(M, UncertainSystem):
         remedy = "Use robust_stability of a closed loop, or pass its M and blocks."
         raise invalid("M", described("an UncertainSystem"), "a matrix or a certain system", remedy)
-    structure = read_structure(blocks)
+    structure, gap = read_structure(blocks), positive("gap", gap)
     if not isinstance(M, control.InputOutputSystem | control.LTI):
         matrix = _complex_matrix(M)
         fitting(matrix.shape, structure)
         return matrix_value(matrix, structure)
     system = as_state_space("M", M)
     fitting((system.noutputs, system.ninputs), structure)
-    return _peak(system, structure)
+    return _peak(system, structure, gap)
 
 
-def _peak(system: control.StateSpace, structure: Structure) -> StructuredSingularValue:
+def _peak(system: control.StateSpace, structure: Structure, gap: float) -> StructuredSingularValue:
     """Bound the largest value over all frequencies."""
-    verdict = stability(system).verdict if system.nstates else "stable"
-    if verdict != "stable":
-        status: Status = "marginal" if verdict == "marginal" else "unstable"
-        return StructuredSingularValue(math.inf, math.inf, None, False, status)
+    nominal = nominal_status(system)
+    if nominal != "stable":
+        return StructuredSingularValue(math.inf, math.inf, None, False, nominal)
     n, m, p = system.nstates, system.ninputs, system.noutputs
     A, B, C, D = (
         np.asarray(M, dtype=float).reshape(shape)
@@ -107,8 +108,8 @@ def _peak(system: control.StateSpace, structure: Structure) -> StructuredSingula
     )  # fmt: skip
     loop = LoopModel.around((A, B, C, D), system.dt, structure)
     if not loop.acts_back:
-        return StructuredSingularValue(0.0, 0.0, None, True, "zero", intervals=_EVERYWHERE)
-    found = bounds(loop)
+        return StructuredSingularValue(0.0, 0.0, None, True, "zero", intervals=EVERYWHERE)
+    found = bounds(loop, gap=gap)
     coverage, witness = found.coverage, found.witness
     upper, intervals = coverage.level * loop.gain, loop.in_rad_per_s(coverage.intervals)
     if coverage.complete and upper == 0:  # real numbers of any size leave it regular
@@ -117,19 +118,10 @@ def _peak(system: control.StateSpace, structure: Structure) -> StructuredSingula
     if witness is not None:
         lower, frequency = loop.gain / witness.size, loop.omega(loop.frequency(witness.at))
         delta = loop.at_positive(witness.matrix(structure), witness.at) / loop.gain
-        exact = proven_size(loop, witness.size)
-        if exact is not None:
-            upper, intervals, proven = loop.gain / exact, _EVERYWHERE, True
-    status = "bracketed" if witness else "no witness"
+    upper, status = up(upper) if proven else math.inf, outcome(found, gap)
+    asked = Asked(loop, loop.gain, (False,) * len(structure.blocks), critical(loop, found))
     return StructuredSingularValue(
-        lower,
-        # The next larger double but one: what was multiplied is rounded.
-        math.nextafter(math.nextafter(upper, math.inf), math.inf) if proven else math.inf,
-        delta,
-        proven,
-        status if proven else "incomplete",
-        frequency,
-        intervals,
+        lower, upper, delta, proven, status, frequency, intervals, _asked=asked
     )
 
 

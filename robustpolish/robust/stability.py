@@ -5,35 +5,29 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
-from robustpolish.analysis.poles.stability import stability
-from robustpolish.display import Card, Displayed, quantities
+from robustpolish.display import Card, quantities
 from robustpolish.long_calls import same_bits
-from robustpolish.models.uncertain.elements import ComplexElement, RealElement
 from robustpolish.models.uncertain.system import UncertainSystem
-from robustpolish.robust.all_pass import all_pass
-from robustpolish.robust.coverage import Coverage
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.one_number import proven_size
-from robustpolish.robust.search import bounds
-from robustpolish.robust.witness import Witness
-from robustpolish.validation import instance_of
-
-Status = Literal["bracketed", "no witness", "incomplete", "unstable", "marginal", "unaffected"]
-
-_SAYS = {
-    "bracketed": "proven below, and reached by the witness",
-    "no witness": "proven below; no search found a machine that is unstable",
-    "incomplete": "not proven: the intervals do not cover the axis",
-    "unstable": "the nominal loop is unstable",
-    "marginal": "the nominal loop has a pole on the boundary of stability",
-    "unaffected": "nothing that is uncertain acts back on itself: stable whatever it is",
-}
+from robustpolish.robust.over_frequency import Asked, Witnessed
+from robustpolish.robust.reached import (
+    Status,
+    critical,
+    inverse,
+    nominal_status,
+    outcome,
+    proven_margin,
+    reached,
+    says,
+)
+from robustpolish.robust.search import EVERYWHERE, GAP, bounds
+from robustpolish.validation import instance_of, positive
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RobustStability(Displayed):
+class RobustStability(Witnessed):
     """How far the uncertainty of a loop may grow before it gets unstable.
 
     Attributes
@@ -49,7 +43,7 @@ class RobustStability(Displayed):
         the part before their bound. Empty if none was found.
     intervals : tuple of (float, float)
         Frequencies in rad/s over each of which the lower bound was proven; they cover the axis.
-    status : {"bracketed", "no witness", "incomplete", "unstable", "marginal", "unaffected"}
+    status : {"bracketed", "wide", "no witness", "incomplete", "unstable", "marginal", "unaffected"}
         Whether both bounds are there, and why not.
     proven : bool
         Whether the lower bound is proven, in ball arithmetic, for all frequencies.
@@ -64,6 +58,13 @@ class RobustStability(Displayed):
     >>> margin = rp.robust_stability(mass)
     >>> round(margin.upper, 6), margin.status, margin.intervals
     (1.0, 'bracketed', ((0.0, inf),))
+
+    The machine at the witness, and what each number has to do with it:
+
+    >>> margin.worst_plant().poles().real.round(6).tolist()
+    [0.0, 0.0]
+    >>> {name: round(share, 3) for name, share in margin.sensitivity.items()}
+    {'c': 1.0}
     """
 
     lower: float
@@ -77,7 +78,10 @@ class RobustStability(Displayed):
     @property
     def reason(self) -> str:
         """The status in a sentence."""
-        return says(self.status)
+        said = says(self.status)
+        if math.isinf(self.critical_frequency):
+            said += ", with which the loop is not well posed"
+        return said
 
     @property
     def robust(self) -> bool | None:
@@ -85,6 +89,10 @@ class RobustStability(Displayed):
         if self.proven and self.lower >= 1:
             return True
         return False if self.upper <= 1 else None
+
+    def _shown(self) -> tuple[str, tuple[float, float], float]:
+        bounds_of_mu = inverse(self.upper), inverse(self.lower)
+        return self._drawn, bounds_of_mu, self.critical_frequency
 
     def _card(self) -> Card:
         verdict = {True: "robustly stable", False: "not robustly stable", None: "undecided"}
@@ -99,13 +107,17 @@ class RobustStability(Displayed):
 
 
 @same_bits
-def robust_stability(system: UncertainSystem) -> RobustStability:
+def robust_stability(system: UncertainSystem, *, gap: float = GAP) -> RobustStability:
     """Bound the margin of stability of an uncertain system over all frequencies.
 
     Parameters
     ----------
     system : UncertainSystem
         A closed loop, for example ``(plant * controller).feedback()``; continuous or discrete.
+    gap : float, optional
+        Relative distance of both bounds that is small enough, 0.2 % by default. Where real numbers
+        leave a larger one, it is closed by branch and bound if they are few, as far as a few
+        seconds of work go.
 
     Returns
     -------
@@ -116,21 +128,26 @@ def robust_stability(system: UncertainSystem) -> RobustStability:
     Raises
     ------
     InvalidInputError
-        If it is not an uncertain system.
+        If it is not an uncertain system, or the gap not positive.
 
     Notes
     -----
     Below the lower bound, scalings D and G prove stability over intervals of frequency, whose ends
     are eigenvalues of a Hamiltonian matrix [1]_, all in ball arithmetic. The upper bound is a
     machine: real numbers, and for dynamics all-passes. Dynamics are any stable linear systems; of
-    numbers it is assumed that they do not change with time. With many real numbers the two may be
-    far apart.
+    numbers it is assumed that they do not change with time.
+
+    With real numbers the two may be far apart. If there are few of them, and at most one other
+    block, their box is halved again and again, together with the axis of frequencies, until the
+    Bernstein coefficients of the characteristic polynomial prove each part [2]_.
 
     References
     ----------
     .. [1] C. Roos, J.-M. Biannic, "A detailed comparison of mu lower and upper bounds for large
        families of uncertain systems", IFAC-PapersOnLine 48 (2015); G. Ferreres, "A practical
        approach to robustness analysis with aeronautical applications", Kluwer (1999).
+    .. [2] M. Zettler, J. Garloff, "Robustness analysis of polynomials with polynomial parameter
+       dependency using Bernstein expansion", IEEE Trans. Automatic Control 43 (1998) 425-431.
 
     Examples
     --------
@@ -148,37 +165,27 @@ def robust_stability(system: UncertainSystem) -> RobustStability:
     (1.6, 1.6, True)
     """
     checked(system)
-    verdict = nominal_verdict(system)
-    if verdict != "stable":
-        status: Status = "marginal" if verdict == "marginal" else "unstable"
+    gap = positive("gap", gap)
+    status = nominal_status(system.interconnection)
+    if status != "stable":
         return RobustStability(0.0, 0.0, math.nan, status=status)
-    everywhere = ((0.0, math.inf),)
-    if not system.blocks:
-        return RobustStability(math.inf, math.inf, math.nan, {}, everywhere, "unaffected", True)
     loop = LoopModel.of(system)
-    if not loop.acts_back:
-        return RobustStability(math.inf, math.inf, math.nan, {}, everywhere, "unaffected", True)
-    found = bounds(loop)
-    coverage, witness = found.coverage, found.witness
-    lower = proven_margin(coverage, loop.gain)
-    intervals, proven = loop.in_rad_per_s(coverage.intervals), coverage.complete
-    exact = proven_size(loop, witness.size) if witness else None
-    if exact is not None:
-        lower, intervals, proven = down(exact / loop.gain), everywhere, True
-    upper, values, frequency = math.inf, {}, math.nan
-    if witness is not None:
-        upper, frequency = witness.size / loop.gain, loop.frequency(witness.at)
-        values = named_values(system, loop, witness)
-        frequency = loop.omega(frequency)
-    status = "bracketed" if witness else "no witness"
+    if not system.blocks or not loop.acts_back:
+        return RobustStability(math.inf, math.inf, math.nan, {}, EVERYWHERE, "unaffected", True)
+    found = bounds(loop, gap=gap)
+    coverage, at = found.coverage, reached(system, loop, found.witness)
+    lower, proven = proven_margin(coverage, loop.gain), coverage.complete
+    intervals = loop.in_rad_per_s(coverage.intervals)
+    asked = Asked(loop, loop.gain, (False,) * len(system.blocks), critical(loop, found), system)
     return RobustStability(
         lower,
-        upper,
-        frequency,
-        values,
+        at.size,
+        at.frequency,
+        at.values,
         intervals,
-        status if proven else "incomplete",
+        outcome(found, gap),
         proven,
+        _asked=asked,
     )
 
 
@@ -186,44 +193,3 @@ def checked(system: Any) -> UncertainSystem:
     """Refuse what is not an uncertain system."""
     remedy = "Make it with uncertain_real and the like, or use stability."
     return instance_of("system", system, UncertainSystem, "an UncertainSystem", remedy)
-
-
-def says(status: Status) -> str:
-    """Return a status in a sentence."""
-    return _SAYS[status]
-
-
-def named_values(system: UncertainSystem, loop: LoopModel, witness: Witness) -> dict[str, Any]:
-    """Return the values of the elements of a system that a witness stands for."""
-    omega = loop.omega(loop.frequency(witness.at))
-    values: dict[str, Any] = {}
-    for block, delta in zip(system.blocks, witness.deltas, strict=False):
-        own = loop.at_positive(delta, witness.at) / loop.gain
-        element = block.element
-        if isinstance(element, RealElement):
-            values[element.name] = element.value(float(own[0, 0].real))
-        elif isinstance(element, ComplexElement):
-            values[element.name] = element.value(complex(own[0, 0]))
-        else:
-            values[element.name] = all_pass(own, omega, loop.step)
-    return values
-
-
-def nominal_verdict(system: UncertainSystem) -> str:
-    """Say whether the nominal system is stable; without states it is."""
-    if not system.nstates:
-        return "stable"
-    whole = system.interconnection
-    return stability(whole).verdict
-
-
-def proven_margin(coverage: Coverage, gain: float) -> float:
-    """Return the size below which a level proves something: 0 if it is not proven."""
-    if not coverage.complete:
-        return 0.0
-    return down(1 / (coverage.level * gain)) if coverage.level else math.inf
-
-
-def down(value: float) -> float:
-    """Return the next smaller double but one: what was divided is rounded."""
-    return math.nextafter(math.nextafter(value, 0.0), 0.0)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
 
-from robustpolish.models.uncertain.elements import Block
+from robustpolish.models.uncertain.elements import Block, RealElement
 from robustpolish.validation import described, invalid
 
 Kind = Literal["real", "complex", "full"]
@@ -29,6 +31,9 @@ class DeltaBlock:
     rows, columns : int
         Of one copy.
     name : str
+    group : str
+        Real numbers of one group, if it is not empty, have squares whose sum is at most 1; each
+        counts once, however often it is repeated.
     """
 
     kind: Kind
@@ -36,6 +41,7 @@ class DeltaBlock:
     rows: int = 1
     columns: int = 1
     name: str = ""
+    group: str = ""
 
     @property
     def is_scalar(self) -> bool:
@@ -54,12 +60,12 @@ class Structure:
 
     blocks: tuple[DeltaBlock, ...]
 
-    @property
+    @cached_property
     def outputs(self) -> tuple[slice, ...]:
         """Of each block, where its outputs w are: rows of Delta, columns of M."""
         return _slices([block.copies * block.rows for block in self.blocks])
 
-    @property
+    @cached_property
     def inputs(self) -> tuple[slice, ...]:
         """Of each block, where its inputs z are: columns of Delta, rows of M."""
         return _slices([block.copies * block.columns for block in self.blocks])
@@ -71,6 +77,23 @@ class Structure:
             sum(block.copies * block.columns for block in self.blocks),
             sum(block.copies * block.rows for block in self.blocks),
         )
+
+    @cached_property
+    def together(self) -> tuple[tuple[int, ...], ...]:
+        """Positions of the blocks whose sizes count as one, the root of the sum of squares."""
+        names = dict.fromkeys(block.group for block in self.blocks if block.group)
+        return tuple(
+            tuple(k for k, block in enumerate(self.blocks) if block.group == name) for name in names
+        )
+
+    def sizes(self, norms: Sequence[float]) -> list[float]:
+        """Return the norms of the blocks, with that of its group for each that has one."""
+        found = list(norms)
+        for group in self.together:
+            size = math.hypot(*(norms[k] for k in group))
+            for k in group:
+                found[k] = size
+        return found
 
     def only(self, keep: Sequence[int]) -> Structure:
         """Return the structure of some of the blocks."""
@@ -86,7 +109,8 @@ def structure_of(blocks: Iterable[Block]) -> Structure:
         kind: Kind = "real" if element.kind == "real" else "complex"
         if element.kind == "dynamic" and (rows, columns) != (1, 1):
             kind = "full"
-        found.append(DeltaBlock(kind, block.copies, rows, columns, element.name))
+        group = element.group if isinstance(element, RealElement) else ""
+        found.append(DeltaBlock(kind, block.copies, rows, columns, element.name, group))
     return Structure(tuple(found))
 
 

@@ -64,7 +64,8 @@ def directions(inequality: Inequality, square: float, x: Vector, count: int) -> 
     """Return signals w in which the inequality of a level is nearly singular."""
     matrix = np.tensordot(inequality.coefficients(square * (1 + 1e-6)), x, (1, 0))[0]
     values, vectors = np.linalg.eigh((matrix + np.conj(matrix.T)) / 2)
-    weights = 1 / np.sqrt(np.maximum(values, 1e-12 * np.abs(values).max()))
+    floor = 1e-12 * float(np.abs(values).max()) or 1.0  # of a matrix that is zero, any weights do
+    weights = 1 / np.sqrt(np.maximum(values, floor))
     random = np.random.default_rng(0)
     found = [vectors[:, 0]]
     for _ in range(count - 1):
@@ -154,6 +155,11 @@ class _Problem:
         """Say whether any w no larger than k z will do: one complex number or full block."""
         return block.kind != "real" and block.copies == 1
 
+    def _largest(self, norms: list[float]) -> float:
+        """Return the size of the blocks that are not fixed."""
+        sizes = self.structure.sizes(norms)
+        return max(size for size, held in zip(sizes, self.fixed, strict=True) if not held)
+
     def M(self, at: float) -> tuple[AnyMatrix, AnyMatrix]:
         """Return M from scaled w to z, and its derivative."""
         if self.cache is None or self.cache[0] != at:
@@ -176,7 +182,7 @@ class _Problem:
                     return None
                 power = 1.0
             if self._is_free(block):
-                sizes.append(0.0 if self.fixed[k] else np.linalg.norm(wk) / np.sqrt(power))
+                sizes.append(float(np.linalg.norm(wk) / np.sqrt(power)))
                 continue
             W = wk.reshape(block.copies, block.rows)
             Z = zk.reshape(block.copies, block.columns)
@@ -187,8 +193,8 @@ class _Problem:
             values = np.real(delta).ravel() if block.kind == "real" else _split(delta)
             v[self.places[k]] = values
             own = np.linalg.norm(delta if block.kind != "real" else np.real(delta), 2)
-            sizes.append(0.0 if self.fixed[k] else own)
-        self.size = max(sizes) or 1.0
+            sizes.append(float(own))
+        self.size = self._largest(sizes) or 1.0
         for place in self.places:
             v[place] /= self.size
         v[-1] = 1.0
@@ -253,8 +259,7 @@ class _Problem:
         slopes: list[Vector] = []
         for k, block in enumerate(self.structure.blocks):
             place = self.places[k]
-            # What a block may be: k, or 1 in units of the size that k began with.
-            k_size, by_k = (1 / self.size, 0.0) if self.fixed[k] else (float(v[-1]), 1.0)
+            k_size, by_k = self._may_be(k, v)
             if self._is_free(block):
                 out, into = self.structure.outputs[k], self.structure.inputs[k]
                 wk, zk = w[out] * self.scale[out], z[into] * self.size
@@ -270,6 +275,8 @@ class _Problem:
                 excess = k_size**2 * np.vdot(zk, zk).real - np.vdot(wk, wk).real
                 values.append(float(excess / unit))
                 slopes.append(slope / unit)
+            elif block.group:
+                continue
             elif block.kind == "real":
                 for sign in (1.0, -1.0):
                     slope = np.zeros(self.count)
@@ -286,7 +293,17 @@ class _Problem:
                     slope[-1] = by_k
                     values.append(k_size - float(sizes[i]))
                     slopes.append(slope)
+        for group in self.structure.together:
+            k_size, by_k = self._may_be(group[0], v)
+            places, slope = [self.places[k].start for k in group], np.zeros(self.count)
+            slope[places], slope[-1] = -2 * v[places], by_k * 2 * k_size
+            values.append(float(k_size**2 - v[places] @ v[places]))
+            slopes.append(slope)
         return np.array(values), np.array(slopes)
+
+    def _may_be(self, k: int, v: Vector) -> tuple[float, float]:
+        """Return what a block may be in units of the size that k began with, and its slope by k."""
+        return (1 / self.size, 0.0) if self.fixed[k] else (float(v[-1]), 1.0)
 
     def read(self, v: Vector) -> Witness | None:
         """Solve the equations to the last digits, and read Delta."""
@@ -313,10 +330,10 @@ class _Problem:
                 found.append(np.outer(wk, np.conj(zk)) / power)
             else:
                 found.append(self.delta(v, k))
-        counted = [delta for delta, held in zip(found, self.fixed, strict=True) if not held]
-        size = max(float(np.linalg.norm(delta, 2)) for delta in counted)
-        limits = zip(found, self.fixed, strict=True)
-        if any(held and np.linalg.norm(delta, 2) > 1 + _WITHIN for delta, held in limits):
+        norms = [float(np.linalg.norm(delta, 2)) for delta in found]
+        size = self._largest(norms)
+        limits = zip(self.structure.sizes(norms), self.fixed, strict=True)
+        if any(held and own > 1 + _WITHIN for own, held in limits):
             return None
         at = float(v[-2]) if self.moves else self.at
         return Witness(size, tuple(found), at) if size > 0 else None

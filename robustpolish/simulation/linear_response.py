@@ -75,7 +75,7 @@ def linear_response(
     n, m = system.nstates, system.ninputs
     t = np.array(time, dtype=float).ravel()
     u = matrix("inputs", inputs, (t.size, m))
-    step = _uniform_step(t)
+    step = uniform_step(t)
     x0 = np.zeros(n)
     if initial_state is not None:
         x0 = matrix("initial_state", np.reshape(initial_state, (1, -1)), (1, n))[0]
@@ -133,7 +133,8 @@ def first_order_hold(A: Array, B: Array, step: float) -> tuple[Array, Array, Arr
     return transition, constant - ramp, ramp
 
 
-def _uniform_step(t: Array) -> float:
+def uniform_step(t: Array) -> float:
+    """Return the step of a uniform, rising grid in s; 0 for a single sample."""
     if t.size < 2:
         return 0.0
     steps = np.diff(t)

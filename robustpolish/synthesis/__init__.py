@@ -36,10 +36,16 @@ from robustpolish.synthesis.methods.published_controllers import (
 from robustpolish.synthesis.methods.state_feedback import state_feedback
 from robustpolish.synthesis.methods.static_output_feedback import static_output_feedback
 from robustpolish.synthesis.methods.structured_output_feedback import structured_output_feedback
+from robustpolish.synthesis.polytopes.robust_gain import RobustStateFeedback
+from robustpolish.synthesis.polytopes.robust_state_feedback import robust_state_feedback
+from robustpolish.synthesis.polytopes.scheduled_design import ScheduledDesign
+from robustpolish.synthesis.polytopes.scheduled_feedback import scheduled_feedback
 from robustpolish.synthesis.problem.channels import channel
 from robustpolish.synthesis.problem.passive_element import PassiveElement
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
 from robustpolish.synthesis.structured_search.observer_structure import observer_controller
+from robustpolish.synthesis.uncertain.robust_design import RobustDesign
+from robustpolish.synthesis.uncertain.robust_output_feedback import robust_output_feedback
 
 __all__ = [
     "PUBLISHED_CONTROLLERS",
@@ -51,6 +57,9 @@ __all__ = [
     "MethodComparison",
     "MethodResult",
     "PassiveElement",
+    "RobustDesign",
+    "RobustStateFeedback",
+    "ScheduledDesign",
     "Sector",
     "Tunable",
     "TunableBlock",
@@ -76,6 +85,9 @@ __all__ = [
     "passive_feedback",
     "pid",
     "published_gain",
+    "robust_output_feedback",
+    "robust_state_feedback",
+    "scheduled_feedback",
     "state_feedback",
     "static_gain",
     "static_output_feedback",

@@ -40,3 +40,21 @@ def test_the_card_tells_what_was_not_drawn():
     assert "50 %" in text
     assert "Not drawn, because not determined: spring[0].stiffness." in text
     assert "Not drawn" not in str(check([0.9]))
+
+
+def test_limits_hold_as_often_as_they_say():
+    # Norms evenly between 0 and 1 stand for any distribution: the share within r is r.
+    random, held, worst = np.random.default_rng(0), 0, 0
+    for _ in range(2000):
+        one = check(random.uniform(size=30))
+        held += one.least_share_within(0.8, 0.9) <= 0.8
+        worst += one.least_share_within(one.worst) <= one.worst
+    assert held / 2000 > 0.9 - 0.02
+    assert worst / 2000 == pytest.approx(0.95, abs=0.015)
+
+
+def test_upper_limit_of_the_share():
+    assert check([1.0] * 3).most_share_stable == 1.0
+    assert check([1.0, np.inf]).most_share_stable == pytest.approx(0.95**0.5)
+    with pytest.raises(rp.InvalidInputError, match="between 0 and 1"):
+        check([1.0]).least_share_within(1.0, 95)

@@ -43,7 +43,7 @@ def test_names_exist(name):
 
 ROWS = """hinfsyn augw mixsyn makeweight ncfsyn loopsyn h2syn hinfstruct loopsens allmargin margin
 diskmargin balred c2d sigma lft sdhinfnorm codegen damp ureal ucomplex ultidyn uss usubs robstab
-robustperf wcgain mussv"""
+robustperf wcgain mussv robgain musyn lpvss hinfgs msfsyn"""
 
 
 @pytest.mark.parametrize("row", ROWS.split())

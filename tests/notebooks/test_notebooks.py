@@ -12,6 +12,7 @@ LONG = (
     "06_measured_data",
     "07_the_bridge",
     "08_from_weights_to_code",
+    "09_from_measurement_to_proof",
 )
 """Half a minute to a minute each; the documentation executes them as well."""
 

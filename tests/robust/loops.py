@@ -1,5 +1,7 @@
 """Uncertain loops with published answers, and random ones."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 from scipy.linalg import block_diag
@@ -110,3 +112,20 @@ def covers(intervals):
             return False
         ends.append(max(ends[-1], high))
     return bool(np.isinf(ends[-1]))
+
+
+def in_other_units(loop, seed):
+    """The loop with states, the signals around each block and time in units 10^+-3 as large.
+
+    Also how many of the new units of time one second is.
+    """
+    random = np.random.default_rng(1000 + seed)
+    one, n = loop.matrices, loop.nstates
+    states, time = 10.0 ** random.choice([-3, 3], n), 10.0 ** random.choice([-3, 3])
+    units = 10.0 ** random.choice([-3, 3], len(loop.blocks))
+    rows = np.repeat(units, [block.columns for block in loop.blocks])
+    columns = np.repeat(units, [block.rows for block in loop.blocks])
+    rows, columns = np.concatenate([states, rows]), np.concatenate([states, columns])
+    F, G, H = one.F * rows[:, None] / columns, one.G * rows[:, None], one.H / columns
+    F[:n], G[:n] = F[:n] / time, G[:n] / time
+    return rp.UncertainSystem(replace(one, F=F, G=G, H=H)), time

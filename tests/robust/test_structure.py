@@ -32,3 +32,10 @@ def test_of_a_system():
 def test_bad():
     with pytest.raises(rp.InvalidInputError, match=r"blocks\[1\]"):
         read_structure(["real", 1.5])
+
+
+def test_groups_are_carried():
+    fit = rp.uncertain_ellipsoid({"k": 10.0, "c": 1.0}, [[2.0, 0.0], [0.1, 0.1]], name="fit")
+    system = fit["k"] * fit["c"] + rp.uncertain_real("g", 1.0, percent=10)
+    found = {block.name: block.group for block in structure_of(system.blocks).blocks}
+    assert found == {"fit[0]": "fit", "fit[1]": "fit", "g": ""}

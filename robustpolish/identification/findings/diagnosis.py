@@ -14,6 +14,7 @@ from robustpolish.display import Card, Displayed, Table
 from robustpolish.effects import LearnedLaw
 from robustpolish.identification.findings.findings import Findings
 from robustpolish.identification.findings.laws import laws_of
+from robustpolish.identification.findings.machines import uncertain
 from robustpolish.identification.findings.saved import content, findings_from
 from robustpolish.identification.findings.words import explain, headline, plain, told_numbers
 from robustpolish.plotting import plot_time_series
@@ -76,6 +77,8 @@ class Diagnosis(Findings, Displayed):
     >>> again.effects == diagnosis.effects
     True
     """
+
+    uncertain = uncertain
 
     @property
     def laws(self) -> tuple[LearnedLaw, ...]:

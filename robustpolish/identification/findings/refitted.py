@@ -12,6 +12,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from robustpolish.display import Card, Displayed, Table
+from robustpolish.identification.findings.machines import uncertain
 from robustpolish.identification.findings.record_error import (
     RecordError,
     records_content,
@@ -70,6 +71,8 @@ class Refit(Displayed):
     covariance: xr.DataArray
     notes: tuple[str, ...] = ()
     records: Mapping[str, RecordError] = field(default_factory=dict)
+
+    uncertain = uncertain
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the standard error of every parameter relative to its value.

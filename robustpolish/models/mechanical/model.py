@@ -156,21 +156,24 @@ class MechanicalModel(MechanicalData, Displayed):
         """
         return linearize(self, controls, actuation, measured, operating_point)
 
-    def uncertain(self, ranges: Mapping[str, float | tuple[float, float]]) -> UncertainSystem:
+    def uncertain(
+        self, ranges: Mapping[str, float | tuple[float, float] | UncertainSystem]
+    ) -> UncertainSystem:
         """Return the linear part with some of its numbers uncertain, from inputs to outputs.
 
         Parameters
         ----------
-        ranges : mapping of str to float or (float, float)
+        ranges : mapping of str to float, (float, float) or UncertainSystem
             By the keys of `parameters`: how far a number may be off as a share of it (0.1 is 10 %
-            up or down), or its smallest and largest value. Masses, inertias, springs, dampers and
-            gains of forces.
+            up or down), its smallest and largest value, or an uncertain number, whose nominal
+            value it then takes: of :func:`uncertain_ellipsoid`, or any formula of such. Masses,
+            inertias, springs, dampers and gains of forces.
 
         Returns
         -------
         UncertainSystem
             With the inputs, outputs and states of :meth:`state_space`, and one element per key, by
-            that name; effects are left out, as there.
+            that name, or those of the numbers given; effects are left out, as there.
 
         Raises
         ------
@@ -187,6 +190,15 @@ class MechanicalModel(MechanicalData, Displayed):
         >>> machine = model.uncertain({"spring[0].stiffness": 0.1, "dof.x.mass": (1.5, 2.5)})
         >>> machine.at({"spring[0].stiffness": 880.0, "dof.x.mass": 2.5}).A[1, 0].round(6)
         np.float64(-352.0)
+
+        Two numbers that are known together:
+
+        >>> P = [[100.0, 0.24], [0.24, 0.0006]]
+        >>> centre = {"spring[0].stiffness": 800, "dof.x.mass": 2}
+        >>> fit = rp.uncertain_ellipsoid(centre, covariance=P)
+        >>> machine = model.uncertain(fit)
+        >>> machine.at({"spring[0].stiffness": 820.0, "dof.x.mass": 2.05}).A[1, 0].round(6)
+        np.float64(-400.0)
         """
         return uncertain_model(self, ranges)
 

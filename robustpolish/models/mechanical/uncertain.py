@@ -13,11 +13,14 @@ from robustpolish.models.mechanical.data import MechanicalData, replaced, values
 from robustpolish.models.mechanical.matrices import MechanicalMatrices
 from robustpolish.models.uncertain.elements import Block, RealElement, real_element
 from robustpolish.models.uncertain.lft import Lft, reduced
+from robustpolish.models.uncertain.substitution import closed
 from robustpolish.models.uncertain.system import UncertainSystem
 from robustpolish.validation import described, invalid, spelled
 
 # Size of a singular value, relative, below which it is the rounding of a difference.
 _NOTHING = 1e-12
+# Before the name of an element in whose place a number made of others is put.
+_STAND_IN = "value of "
 
 
 def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> UncertainSystem:
@@ -26,7 +29,10 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
     Every number enters the forces and outputs linearly, a mass by the acceleration: the force and
     output that come with its change are a few signals that go through its delta.
     """
-    elements = [_element(model, key, given) for key, given in _checked(ranges).items()]
+    given = dict(_checked(ranges))
+    numbers = {key: value for key, value in given.items() if isinstance(value, UncertainSystem)}
+    model = replaced(model, {key: _nominal(model, key, n) for key, n in numbers.items()})
+    elements = [_element(model, key, value) for key, value in given.items()]
     m = model.matrices
     pieces = [_pieces(model, element) for element in elements]
     forces = np.hstack([np.zeros((len(m.coordinates), 0)), *(left[0] for left, _ in pieces)])
@@ -59,13 +65,33 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
         np.hstack([C[deltas:], D[deltas:, :deltas]]),
         D[deltas:, deltas:],
         m.states,
-        tuple(Block(e, left[0].shape[1]) for e, (left, _) in zip(elements, pieces, strict=True)
-              if left[0].shape[1]),
+        tuple(Block(_renamed(e, numbers), left[0].shape[1])
+              for e, (left, _) in zip(elements, pieces, strict=True) if left[0].shape[1]),
         0,
         m.signals,
         m.outputs,
     )  # fmt: skip
+    for key, number in numbers.items():
+        whole = _with_number(whole, key, number)
     return UncertainSystem(reduced(whole))
+
+
+def _nominal(model: MechanicalData, key: str, number: UncertainSystem) -> float:
+    """Return the nominal value of a number that is made of others; also refuse a wrong key."""
+    _known(model, key)
+    if number.shape != (1, 1) or not number.is_static:
+        shown = described(f"an uncertain system, {number.shape[0]} x {number.shape[1]}")
+        raise invalid(("ranges", key), shown, "an uncertain number", "Make it of uncertain_real.")
+    return float(number.matrices.J[0, 0])
+
+
+def _with_number(whole: Lft, key: str, number: UncertainSystem) -> Lft:
+    """Put a number that is made of others in place of one of slope 1."""
+    names = [block.element.name for block in whole.blocks]
+    if _STAND_IN + key not in names:
+        return whole  # it does nothing
+    change = number - number.matrices.J
+    return closed(whole, names.index(_STAND_IN + key), change.matrices)
 
 
 def _checked(ranges: Any) -> Mapping[str, Any]:
@@ -75,8 +101,14 @@ def _checked(ranges: Any) -> Mapping[str, Any]:
     return ranges
 
 
-def _element(model: MechanicalData, key: str, given: Any) -> RealElement:
-    """Return the element of a number: a share of it, or its smallest and largest value."""
+def _renamed(element: RealElement, numbers: Mapping[str, Any]) -> RealElement:
+    """Return the element that stands in for a number made of others by a name of its own."""
+    own = element.name in numbers
+    return replace(element, name=_STAND_IN + element.name) if own else element
+
+
+def _known(model: MechanicalData, key: str) -> float:
+    """Return the value of a number that may be uncertain."""
     known = values(model)
     if key not in known:
         remedy = spelled(key, known)
@@ -91,11 +123,18 @@ def _element(model: MechanicalData, key: str, given: Any) -> RealElement:
         raise invalid(
             "ranges", shown, "gains of forces", "Multiply the system by an uncertain_real."
         )
-    nominal = known[key]
+    return known[key]
+
+
+def _element(model: MechanicalData, key: str, given: Any) -> RealElement:
+    """Return the element of a number: a share of it, or its smallest and largest value."""
+    nominal = _known(model, key)
+    if isinstance(given, UncertainSystem):
+        return RealElement(key, nominal, nominal - 1, nominal + 1)  # of slope 1
     if isinstance(given, tuple | list | np.ndarray):
         return real_element(key, nominal, low_high=tuple(given))  # type: ignore
     if not isinstance(given, int | float | np.number) or isinstance(given, bool):
-        expected = "a share such as 0.1, or (low, high)"
+        expected = "a share such as 0.1, (low, high), or an uncertain number"
         raise invalid(("ranges", key), given, expected, "Write 0.1 for 10 %.")
     if nominal == 0:
         shown = described(f"a share of {key}, which is 0")

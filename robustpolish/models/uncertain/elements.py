@@ -15,6 +15,28 @@ Kind = Literal["real", "complex", "dynamic"]
 
 
 @dataclass(frozen=True)
+class Directions:
+    """What the directions of an ellipsoid do: numbers p = p0 + L d.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the directions.
+    numbers : tuple of str
+        Names of the physical numbers.
+    centre : tuple of float
+        p0.
+    slopes : tuple of tuple of float
+        Rows of L.
+    """
+
+    names: tuple[str, ...]
+    numbers: tuple[str, ...]
+    centre: tuple[float, ...]
+    slopes: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
 class RealElement:
     """A real number between two others.
 
@@ -24,6 +46,12 @@ class RealElement:
     nominal : float
         Within the range, not at its ends.
     low, high : float
+    group : str
+        Of the ellipsoid that it is a direction of, empty for a number of its own: real elements of
+        one group have deltas whose sum of squares is at most 1, in all. Their nominal value is in
+        the middle.
+    directions : Directions or None
+        What all directions of its group do to physical numbers, if that is known.
 
     Notes
     -----
@@ -35,6 +63,8 @@ class RealElement:
     nominal: float
     low: float
     high: float
+    group: str = ""
+    directions: Directions | None = None
 
     kind = "real"
     shape = (1, 1)
@@ -77,7 +107,7 @@ class RealElement:
         -------
         float
         """
-        number = _real(self.name, value)
+        number = real_number(self.name, value)
         change = number - self.nominal
         below = self.slope + self.skew * change
         if below <= 0:
@@ -90,6 +120,8 @@ class RealElement:
         return change / below
 
     def __str__(self) -> str:
+        if self.group:
+            return f"direction of the ellipsoid {self.group!r}"
         return f"real number {self.nominal:.6g}, from {self.low:.6g} to {self.high:.6g}"
 
 
@@ -192,7 +224,7 @@ def real_element(
     low_high: tuple[float, float] | None = None,
 ) -> RealElement:
     """Return a real element from any of the ways in which a range is told."""
-    name, nominal = checked_name(name), _real("nominal", nominal)
+    name, nominal = checked_name(name), real_number("nominal", nominal)
     given = {"percent": percent, "plus_minus": plus_minus, "range": low_high}
     told = [key for key, value in given.items() if value is not None]
     if len(told) != 1:
@@ -208,7 +240,7 @@ def real_element(
             raise invalid("percent", percent, "a nominal value other than 0", remedy)
         spread: Any = percent if percent is not None else plus_minus
         down, up = _pair(told[0], spread) if _is_pair(spread) else (-spread, spread)
-        down, up = _real(told[0], down), _real(told[0], up)
+        down, up = real_number(told[0], down), real_number(told[0], up)
         low, high = nominal + size * down, nominal + size * up
     if not low < nominal < high:
         shown = described(f"{low:.6g} to {high:.6g}")
@@ -224,10 +256,11 @@ def _is_pair(value: Any) -> bool:
 def _pair(argument: str, value: Any) -> tuple[float, float]:
     if not _is_pair(value) or len(value) != 2:
         raise invalid(argument, value, "two numbers, the smaller first", "Write (low, high).")
-    return _real(argument, value[0]), _real(argument, value[1])
+    return real_number(argument, value[0]), real_number(argument, value[1])
 
 
-def _real(argument: str, value: Any) -> float:
+def real_number(argument: str, value: Any) -> float:
+    """Return a finite real number."""
     try:
         number = float(value)
     except (TypeError, ValueError):

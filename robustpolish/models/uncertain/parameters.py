@@ -154,11 +154,11 @@ def uncertain_dynamics(
         raise invalid("shape", shape, "numbers of outputs and inputs", "Write (2, 1).")
     p, q = int(sizes[0]), int(sizes[1])
     element = DynamicElement(checked_name(name), (p, q))
+    weight = as_uncertain("bound", bound)
     delta = Lft(
         np.zeros((q, p)), np.eye(q), np.eye(p), np.zeros((p, q)), (), (Block(element, 1),),
-        0,
+        weight.dt or 0,
     )  # fmt: skip
-    weight = as_uncertain("bound", bound)
     if weight.shape not in ((1, 1), (p, p)):
         shown = described(f"{weight.shape[0]} x {weight.shape[1]}")
         expected = "1 x 1" if p == 1 else f"1 x 1 or {p} x {p}"

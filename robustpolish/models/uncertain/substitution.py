@@ -12,6 +12,7 @@ import numpy as np
 from robustpolish.arrays import Matrix
 from robustpolish.models.plant.given_system import as_state_space
 from robustpolish.models.uncertain.elements import Block, ComplexElement, Element, RealElement
+from robustpolish.models.uncertain.groups import by_element, drawn, groups
 from robustpolish.models.uncertain.lft import (
     Lft,
     appended,
@@ -25,6 +26,7 @@ from robustpolish.validation import described, invalid, spelled
 
 def substituted(system: Lft, values: Mapping[str, Any]) -> Lft:
     """Return the system with values in place of some of its elements."""
+    values = by_element(system.blocks, values)
     known = [block.element.name for block in system.blocks]
     for name in values:
         if name not in known:
@@ -97,8 +99,18 @@ def _labels(system: control.StateSpace) -> tuple[tuple[str, ...], tuple[str, ...
     return tuple(system.input_labels), tuple(system.output_labels)
 
 
-def random_value(block: Block, system: Lft, random: np.random.Generator) -> Any:
-    """Draw a value of an element: numbers evenly from their range, dynamics as an all-pass."""
+def random_values(system: Lft, random: np.random.Generator) -> dict[str, Any]:
+    """Draw values of all elements: numbers evenly within their bounds, dynamics as all-passes."""
+    values: dict[str, Any] = {}
+    for members in groups(system.blocks):
+        values |= drawn(members, random)
+    for block in system.blocks:
+        if block.element.name not in values:
+            values[block.element.name] = _random_value(block, system, random)
+    return values
+
+
+def _random_value(block: Block, system: Lft, random: np.random.Generator) -> Any:
     element = block.element
     if isinstance(element, RealElement):
         return float(random.uniform(element.low, element.high))

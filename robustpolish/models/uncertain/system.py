@@ -14,6 +14,7 @@ from robustpolish.display import Card, Displayed, Table
 from robustpolish.models.plant.blocks import named_system
 from robustpolish.models.plant.given_system import as_state_space
 from robustpolish.models.uncertain.elements import Block, Element
+from robustpolish.models.uncertain.groups import physical
 from robustpolish.models.uncertain.lft import (
     Lft,
     appended,
@@ -23,7 +24,7 @@ from robustpolish.models.uncertain.lft import (
     total,
     wired,
 )
-from robustpolish.models.uncertain.substitution import lifted, nominal, random_value, substituted
+from robustpolish.models.uncertain.substitution import lifted, nominal, random_values, substituted
 from robustpolish.validation import described, invalid, matrix
 
 _OPERANDS = "an uncertain object, a system of python-control, a matrix or a number"
@@ -160,7 +161,9 @@ class UncertainSystem(Displayed):
         ----------
         values : mapping of str to float or control.StateSpace
             By name. Numbers in their own units, also outside their range; of uncertain dynamics
-            the part of gain at most 1, before its bound. What is not named stays uncertain.
+            the part of gain at most 1, before its bound. What is not named stays uncertain, but of
+            ellipsoids: where a physical number of one is named, the others take the values that
+            are nearest to its centre with it.
 
         Returns
         -------
@@ -177,7 +180,7 @@ class UncertainSystem(Displayed):
         return _certain(substituted(self.matrices, values))
 
     def sample(self, n: int = 1, *, seed: int = 0) -> list[Any]:
-        """Draw machines: real numbers evenly, complex numbers and dynamics as all-passes.
+        """Draw machines: real numbers evenly, also of ellipsoids, the others as all-passes.
 
         Parameters
         ----------
@@ -194,10 +197,31 @@ class UncertainSystem(Displayed):
         if not isinstance(n, int | np.integer) or isinstance(n, bool) or n < 1:
             raise invalid("n", n, "a whole number above 0", "Pass how many to draw.")
         random = np.random.default_rng(seed)
-        return [self.at(self._drawn(random)) for _ in range(n)]
+        return [self.at(random_values(self.matrices, random)) for _ in range(n)]
 
-    def _drawn(self, random: np.random.Generator) -> dict[str, Any]:
-        return {b.element.name: random_value(b, self.matrices, random) for b in self.blocks}
+    def numbers(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return values with the physical numbers in place of the directions of ellipsoids.
+
+        Parameters
+        ----------
+        values : mapping of str to object
+            By name, as a witness has them. Directions that are not named are taken as 0.
+
+        Returns
+        -------
+        dict of str to object
+            The numbers of each ellipsoid that a named direction belongs to, in their own units,
+            and all other values as they are.
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> fit = rp.uncertain_ellipsoid({"k": 10.0, "c": 1.0}, [[2.0, 0.0], [0.1, 0.1]])
+        >>> ratio = fit["c"] / fit["k"]
+        >>> ratio.numbers({"ellipsoid[0]": 0.5, "ellipsoid[1]": -0.5})
+        {'k': 11.0, 'c': 1.0}
+        """
+        return physical(self.blocks, values)
 
     # Connections ----------------------------------------------------------------------
 

@@ -47,6 +47,7 @@ def test_values_are_those_of_the_model():
     [
         ({"spring[7].stiffness": 0.1}, "key of model.parameters"),
         ({"spring[0].stiffness": "10 %"}, "share"),
+        ({"spring[0].stiffness": rp.uncertain_dynamics("d")}, "uncertain number"),
         ({"spring[0].stiffness": (900, 1000)}, "around the nominal"),
         ({"dof.a.mass": 1.5}, "share below 1"),
         ({"dof.base.mass": 0.1}, "is 0"),
@@ -66,3 +67,37 @@ def test_damping_that_may_vanish():
     )  # fmt: skip
     margin = rp.robust_stability(machine.uncertain({"damper[0].damping": (0, 2)}))
     assert margin.upper == pytest.approx(1, abs=1e-9)
+
+
+KEYS = ("dof.a.mass", "dof.b.mass", "spring[0].stiffness", "damper[0].damping", "input.F.gain")
+
+
+def test_numbers_of_an_ellipsoid():
+    roots = np.tril(np.random.default_rng(0).uniform(0.01, 0.05, (5, 5)))
+    known = {key: model().parameters[key] for key in KEYS}
+    roots *= np.array(list(known.values()))[:, None]
+    fit = rp.uncertain_ellipsoid(known, roots, name="fit")
+    machine = model().uncertain({**fit, "spring[1].stiffness": 0.1})
+    # A direction occurs as often as the numbers that it moves act in separate ways.
+    copies = {block.element.name: block.copies for block in machine.blocks}
+    assert copies.pop("spring[1].stiffness") == 1
+    assert max(copies.values()) <= 3
+    assert copies["fit[4]"] == 1
+    np.testing.assert_allclose(machine.nominal.A, model().state_space().A, rtol=1e-9, atol=1e-9)
+    point = fit.numbers({"fit[0]": 0.5, "fit[1]": -0.4, "fit[3]": 0.3, "fit[4]": -0.2})
+    found = machine.at(point | {"spring[1].stiffness": 320.0})
+    wanted = model().with_parameters(point | {"spring[1].stiffness": 320.0}).state_space()
+    for name in "ABCD":
+        np.testing.assert_allclose(
+            getattr(found, name), getattr(wanted, name), rtol=1e-9, atol=1e-8
+        )
+
+
+def test_number_of_a_formula_has_its_own_nominal_value():
+    grams = rp.uncertain_real("grams", 2100.0, percent=5)
+    machine = model().uncertain({"dof.a.mass": grams / 1000})
+    assert list(machine.elements) == ["grams"]
+    wanted = model().with_parameters({"dof.a.mass": 2.15}).state_space()
+    np.testing.assert_allclose(machine.at({"grams": 2150.0}).A, wanted.A, rtol=1e-10, atol=1e-9)
+    own = rp.uncertain_real("dof.a.mass", 2.0, percent=5)
+    assert list(model().uncertain({"dof.a.mass": own}).elements) == ["dof.a.mass"]

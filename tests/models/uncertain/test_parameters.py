@@ -17,6 +17,8 @@ def test_shapes_of_dynamics():
     assert rp.uncertain_dynamics("d", (2, 3), bound=control.tf(1, [1, 1])).shape == (2, 3)
     one, two = rp.uncertain_dynamics((1, 1)), rp.uncertain_dynamics((1, 1), bound=0.3)
     assert len((one + two).blocks) == 2
+    sampled = control.tf(1, [1, -0.5], 0.1)
+    assert (rp.uncertain_dynamics("d", bound=sampled) * sampled).dt == 0.1
 
 
 @pytest.mark.parametrize(

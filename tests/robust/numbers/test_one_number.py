@@ -1,9 +1,11 @@
+import flint
 import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.exact.balls import precision
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.one_number import proven_size
+from robustpolish.robust.numbers.one_number import proven_size
 from tests.robust.loops import servo
 
 
@@ -25,28 +27,44 @@ def exact(A, change):
     inverse = np.linalg.eigvals(-np.linalg.solve(*sums))
     real = inverse[np.abs(inverse.imag) < 1e-6 * np.abs(inverse)].real
     values = [1 / v for v in real if abs(v) > 1e-9]
-    return min(abs(v) for v in values if np.linalg.eigvals(A + v * change).real.max() < 1e-6)
+    values = [v for v in values if np.linalg.eigvals(A + v * change).real.max() < 1e-6]
+    return abs(sharpened(A, change, min(values, key=abs)))
+
+
+def sharpened(A, change, value):
+    """Those eigenvalues are double, good to half the digits: secants with 60 digits give the rest.
+
+    They bring the pole that is nearest to the axis onto it.
+    """
+
+    def real_part(v):
+        poles = np.array((flint.acb_mat(start) + flint.acb_mat(slope) * v).eig(), dtype=object)
+        return min((pole.real for pole in poles), key=lambda x: abs(float(x))).mid()
+
+    with precision(200):
+        start, slope = flint.arb_mat(A.tolist()), flint.arb_mat(change.tolist())
+        last, now = flint.arb(value * (1 + 1e-7)), flint.arb(value)
+        for _ in range(6):
+            there, here = real_part(last), real_part(now)
+            if there == here:
+                break
+            last, now = now, (now - here * (now - last) / (here - there)).mid()
+        return float(now)
 
 
 def check(seed):
     A, change, loop = repeated(seed)
     margin = rp.robust_stability(loop)
-    # the reference has double eigenvalues, good to half the digits only
-    assert margin.upper == pytest.approx(exact(A, change), rel=1e-6)
-    assert margin.upper * (1 - 1e-8) <= margin.lower <= margin.upper
+    answer = exact(A, change)
+    assert margin.upper == pytest.approx(answer, rel=1e-8)
+    assert answer * (1 - 1e-8) <= margin.lower <= margin.upper
     assert margin.proven
     at = loop.at(margin.witness).poles()
     assert np.min(np.abs(at.real)) <= 1e-8 * np.abs(at).max()
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_exact(seed):
-    check(seed)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("start", range(6, 106, 20))
-def test_hundred_cases(start):
+@pytest.mark.parametrize("start", range(0, 100, 20))
+def test_hundred_cases_are_exact(start):
     for seed in range(start, start + 20):
         check(seed)
 

@@ -6,7 +6,7 @@ whose sum is 0 just if its Lyapunov operator is singular, which is an eigenvalue
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -15,6 +15,7 @@ import numpy as np
 
 from robustpolish.arrays import AnyVector, Matrix, Vector
 from robustpolish.robust.loop_model import LoopModel
+from robustpolish.robust.numbers.sums_of_poles import both_sides
 from robustpolish.robust.structure import Structure
 
 # Up to so many states the Lyapunov operator is inverted as a matrix: 900 x 900 takes 30 ms.
@@ -37,7 +38,7 @@ class Crossing:
     Attributes
     ----------
     size : float
-        Largest of the numbers.
+        Largest of the numbers; of those in a ball the root of the sum of squares.
     deltas : tuple of float
         Of each block.
     frequency : float
@@ -52,10 +53,19 @@ class Crossing:
     w: AnyVector
 
 
-def crossings(loop: LoopModel) -> list[Crossing]:
-    """Return where the rays to the corners of the real numbers leave stability, nearest first.
+def crossings(loop: LoopModel, rays: Sequence[Vector] | None = None) -> list[Crossing]:
+    """Return where rays of the real numbers leave stability to either side, nearest first.
 
-    Blocks that are not real are left at 0.
+    Parameters
+    ----------
+    loop : LoopModel
+        Blocks that are not real are left at 0.
+    rays : sequence of ndarray, optional
+        Proportions of the real numbers; those of the corners of a box by default.
+
+    Returns
+    -------
+    list of Crossing
     """
     model, structure = loop.model, loop.structure
     real = [k for k, block in enumerate(structure.blocks) if block.kind == "real"]
@@ -67,15 +77,21 @@ def crossings(loop: LoopModel) -> list[Crossing]:
     lyapunov = np.kron(A, np.eye(n)) + np.kron(np.eye(n), A)
     inverse: Any = np.linalg.inv(lyapunov)
     found: list[Crossing] = []
-    for corner in _corners(len(real)):
+    for corner in _corners(structure, real) if rays is None else rays:
         deltas = np.zeros(len(structure.blocks))
         deltas[real] = corner
         found += _along(loop, inverse, deltas)
     return sorted(found, key=lambda crossing: crossing.size)
 
 
-def _corners(count: int) -> Iterator[Vector]:
-    """Yield corners of a box, one of each opposite pair: a fixed choice if there are many."""
+def _corners(structure: Structure, real: list[int]) -> Iterator[Vector]:
+    """Yield corners of a box, one of each opposite pair: a fixed choice if there are many.
+
+    Of numbers in a ball also those where one of them is largest.
+    """
+    count = len(real)
+    for k in (k for group in structure.together for k in group):
+        yield np.array([1.0 if j == k else 0.0 for j in real])
     if 2 ** (count - 1) <= _CORNERS:
         for signs in product((1.0, -1.0), repeat=count - 1):
             yield np.array([1.0, *signs])
@@ -96,11 +112,9 @@ def _along(loop: LoopModel, inverse: Matrix, deltas: Vector) -> Iterator[Crossin
     w = np.flatnonzero(spread)
     B, C = model.B[:, w] * spread[w], model.C[kept]
     D = model.D[kept][:, w] * spread[w]
-    r = len(kept)
     # Y of shape (r, n) to C X + D Y, with A X + X A' = -(B Y + Y' B').
-    both = np.einsum("ai,jb->abij", B, np.eye(n)).reshape(n * n, r * n)
-    both = both + np.einsum("bi,ja->abij", B, np.eye(n)).reshape(n * n, r * n)
-    X = -(inverse @ both)
+    left, right = both_sides(B)
+    X = -(inverse @ (left + right))
     operator = np.kron(C, np.eye(n)) @ X + np.kron(D, np.eye(n))
     values = np.linalg.eigvals(operator)
     # Sizes beyond this many times the nearest are rounding, or of no interest.
@@ -140,9 +154,8 @@ def _crossing(
     if values[near].imag < 0:
         w = np.conj(w)
     frequency = abs(float(values[near].imag))
-    return Crossing(
-        abs(k) * float(np.abs(deltas).max()), tuple((k * deltas).tolist()), frequency, w
-    )
+    size = abs(k) * max(loop.structure.sizes(np.abs(deltas).tolist()))
+    return Crossing(size, tuple((k * deltas).tolist()), frequency, w)
 
 
 def _kept(structure: Structure, deltas: Vector) -> list[int]:

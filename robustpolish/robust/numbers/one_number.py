@@ -12,6 +12,7 @@ import numpy as np
 
 from robustpolish.exact.balls import precision
 from robustpolish.robust.loop_model import LoopModel
+from robustpolish.robust.numbers.sums_of_poles import both_sides
 from robustpolish.robust.proof import Ball, complex_ball, discs
 
 _BITS = 240
@@ -56,13 +57,11 @@ def proven_size(loop: LoopModel, size: float) -> float | None:
 def _operator(loop: LoopModel) -> tuple[Ball, Ball]:
     """Return the matrix from Y to C X + D Y with A X + X A' = -(B Y + Y' B'), and D."""
     model = loop.model
-    n, r = model.states, len(model.D)
-    one = np.eye(n)
+    one = np.eye(model.states)
     # Kronecker products of doubles with zeros and ones are exact.
     left, right = complex_ball(np.kron(model.A, one)), complex_ball(np.kron(one, model.A))
-    both = np.einsum("ai,jb->abij", model.B, one).reshape(n * n, r * n)
-    turned = np.einsum("bi,ja->abij", model.B, one).reshape(n * n, r * n)
-    X = (left + right).solve(complex_ball(both) + complex_ball(turned))
+    forward, turned = both_sides(model.B)
+    X = (left + right).solve(complex_ball(forward) + complex_ball(turned))
     out = complex_ball(np.kron(model.C, one))
     return complex_ball(np.kron(model.D, one)) - out * X, complex_ball(model.D)
 

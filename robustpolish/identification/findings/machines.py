@@ -1,0 +1,257 @@
+"""The machines that a fit allows: its covariance as an ellipsoid of an uncertain system."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+import xarray as xr
+
+from robustpolish.effects import Effect
+from robustpolish.errors import RobustPolishWarning
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.parts import Input, Output
+from robustpolish.models.uncertain.elements import real_number
+from robustpolish.models.uncertain.ellipsoid import Ellipsoid, uncertain_ellipsoid
+from robustpolish.models.uncertain.parameters import uncertain_real
+from robustpolish.models.uncertain.system import UncertainSystem, as_uncertain
+from robustpolish.validation import described, instance_of, invalid
+
+NAME = "fit"
+"""Of the ellipsoid of a fit."""
+
+# What the ports of an effect are called in a model.
+_FORCE, _DISPLACEMENT = " (force)", " (displacement)"
+
+
+class Fitted(Protocol):
+    """A model that was fitted to data."""
+
+    @property
+    def model(self) -> MechanicalModel:
+        """The fitted model."""
+        ...
+
+    @property
+    def covariance(self) -> xr.DataArray | None:
+        """Covariance of the fitted numbers, over their keys twice."""
+        ...
+
+
+def uncertain(
+    self: Fitted,
+    confidence: float = 0.95,
+    *,
+    ranges: Mapping[str, Any] | None = None,
+    ports: Sequence[str] = (),
+) -> UncertainSystem:
+    """Return the machines that the data allow: the linear part, its numbers in an ellipsoid.
+
+    Parameters
+    ----------
+    confidence : float, optional
+        Probability that the true numbers lie in the ellipsoid, all of them together.
+    ranges : mapping of str to float, (float, float) or UncertainSystem, optional
+        Numbers of which something else is to be said, as :meth:`MechanicalModel.uncertain`
+        takes them: those that the data leave open, and others that were not fitted.
+    ports : sequence of str, optional
+        Effects such as ``"effect[0]"`` whose places get an input for the force and an output
+        for the displacement, each of that name, for :func:`robust_sector`.
+
+    Returns
+    -------
+    UncertainSystem
+        With the inputs and outputs of the model. A witness is told in physical numbers by
+        :meth:`UncertainSystem.numbers`. Gains of inputs and sensors that were found as effects
+        are in it. A warning names the forces of effects and the delays, which are not.
+
+    Raises
+    ------
+    InvalidInputError
+        If the data leave a number open, or a mass that may be 0.
+
+    Notes
+    -----
+    The ellipsoid is that of a normal distribution with the covariance of the fit, for as many
+    numbers as there are, after the priors: standard errors of it account for residuals that are
+    coloured, not for a model that is wrong in kind. It may reach past what is physical, to a
+    negative damping, which proves more than is needed. Masses that gave forces their unit, and
+    whatever else was not fitted, are certain.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import robustpolish as rp
+    >>> model, data = rp.datasets.sticky_slide()
+    >>> model = model.with_effect("coulomb_friction", ("x", "ground"))
+    >>> fitted = rp.refit(model, data.isel(time=slice(0, 500)))
+    >>> with warnings.catch_warnings(action="ignore"):  # the friction is no part of it
+    ...     machines = fitted.uncertain()
+    >>> sorted({element.group for element in machines.elements.values()})
+    ['fit']
+    """
+    return allowed_machines(self.model, self.covariance, confidence, ranges, ports)
+
+
+def allowed_machines(
+    model: MechanicalModel,
+    covariance: xr.DataArray | None,
+    confidence: float,
+    ranges: Mapping[str, Any] | None,
+    ports: Sequence[str] = (),
+) -> UncertainSystem:
+    """Return the linear part of a model with its fitted numbers in their ellipsoid.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+        With its fitted numbers.
+    covariance : xarray.DataArray or None
+        Of the fitted numbers, over their keys twice.
+    confidence : float
+    ranges : mapping or None
+        What is to be said of other numbers, or of these instead.
+    ports : sequence of str, optional
+        Effects such as ``"effect[0]"`` that get an input and an output of this name: the force, and
+        the displacement on which it depends.
+
+    Returns
+    -------
+    UncertainSystem
+    """
+    said = dict(instance_of("ranges", ranges or {}, Mapping, "a mapping", 'Write {"key": 0.1}.'))
+    gains = _gains(model)
+    keys = [] if covariance is None else covariance["parameter"].values.tolist()
+    kept = [
+        key for key in keys if (key in gains or not key.startswith("effect[")) and key not in said
+    ]
+    known: Mapping[str, UncertainSystem] = {}
+    if covariance is not None and kept:
+        places = [keys.index(key) for key in kept]
+        known = _ellipsoid(model, kept, covariance.values[np.ix_(places, places)], confidence)
+    model = _with_ports(model, ports)
+    _warn_of_what_is_left_out(model, {*gains, *(f"{name}.gain" for name in ports)})
+    own = {key: number for key, number in known.items() if key not in gains}
+    system = model.uncertain(own | {key: value for key, value in said.items() if key not in gains})
+    factors = {
+        key: _factor(key, model.parameters[key], said[key])
+        if key in said
+        else known.get(key, model.parameters[key])
+        for key in gains
+    }
+    system = _with_gains(model, system, gains, factors) if gains else system
+    # A model keeps names of inputs and outputs apart, a system need not.
+    ends = {name + end: name for name in ports for end in (_FORCE, _DISPLACEMENT)}
+    inputs = [ends.get(name, name) for name in system.input_labels]
+    outputs = [ends.get(name, name) for name in system.output_labels]
+    return UncertainSystem(system.matrices.names(inputs, outputs))
+
+
+def _ellipsoid(
+    model: MechanicalModel, keys: list[str], covariance: np.ndarray, confidence: float
+) -> Ellipsoid:
+    """Return the ellipsoid of some numbers, if the data tell all of them."""
+    values = model.parameters
+    unknown = [k for k, v in zip(keys, np.diagonal(covariance), strict=True) if not np.isfinite(v)]
+    remedy = "Say in ranges what is known of it, or record what moves it."
+    if unknown:
+        shown = described(f"{', '.join(unknown)}, which the data do not see")
+        raise invalid("ranges", shown, "a range of each", remedy)
+    centre = {key: values[key] for key in keys}
+    found = uncertain_ellipsoid(centre, covariance=covariance, confidence=confidence, name=NAME)
+    for key, (low, high) in found.ranges.items():
+        if key.startswith("dof.") and low <= 0:
+            shown = described(f"{key} from {low:.4g} to {high:.4g}")
+            raise invalid("ranges", shown, "masses and inertias above 0", remedy)
+    return found
+
+
+def _gains(model: MechanicalModel) -> dict[str, Effect]:
+    """Return the effects that are factors of an input or an output, by the keys of their gains."""
+    return {
+        f"effect[{i}].gain": effect
+        for i, effect in enumerate(model.effects)
+        if effect.definition.acts_on_signals and [*effect.values] == ["gain"]
+    }
+
+
+def _factor(key: str, nominal: float, given: Any) -> UncertainSystem:
+    """Return a gain of which a share, a range or an uncertain number was given."""
+    if isinstance(given, UncertainSystem):
+        return given
+    if isinstance(given, tuple | list):
+        return uncertain_real(key, nominal, range=given)  # type: ignore
+    return uncertain_real(key, nominal, percent=100 * real_number(key, given))
+
+
+def _with_gains(
+    model: MechanicalModel,
+    system: UncertainSystem,
+    gains: Mapping[str, Effect],
+    factors: Mapping[str, Any],
+) -> UncertainSystem:
+    """Put the factors of effects on the inputs and outputs of a system."""
+    m = model.matrices
+    before, after = (np.eye(len(names)).astype(object) for names in (m.signals, m.outputs))
+    for key, effect in gains.items():
+        on_input = effect.definition.domain == "input"
+        diagonal, names = (before, m.sources) if on_input else (after, m.outputs)
+        for i, name in enumerate(names):
+            if name == effect.at[0]:
+                diagonal[i, i] = diagonal[i, i] * factors[key]
+    found = as_uncertain("after", after) * system * as_uncertain("before", before)
+    return UncertainSystem(found.matrices.names(system.input_labels, system.output_labels))
+
+
+def _with_ports(model: MechanicalModel, ports: Sequence[str]) -> MechanicalModel:
+    """Give the places of some effects an input and an output."""
+    places = {}
+    for name in ports:
+        first, second, *_ = (*effect_of(model, name).at, "ground")
+        places[name] = (first, second)
+    return replace(
+        model,
+        inputs=(*model.inputs, *(Input(n + _FORCE, at) for n, at in places.items())),
+        outputs=(*model.outputs, *(Output(n + _DISPLACEMENT, at) for n, at in places.items())),
+    )
+
+
+def effect_of(model: MechanicalModel, key: str) -> Effect:
+    """Return the effect of a key such as "effect[0]", if it is a force between two ends."""
+    known = {
+        f"effect[{i}]": effect
+        for i, effect in enumerate(model.effects)
+        if effect.definition.domain in ("pair", "dof")
+    }
+    if key not in known:
+        listed = ", ".join(known) or "there is none"
+        expected = f"a force between two places: {listed}"
+        raise invalid("ports", key, expected, "Count effects from 0.")
+    return known[key]
+
+
+def _warn_of_what_is_left_out(model: MechanicalModel, kept: Collection[str]) -> None:
+    """Warn of effects that the uncertain machine lacks, and that act back on the motion."""
+    missing = [
+        effect
+        for i, effect in enumerate(model.effects)
+        if f"effect[{i}].gain" not in kept and _acts_back(effect)
+    ]
+    if missing:
+        warnings.warn(
+            f"Left out of the uncertain machine: {', '.join(map(str, missing))}. What is proven "
+            "of it holds for the linear part: judge the rest by simulating the model.",
+            RobustPolishWarning,
+            stacklevel=4,
+        )
+
+
+def _acts_back(effect: Effect) -> bool:
+    """Say whether an effect does something that no force or offset from outside could be."""
+    kind = effect.definition
+    if kind.acts_on_signals:
+        return kind.signal_slope(effect.values) != (1.0, 0.0) or kind.between_samples
+    return kind.sharp or kind.has_memory or kind.steepness(effect.values, 1.0, 1.0)[:2] != (0, 0)

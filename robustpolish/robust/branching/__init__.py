@@ -1,0 +1,1 @@
+"""Branch and bound over real numbers, by polynomials in Bernstein's form."""

@@ -1,0 +1,1 @@
+"""Gains and controllers for all plants of a polytope, fixed or scheduled, with their proofs."""

@@ -1,0 +1,251 @@
+"""The search for a robust controller: K steps, D steps and polishes, then the proof."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from robustpolish.arrays import AnyArray, Array, Vector
+from robustpolish.errors import SolverError
+from robustpolish.long_calls import Budget, step_cost
+from robustpolish.robust.scaled.scalings import Space
+from robustpolish.robust.structure import Structure
+from robustpolish.synthesis.problem.matrices import Controller
+from robustpolish.synthesis.problem.static_loop import augmented
+from robustpolish.synthesis.uncertain.d_step import scaled_plant, scalings_of, unscaled
+from robustpolish.synthesis.uncertain.holes import holes
+from robustpolish.synthesis.uncertain.k_step import k_step
+from robustpolish.synthesis.uncertain.levels import Levels, grid, levels
+from robustpolish.synthesis.uncertain.modal_gain import ModalGain
+from robustpolish.synthesis.uncertain.polish import Polish, Polished, damping
+from robustpolish.synthesis.uncertain.problem import RobustProblem, unstacked
+from robustpolish.synthesis.uncertain.responses import LoopResponses
+from robustpolish.synthesis.uncertain.scaled_gain import Scalings
+from robustpolish.synthesis.uncertain.shortening import level_with, of_order, shorter
+
+
+@dataclass(frozen=True)
+class SearchPolicy:
+    """How far a search goes.
+
+    Attributes
+    ----------
+    work : float
+        Steps of descents and Riccati equations, weighted by their size.
+    rounds : int
+        K steps at most.
+    worthwhile : float
+        A round that lowers the level by less than this share is the last.
+    quick, full : tuple of float
+        Powers of the sums that descents lower: between K steps, and at the end.
+    quick_steps, full_steps : int
+        Most steps of each.
+    sets : int
+        How often frequencies join the set of the last descent.
+    hole : float
+        Level of a frequency above that of the set, relative, from which on it joins.
+    room : float
+        By how much the proof may lie above the set's level: with less, intervals are narrow where
+        the level is flat, as it is at an optimum.
+    agrees : float
+        A proof so far above the set's level, relative, is good enough.
+    proofs : int
+        How often a proof may add frequencies.
+    shortened : float
+        A controller is shortened as long as its level rises by less than this share.
+    """
+
+    work: float = 60_000.0
+    rounds: int = 4
+    worthwhile: float = 0.01
+    quick: tuple[float, ...] = (30.0, 100.0)
+    full: tuple[float, ...] = (100.0, 400.0, 2000.0)
+    quick_steps: int = 400
+    full_steps: int = 1200
+    sets: int = 6
+    hole: float = 0.002
+    room: float = 0.003
+    agrees: float = 0.005
+    proofs: int = 4
+    shortened: float = 0.02
+
+
+POLICY = SearchPolicy()
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A controller, and what is known of its loop.
+
+    Attributes
+    ----------
+    controller : Controller
+        In scaled units.
+    level : float
+        The largest beta at a set of frequencies.
+    omega : ndarray
+        These frequencies.
+    weights : ndarray
+        Their scalings.
+    """
+
+    controller: Controller
+    level: float
+    omega: Vector
+    weights: Array
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return len(self.controller.A)
+
+
+class Search:
+    """One search.
+
+    Parameters
+    ----------
+    problem : RobustProblem
+    order : int or None
+        Most states of the controller; None for as few as cost next to nothing.
+    budget : Budget
+    """
+
+    def __init__(self, problem: RobustProblem, order: int | None, budget: Budget) -> None:
+        self.problem, self.order, self.budget = problem, order, budget
+        self.scalings = Scalings(problem.structure)
+        self.history: list[dict[str, Any]] = []
+        self.best: Found | None = None
+
+    def run(self) -> Found:
+        """Return the best controller.
+
+        Raises
+        ------
+        SolverError
+            If the first K step finds none, or none of the order asked for is stable.
+        """
+        level, filters = 1.0, unscaled(self.problem)
+        for count in range(POLICY.rounds):
+            try:
+                full = k_step(scaled_plant(self.problem, filters), level, self.budget)
+            except SolverError:
+                if count == 0:
+                    raise
+                break
+            self._tell("K step", full, sum(len(f.poles) for f in filters))
+            before = self.best.level if self.best else np.inf
+            found = self._started(full)
+            if found is None:
+                break
+            found = self._lowered(found, POLICY.quick, POLICY.quick_steps, 1)
+            self._tell("descent", found.controller, level=found.level)
+            if self.best is None or found.level < self.best.level:
+                self.best = found
+            if self.budget.over or not found.level < before * (1 - POLICY.worthwhile):
+                break
+            level = found.level
+            known, M = self._levels(found.controller, self.problem.as_complex, best=True)
+            filters = scalings_of(self.problem, known, M)
+        if self.best is None:
+            raise SolverError("No stable loop was found with so few states.")
+        found = self._lowered(self.best, POLICY.full, POLICY.full_steps, POLICY.sets)
+        self._tell("last descent", found.controller, level=found.level)
+        return found
+
+    def _tell(self, what: str, K: Controller, scalings: int = 0, level: float = np.nan) -> None:
+        entry = {"step": what, "states": len(K.A), "mu": level}
+        self.history.append({**entry, "scaling_states": scalings, "work": self.budget.spent})
+
+    def _levels(self, K: Controller, structure: Structure, best: bool) -> tuple[Levels, AnyArray]:
+        loop = self.problem.loop(K)
+        if loop is None or not loop.stable:
+            raise SolverError("The loop of a controller became unstable.")
+        omega = grid([loop.poles, np.linalg.eigvals(self.problem.matrices.A)])
+        M = LoopResponses.of(loop, omega).M
+        self.budget.spend((len(omega) if best else 1) * step_cost(len(loop.A)))
+        return levels(structure, omega, M, best), M
+
+    def _started(self, full: Controller) -> Found | None:
+        """Shorten a controller; None if no shorter one is stable."""
+        loop = self.problem.loop(full)
+        if loop is None or not loop.stable:
+            return None
+        known, _ = self._levels(full, self.problem.structure, best=False)
+        orders = [self.order] if self.order is not None else range(1, len(full.A) + 1)
+        enough = known.peak * (1 + POLICY.shortened)
+        for order in orders:
+            tried = [(level_with(self.problem, K, known), i, K)
+                     for i, K in enumerate(shorter(self.problem, full, order))]  # fmt: skip
+            if not tried and self.order is not None and self.best is None:
+                other = of_order(self.problem, order, self.budget)
+                tried = [] if other is None else [(np.inf, 0, other)]
+            if not tried:
+                continue
+            level, _, K = min(tried)
+            if self.order is not None or level <= enough:
+                own, _ = self._levels(K, self.problem.structure, best=False)
+                weights = np.array(
+                    [self.scalings.of_weights(f.x, own.space, 1.0) for f in own.found]
+                )
+                return Found(K, own.peak, own.omega, weights)
+        return None
+
+    def _polish(self, found: Found, form: ModalGain) -> Polish:
+        plant = augmented(self.problem.matrices, form.order)
+        loop = self.problem.loop(found.controller)
+        assert loop is not None
+        return Polish(plant, form, self.scalings, found.omega, damping(loop))
+
+    def _lowered(self, found: Found, powers: tuple[float, ...], steps: int, sets: int) -> Found:
+        """Lower the level at the set, and add frequencies where it has risen in between."""
+        for _ in range(sets):
+            form, theta = ModalGain.of(found.controller)
+            polish = self._polish(found, form)
+            state = Polished(theta, found.weights, found.level)
+            state = polish.lower(state, powers, self.budget, steps)
+            loop = polish.loop(state.theta)
+            if loop is None:
+                return found
+            K = unstacked(form.gain(state.theta), form.order)
+            found = replace(found, controller=K, weights=state.weights, level=state.level)
+            high = state.level * (1 + POLICY.hole)
+            more = holes(loop, self.scalings, found.omega, found.weights, high)
+            if not len(more[0]):
+                break
+            found = self._joined(found, *more)
+            powers = powers[-2:]
+        return found
+
+    def _joined(self, found: Found, omega: Vector, weights: Array) -> Found:
+        """Add frequencies to the set."""
+        found = replace(
+            found,
+            omega=np.concatenate([found.omega, omega]),
+            weights=np.vstack([found.weights, weights]),
+        )
+        form, theta = ModalGain.of(found.controller)
+        squares = self._polish(found, form).squares(theta, found.weights)
+        return replace(found, level=float(np.sqrt(max(squares.max(), 0.0))))
+
+    def mended(self, found: Found) -> Found:
+        """Look for frequencies at which a proof needs more than the set, and lower these too."""
+        loop = self.problem.loop(found.controller)
+        if loop is None or self.budget.over:
+            return found
+        space = Space(self.problem.structure, (False,) * len(self.problem.structure.blocks))
+        coverage, model = self.problem.cover(loop, found.level * (1 + POLICY.room))
+        self.budget.spend(len(coverage.intervals) * step_cost(2 * len(loop.A)))
+        self._tell("proof", found.controller, level=coverage.level * model.gain)
+        if not coverage.peaks:
+            return found
+        omega = np.array([model.omega(peak[0]) for peak in coverage.peaks])
+        weights = np.array(
+            [self.scalings.of_weights(p[2].x, space, model.gain) for p in coverage.peaks]
+        )
+        found = self._joined(found, omega, weights)
+        found = self._lowered(found, POLICY.full[1:], POLICY.full_steps, POLICY.sets)
+        self._tell("descent after the proof", found.controller, level=found.level)
+        return found

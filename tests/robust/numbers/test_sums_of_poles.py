@@ -1,0 +1,11 @@
+import numpy as np
+
+from robustpolish.robust.numbers.sums_of_poles import both_sides
+
+
+def test_both_sides():
+    random = np.random.default_rng(0)
+    B, Y = random.standard_normal((4, 2)), random.standard_normal((2, 4))
+    left, right = both_sides(B)
+    np.testing.assert_allclose((left @ Y.ravel()).reshape(4, 4), B @ Y)
+    np.testing.assert_allclose((right @ Y.ravel()).reshape(4, 4), Y.T @ B.T)

@@ -1,0 +1,49 @@
+"""Small polytopes of which something is known."""
+
+import numpy as np
+
+import robustpolish as rp
+from robustpolish.exact import balls
+from robustpolish.long_calls import Budget
+from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
+from robustpolish.synthesis.polytopes.proof import BallLoop
+
+
+def solver():
+    return ProgramSolver("cvxpy", None, Budget(1e6, 120.0), 1e-9)
+
+
+def oscillator(stiffness, damping=0.5):
+    """A mass on a spring, pushed, seen."""
+    matrices = ([[0, 1], [-stiffness, -damping]], [[0], [1.0]], [[1.0, 0]], [[0.0]])
+    return BallLoop(*(balls.ball(np.array(M, float)) for M in matrices))
+
+
+def sampled(gain):
+    matrices = ([[0.5, gain], [-gain, 0.3]], [[0], [1.0]], [[1.0, 0]], [[0.2]])
+    return BallLoop(*(balls.ball(np.array(M, float)) for M in matrices))
+
+
+def held_mass(stiffness, mass=1.0, price=0.3):
+    """A mass on a spring with a force as disturbance and one as control, which has a price."""
+    return rp.GeneralizedPlant.from_matrices(
+        [[0, 1], [-stiffness / mass, -0.1 / mass]],
+        [[0], [1 / mass]],
+        [[0], [1 / mass]],
+        [[1, 0], [0, 0]],
+        [[1, 0]],
+        D12=[[0], [price]],
+    )
+
+
+def two_masses(stiffness):
+    """Two masses joined by a spring; the first is pushed by u, the second by w, and seen."""
+    k = stiffness
+    return rp.GeneralizedPlant.from_matrices(
+        [[0, 0, 1, 0], [0, 0, 0, 1], [-k, k, -0.01, 0], [k, -k, 0, -0.01]],
+        [[0], [0], [0], [1]],
+        [[0], [0], [1], [0]],
+        [[0, 1, 0, 0], [0, 0, 0, 0]],
+        [[0, 1, 0, 0]],
+        D12=[[0], [1]],
+    )

@@ -1,0 +1,91 @@
+"""One gain for all plants of a polytope, judged by machines drawn from it."""
+
+import control
+import numpy as np
+import pytest
+from polytope_examples import held_mass, two_masses
+
+import robustpolish as rp
+
+k = rp.uncertain_real("k", 5.0, range=(1.0, 9.0))
+m = rp.uncertain_real("m", 1.0, percent=50)
+
+
+def uncertain_mass(stiffness, mass):
+    A = [[0, 1], [-stiffness / mass, -0.1 / mass]]
+    return rp.uncertain_system(A, [[0, 0], [1 / mass, 1 / mass]], [[1, 0]], 0)
+
+
+@pytest.mark.parametrize("norm", ["hinf", "h2"])
+def test_no_machine_of_the_box_exceeds_the_bound(norm):
+    design = rp.robust_state_feedback(uncertain_mass(k, m), norm, controls=1, control_weight=0.3)
+    assert design.status == "proven"
+    measure = rp.hinf_norm if norm == "hinf" else rp.h2_norm
+    norms = [float(measure(machine)) for machine in design.loop.sample(40, seed=2)]
+    assert max(norms) <= design.bound
+    # What the inequalities give away: 15 % and 2.7 % here.
+    assert design.bound < (1.2 if norm == "hinf" else 1.04) * max(design.vertex_norms)
+
+
+def test_mixtures_of_a_list_of_plants_keep_the_bound():
+    plants = [two_masses(0.5), two_masses(2.0)]
+    design = rp.robust_state_feedback(plants, "h2")
+    for t in np.linspace(0, 1, 21):
+        mixed = two_masses(0.5 + 1.5 * t).state_feedback_loop(design.gain)
+        assert float(rp.h2_norm(mixed)) <= design.bound
+    assert not design.time_varying
+    assert design.worst_case is None
+
+
+def test_a_common_matrix_bounds_a_spring_that_jumps():
+    plants = [held_mass(1.0), held_mass(9.0)]
+    design = rp.robust_state_feedback(plants, lyapunov="common")
+    assert design.time_varying
+    loops = [p.state_feedback_loop(design.gain) for p in plants]
+    steps = [control.c2d(loop, 0.02) for loop in loops]
+    rng = np.random.default_rng(3)
+    # Energies over 200 s of a force at the slowest and at changing tones, with the spring jumping.
+    for w in (np.ones(10_000), rng.standard_normal(10_000), np.sin(0.02 * np.arange(10_000))):
+        x, energy = np.zeros(2), 0.0
+        for i, value in enumerate(w):
+            step = steps[(i // 40) % 2]
+            z = step.C @ x + step.D[:, 0] * value
+            energy += float(z @ z)
+            x = step.A @ x + step.B[:, 0] * value
+        assert energy <= (design.bound**2) * float(w @ w) * 1.02
+
+
+def test_units_do_not_matter():
+    plain = rp.robust_state_feedback([held_mass(1.0), held_mass(9.0)], "h2")
+    small = [held_mass(1.0), held_mass(9.0)]
+    small = [
+        p.replace(A=p.A * 1e3, B1=p.B1 * 1e3, B2=p.B2 * 1e3) for p in small
+    ]  # a thousand times as fast
+    quick = rp.robust_state_feedback(small, "h2")
+    # Another unit of time changes the rounding of a power of two, and the point where the
+    # search stops by its tolerance.
+    assert quick.bound == pytest.approx(plain.bound * np.sqrt(1e3), rel=2e-2)
+
+
+def test_where_the_box_is_more_than_its_corners_only_the_worst_case_is_believed():
+    mass = uncertain_mass(k + 2 / k, 1.0)
+    design = rp.robust_state_feedback(mass, controls=1, control_weight=0.3)
+    assert design.status == "proven"
+    assert design.bound == design.worst_case.upper
+    assert "mixtures" in design.message
+    only = rp.robust_state_feedback(mass, "h2", controls=1, control_weight=0.3)
+    assert only.status == "vertices only"
+    assert only.bound == np.inf
+
+
+def test_refusals():
+    with pytest.raises(rp.InvalidInputError, match="lyapunov"):
+        rp.robust_state_feedback([held_mass(1.0)], lyapunov="none")
+    direct = held_mass(1.0).replace(D11=[[1.0], [0.0]])
+    with pytest.raises(rp.InvalidInputError, match="H2 norm is infinite"):
+        rp.robust_state_feedback([direct], "h2")
+    b = rp.uncertain_real("b", 0.2, range=(-0.6, 1.0))
+    lag = rp.uncertain_system([[1.0]], [[1.0, b]], [[1.0]], 0)
+    with pytest.raises(rp.SolverError, match=r"For \d+ % of it") as caught:
+        rp.robust_state_feedback(lag, controls=1, control_weight=1.0)
+    assert "scheduled_feedback" in str(caught.value)

@@ -1,0 +1,24 @@
+import numpy as np
+import pytest
+import uncertain_plants
+
+import robustpolish as rp
+from robustpolish.long_calls import Budget
+from robustpolish.synthesis.problem.static_loop import augmented, close_static
+from robustpolish.synthesis.uncertain.d_step import scaled_plant, unscaled
+from robustpolish.synthesis.uncertain.k_step import k_step
+from robustpolish.synthesis.uncertain.problem import RobustProblem, stacked
+from robustpolish.synthesis.uncertain.responses import LoopResponses
+
+
+@pytest.mark.parametrize(("name", "signals"), [("lag", 1), ("two_masses", 1), ("column", 2)])
+def test_norm_is_that_of_output_feedback(name, signals):
+    problem = RobustProblem.of(getattr(uncertain_plants, name)(), signals, signals, 1.0)
+    plant = scaled_plant(problem, unscaled(problem))
+    K = k_step(plant, 1.0, Budget())
+    loop = close_static(augmented(plant, len(K.A)), stacked(K))
+    assert loop.stable
+    omega = np.array([0.0, *np.geomspace(1e-6, 1e6, 600), np.inf])
+    norm = np.linalg.norm(LoopResponses.of(loop, omega).M, 2, axis=(1, 2)).max()
+    design = rp.output_feedback(problem.plant)
+    assert norm <= design.lower_bound * 1.03

@@ -1,0 +1,104 @@
+import control
+import numpy as np
+import pytest
+from uncertain_plants import column, lag, two_masses
+
+import robustpolish as rp
+
+
+def test_lag_is_robust_with_named_signals_and_a_proof():
+    plant = lag()
+    design = rp.robust_output_feedback(plant, "y", "u", gamma=1.5)
+    assert design.status == "robust"
+    assert design.performance.proven
+    assert design.certificate.valid
+    assert design.controller.input_labels == ["y"]
+    assert design.controller.output_labels == ["u"]
+    assert design.mu[0] <= design.mu[1] < 1
+    assert design.worst_case.upper < 1.5
+    for machine in design.plant.sample(5):
+        loop = rp.GeneralizedPlant(machine, 1, 1).closed_loop(design.controller)
+        assert rp.hinf_norm(loop).value <= design.worst_case.upper
+
+
+def test_signals_may_stand_anywhere():
+    plant = lag()
+    moved = plant[["y", "x", "price"], ["u", "push", "noise"]]
+    design = rp.robust_output_feedback(moved, "y", "u", gamma=1.5, order=1)
+    same = rp.robust_output_feedback(plant, 1, 1, gamma=1.5, order=1)
+    assert design.mu == same.mu
+    assert design.order == 1
+
+
+def test_discrete_plants_are_mapped_and_proven_as_they_are():
+    b = rp.uncertain_real("b", 0.1, percent=20)
+    plant = rp.uncertain_system(
+        [[0.99]], [[0.1, 0.0, b]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 0.5], [0, 0.1, 0]],
+        0.1,
+    )  # fmt: skip
+    design = rp.robust_output_feedback(plant, 1, 1, gamma=1.5)
+    assert design.status == "robust"
+    assert design.controller.dt == 0.1
+
+
+def test_uncertainty_that_is_too_large_is_told():
+    b = rp.uncertain_real("b", 1.0, range=(-0.5, 2.5))  # some machines cannot be moved at all
+    plant = rp.uncertain_system(
+        [[0.5]], [[1.0, 0.0, b]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]]
+    )
+    design = rp.robust_output_feedback(plant, 1, 1, gamma=100.0, order=1, effort=0.05)
+    assert design.status == "limited"
+    assert design.margin < 1 / 1.5 + 0.34  # b reaches 0 at two thirds of its way down
+    assert "b = " in design.reason
+
+
+def test_a_mode_that_nothing_moves_is_named():
+    k = rp.uncertain_real("k", 1.0, percent=10)
+    plant = rp.uncertain_system([[-k, 0], [0, 1.0]], [[1, 1], [1, 0]], [[1, 0], [1, 1]])
+    design = rp.robust_output_feedback(plant, 1, 1)
+    assert design.status == "no controller"
+    assert design.controller is None
+    assert design.closed_loop is None
+    assert design.worst_case is None
+    assert "x[1]" in design.reason
+
+
+def test_what_does_not_fit_is_refused():
+    plant = lag()
+    with pytest.raises(rp.InvalidInputError, match="output_feedback"):
+        rp.robust_output_feedback(control.ss(-1, [[1, 1]], [[1], [1]], 0), 1, 1)
+    with pytest.raises(rp.InvalidInputError, match="names among"):
+        rp.robust_output_feedback(plant, "z", "u")
+    with pytest.raises(rp.InvalidInputError, match="disturbances w"):
+        rp.robust_output_feedback(plant, 1, 3)
+    with pytest.raises(rp.InvalidInputError, match="at least one y"):
+        rp.robust_output_feedback(plant, 0, 1)
+    with pytest.raises(rp.InvalidInputError, match="order"):
+        rp.robust_output_feedback(plant, 1, 1, order=-1)
+    with pytest.raises(rp.InvalidInputError, match="gamma"):
+        rp.robust_output_feedback(plant, 1, 1, gamma=0)
+    certain = plant.at({"b": 1.0})
+    with pytest.raises(rp.InvalidInputError, match="UncertainSystem"):
+        rp.robust_output_feedback(certain, 1, 1)
+
+
+@pytest.mark.slow
+def test_two_masses_are_far_better_than_with_the_nominal_design():
+    """Proven for both: the worst machine's gain is less than half of that of the nominal design."""
+    plant = two_masses()
+    nominal = rp.output_feedback(rp.GeneralizedPlant(plant.nominal, 1, 1))
+    worst = rp.worst_case_gain(plant.lft(nominal.controller))
+    design = rp.robust_output_feedback(plant, "measured", "force", gamma=3.0)
+    assert worst.proven
+    assert design.worst_case.proven
+    assert design.status == "robust"
+    assert design.worst_case.upper < 0.7 * worst.lower
+
+
+@pytest.mark.slow
+def test_distillation_column_has_a_proven_mu_below_one_with_twelve_states():
+    design = rp.robust_output_feedback(column(), 2, 2, order=12)
+    assert design.order <= 12
+    assert design.performance.proven
+    assert design.mu[1] <= 1.0
+    assert np.isfinite(design.certificate.achieved)

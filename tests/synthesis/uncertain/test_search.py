@@ -1,0 +1,52 @@
+import numpy as np
+import pytest
+from uncertain_plants import lag
+
+import robustpolish as rp
+from robustpolish.errors import SolverError
+from robustpolish.long_calls import Budget
+from robustpolish.synthesis.uncertain.problem import RobustProblem
+from robustpolish.synthesis.uncertain.search import POLICY, Search
+
+
+@pytest.fixture
+def problem():
+    return RobustProblem.of(lag(), 1, 1, 1.0)
+
+
+def test_search_ends_below_the_first_controller_and_keeps_to_the_order(problem):
+    search = Search(problem, 1, Budget(POLICY.work))
+    found = search.run()
+    assert found.order <= 1
+    levels = [note["mu"] for note in search.history if np.isfinite(note["mu"])]
+    assert found.level <= levels[0]
+    coverage, model = problem.cover(problem.loop(found.controller), found.level)
+    assert coverage.complete
+    assert coverage.level * model.gain <= found.level * (1 + POLICY.agrees)
+
+
+def test_the_same_search_finds_the_same_numbers(problem):
+    one, other = (Search(problem, None, Budget(600.0)).run() for _ in range(2))
+    assert (one.controller.A == other.controller.A).all()
+    assert one.level == other.level
+
+
+def test_frequencies_that_a_proof_needs_join(problem):
+    search = Search(problem, 1, Budget(POLICY.work))
+    found = search.run()
+    few = found.omega > 1.0
+    poor = type(found)(found.controller, 0.5 * found.level, found.omega[few], found.weights[few])
+    mended = search.mended(poor)
+    assert len(mended.omega) > len(poor.omega)
+    assert mended.level > poor.level
+
+
+def test_too_few_states_are_told():
+    # An unstable oscillator that no gain on its position stabilises.
+    k = rp.uncertain_real("k", 1.0, percent=10)
+    plant = rp.uncertain_system(
+        [[0, 1], [-k, 0.1]], [[0, 0, 0], [1, 0, 1]], [[1, 0], [0, 0], [1, 0]],
+        [[0, 0, 0], [0, 0, 1], [0, 1, 0]],
+    )  # fmt: skip
+    with pytest.raises(SolverError, match="few states"):
+        Search(RobustProblem.of(plant, 1, 1, 1.0), 0, Budget(2000.0)).run()
