@@ -67,7 +67,7 @@ def plot_panels(
                 ax.get_legend().remove()
     if closer is not None:
         panels[-1, 1].xaxis.set_major_locator(MaxNLocator(2))
-    _share_prefixes(panels[:, 0], shown)
+    _share_prefixes(list(panels[:, 0]), shown)
     handles, labels = panels[0, 0].get_legend_handles_labels()
     if len(labels) > 1:
         figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 3))

@@ -253,5 +253,5 @@ def _acts_back(effect: Effect) -> bool:
     """Say whether an effect does something that no force or offset from outside could be."""
     kind = effect.definition
     if kind.acts_on_signals:
-        return kind.signal_slope(effect.values) != (1.0, 0.0) or kind.between_samples
+        return kind.signal_slope(effect.values) != (1.0, 0.0) or kind.timing is not None
     return kind.sharp or kind.has_memory or kind.steepness(effect.values, 1.0, 1.0)[:2] != (0, 0)
