@@ -16,6 +16,9 @@ from robustpolish.exact.realisation import Realisation, power_of_two, rescaled, 
 from robustpolish.models.uncertain.system import UncertainSystem
 from robustpolish.robust.structure import DeltaBlock, Structure, structure_of
 
+# Frequencies of this share of the typical rate are rest, but for rounding.
+_AT_REST = 1e-7
+
 
 @dataclass(frozen=True, eq=False)
 class LoopModel:
@@ -92,6 +95,14 @@ class LoopModel:
     def angle(self, x: float) -> float:
         """Return the angle of a frequency of the model."""
         return math.pi / 2 if math.isinf(x) else math.atan(x / self.rate)
+
+    def start(self, x: float) -> tuple[float, bool]:
+        """Return the angle where a search near a frequency begins, and whether it may move.
+
+        What is at rest but for rounding stays there.
+        """
+        moves = x > _AT_REST * self.rate
+        return (self.angle(x) if moves else 0.0), moves
 
     def frequency(self, angle: float) -> float:
         """Return the frequency of the model at an angle, positive."""

@@ -201,12 +201,10 @@ def _from_crossings(loop: LoopModel, known: list[Crossing]) -> Witness | None:
     best: Witness | None = None
     scale = np.ones(loop.structure.shape[1])
     for crossing in known[:_CROSSINGS]:
-        angle = loop.angle(crossing.frequency)
-        moves = crossing.frequency > 1e-7 * loop.rate
+        angle, moves = loop.start(crossing.frequency)
         found = smallest(
-            loop.structure, loop.response, crossing.w, angle if moves else 0.0, moves, scale,
-            crossing.deltas,
-        )  # fmt: skip
+            loop.structure, loop.response, crossing.w, angle, moves, scale, crossing.deltas
+        )
         best = _better(best, found)
     return best
 

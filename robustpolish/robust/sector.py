@@ -16,6 +16,7 @@ from robustpolish.display import Card, Displayed, quantities
 from robustpolish.long_calls import same_bits
 from robustpolish.models.uncertain.system import UncertainSystem
 from robustpolish.robust.performance import worst_case_gain
+from robustpolish.robust.reached import down
 from robustpolish.robust.stability import checked
 from robustpolish.validation import invalid
 
@@ -190,6 +191,4 @@ def _weights(centred: UncertainSystem, half: Vector) -> Vector:
 
 def _inverse(value: float) -> float:
     """Return a reciprocal that is rounded towards 0: what is proven stays proven."""
-    if value == 0:
-        return math.inf
-    return math.nextafter(math.nextafter(1 / value, 0.0), 0.0) if value < math.inf else 0.0
+    return math.inf if value == 0 else down(1 / value)

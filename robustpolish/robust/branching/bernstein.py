@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.arrays import AnyArray, Matrix
+from robustpolish.exact.rational import fraction
 
 Balls = NDArray[np.object_]
 """An array of flint.arb or flint.fmpq; python-flint ships no stubs for them."""
@@ -51,7 +52,7 @@ def from_powers(degree: int, low: float, high: float) -> Any:
     flint.arb_mat, shape (degree + 1, degree + 1)
         To be multiplied from the right with rows of coefficients, the constant one first.
     """
-    a, b = _fraction(low), _fraction(high)
+    a, b = fraction(low), fraction(high)
     rows = []
     for power in range(degree + 1):
         moved = [comb(power, j) * a ** (power - j) * (b - a) ** j for j in range(power + 1)]
@@ -66,11 +67,6 @@ def from_powers(degree: int, low: float, high: float) -> Any:
             ]
         )  # fmt: skip
     return flint.arb_mat(flint.fmpq_mat(rows))
-
-
-def _fraction(value: float) -> Any:
-    numerator, denominator = float(value).as_integer_ratio()
-    return flint.fmpq(numerator, denominator)
 
 
 def along(table: AnyArray, coefficients: AnyArray, axis: int) -> AnyArray:

@@ -7,6 +7,7 @@ and a block of size k that puts one there just if |P| <= k ||N||.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import prod
@@ -116,10 +117,8 @@ class _Closed:
 
     def __init__(self, loop: LoopModel, real: tuple[int, ...], others: list[int]) -> None:
         model, structure = loop.model, loop.structure
-        z = [i for k in real for i in range(*structure.inputs[k].indices(10**9))]
-        w = [i for k in real for i in range(*structure.outputs[k].indices(10**9))]
-        out = [i for k in others for i in range(*structure.inputs[k].indices(10**9))]
-        into = [i for k in others for i in range(*structure.outputs[k].indices(10**9))]
+        z, out = (_places(structure.inputs, blocks) for blocks in (real, others))
+        w, into = (_places(structure.outputs, blocks) for blocks in (real, others))
         self.copies = [structure.blocks[k].copies for k in real]
         A, B, C, D = model.A, model.B, model.C, model.D
         self.A, self.B, self.C = ball(A), ball(B[:, w]), ball(C[z])
@@ -155,3 +154,8 @@ class _Closed:
                 found.append((shifted - P + P * D2[i, j]) * scale)
         n = A.nrows()
         return [[one[power] for power in range(n + 1)] for one in found]
+
+
+def _places(slices: Sequence[slice], blocks: Sequence[int]) -> list[int]:
+    """Return where the signals of some blocks are."""
+    return [i for k in blocks for i in range(slices[k].start, slices[k].stop)]

@@ -45,8 +45,7 @@ def nearby(
     starts = [(w, angle, not ends, tuple(deltas))]
     if len(real) == len(structure.blocks):
         for crossing in crossings(loop, (numbers,)):
-            moves = crossing.frequency > 1e-7 * loop.rate
-            angle = loop.angle(crossing.frequency) if moves else 0.0
+            angle, moves = loop.start(crossing.frequency)
             starts.append((crossing.w, angle, moves, crossing.deltas))
     found = [
         smallest(structure, loop.response, w, at, moves, scale, given, fixed)

@@ -8,7 +8,6 @@ import numpy as np
 
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.exact import balls
-from robustpolish.exact.balls import Ball
 from robustpolish.models import UncertainSystem
 from robustpolish.synthesis.polytopes.proof import BITS, BallLoop
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
@@ -17,17 +16,17 @@ from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
 def state_loop(p: PlantMatrices, F: Matrix) -> BallLoop:
     """Return the loop of u = F x in balls."""
     with balls.precision(BITS):
-        A, B1, B2, gain = (_ball(M) for M in (p.A, p.B1, p.B2, F))
-        C1, D11, D12 = (_ball(M) for M in (p.C1, p.D11, p.D12))
+        A, B1, B2, gain = (balls.ball(M) for M in (p.A, p.B1, p.B2, F))
+        C1, D11, D12 = (balls.ball(M) for M in (p.C1, p.D11, p.D12))
         return BallLoop(A + B2 * gain, B1, C1 + D12 * gain, D11)
 
 
 def output_loop(p: PlantMatrices, K: Controller) -> BallLoop:
     """Return the loop of a dynamic controller in balls, for a plant without D22."""
     with balls.precision(BITS):
-        A, B1, B2, C1, C2 = (_ball(M) for M in (p.A, p.B1, p.B2, p.C1, p.C2))
-        D11, D12, D21 = (_ball(M) for M in (p.D11, p.D12, p.D21))
-        Ak, Bk, Ck, Dk = (_ball(M) for M in K)
+        A, B1, B2, C1, C2 = (balls.ball(M) for M in (p.A, p.B1, p.B2, p.C1, p.C2))
+        D11, D12, D21 = (balls.ball(M) for M in (p.D11, p.D12, p.D21))
+        Ak, Bk, Ck, Dk = (balls.ball(M) for M in K)
         return BallLoop(
             balls.block([[A + B2 * Dk * C2, B2 * Ck], [Bk * C2, Ak]]),
             balls.block([[B1 + B2 * Dk * D21], [Bk * D21]]),
@@ -47,7 +46,3 @@ def uncertain_loop(system: UncertainSystem, nz: int, F: Matrix) -> UncertainSyst
         outputs=(*system.output_labels[:nz], *(f"measured_{name}" for name in one.states)),
     )
     return UncertainSystem(seen).lft(F)
-
-
-def _ball(M: Matrix) -> Ball:
-    return balls.ball(M) if M.size else balls.zeros(*M.shape)

@@ -237,7 +237,7 @@ def _dissipation(
         a, b = tied_weights(question.discrete)
         X = balls.block([[P * a], [P * b], [balls.zeros(nz, n)]])
     else:
-        X = balls.block([[_ball(M)] for M in slack])
+        X = balls.block([[balls.ball(M)] for M in slack])
     none, side, low = balls.zeros(n, n), balls.zeros(n, nz), balls.zeros(nz, n)
     Q = [[P, none], [none, -P]] if question.discrete else [[none, P], [P, -rate]]
     level = balls.identity(nz) * (flint.arb(gamma or 0.0) ** 2)
@@ -249,10 +249,6 @@ def _dissipation(
     if question.tied and not question.discrete:
         return part(M, slice(n, None), slice(n, None))
     return M
-
-
-def _ball(M: Matrix) -> Ball:
-    return balls.ball(M) if M.size else balls.zeros(*M.shape)
 
 
 def _energy(Z: Ball, loop: BallLoop, V: Matrix | None, P: Ball) -> Ball:
