@@ -8,7 +8,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint structure docs linkcheck notebooks figure validation browser bench hidden-effects clean clean-cache
+.PHONY: help demo test test-slow lint structure docs linkcheck notebooks lab figure validation browser bench hidden-effects clean clean-cache
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 18
@@ -48,8 +48,17 @@ linkcheck: $(READY) ## Follow every link of the documentation; needs a network
 	$(BIN)/python docs/list_links.py
 	$(BIN)/sphinx-build -D nb_execution_mode=off -b linkcheck docs docs/_build/linkcheck
 
-notebooks: $(READY) ## Run every notebook in full
+notebooks: $(READY) ## Run every notebook in full and keep its outputs beside its text
 	$(BIN)/python notebooks/run.py
+
+LAB := $(VENV)/.lab
+$(LAB): $(READY)
+	@echo "Installing JupyterLab (once) ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[lab]'
+	@touch $@
+
+lab: $(LAB) ## Open the tutorials in JupyterLab
+	$(BIN)/jupyter lab notebooks
 
 figure: demo ## Refresh the README's figure with what the demo drew
 	cp demo-results/figure.png docs/_static/demo.png
@@ -73,4 +82,4 @@ clean-cache: ## Forget compiled functions
 	find robustpolish tests -name '*.nb?' -delete
 
 clean: clean-cache ## Remove what the other targets made
-	rm -rf $(VENV) demo-results docs/_build docs/api docs/effects docs/notebooks notebooks/executed .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) demo-results docs/_build docs/api docs/effects docs/notebooks .pytest_cache .ruff_cache .import_linter_cache

@@ -38,7 +38,7 @@ extensions = [
     "mathml",
 ]
 templates_path = ["_templates"]
-exclude_patterns = ["_build", "extensions", "*.md.in"]
+exclude_patterns = ["_build", "extensions", "*.md.in", "notebooks/*.ipynb"]
 # A name in single backticks is an argument or a field.
 default_role = "code"
 
@@ -55,7 +55,7 @@ numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
 
 # --- notebooks and text -------------------------------------------------------------------------
-myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist", "fieldlist"]
+myst_enable_extensions = ["attrs_inline", "dollarmath", "amsmath", "colon_fence", "deflist", "fieldlist"]
 myst_heading_anchors = 3
 nb_execution_mode = "cache"
 # Executed notebooks are kept until the package changes: no page shows what older code computed.

@@ -1,29 +1,72 @@
-"""The notebooks of the repository become pages: they are copied beside the other sources."""
+"""The notebooks of the repository become pages, downloads and the list of tutorials.
+
+Their texts are copied beside the other sources, their pairs with outputs for download; each entry
+of the list shows the question that the notebook opens with and the first picture that it draws.
+"""
 
 from __future__ import annotations
 
+import base64
+import re
 import shutil
 from pathlib import Path
 from typing import Any
 
+import nbformat
 from sphinx.application import Sphinx
 from sphinx.config import Config
 
 FOLDER = "notebooks"
+LIST = "list_of_tutorials.txt"  # no source of its own: tutorials.md includes it
+ENTRY = """\
+| [![first picture of {title}]({folder}/{name}.png){{width=180px}}]({folder}/{name}.md) | \
+**[{title}]({folder}/{name}.md)**<br>{question}<br>{{download}}`notebook <{folder}/{name}.ipynb>` |
+"""
 
 
 def _copy(app: Sphinx, config: Config) -> None:
     source, target = Path(app.srcdir).parent / FOLDER, Path(app.srcdir) / FOLDER
     target.mkdir(exist_ok=True)
-    names = {path.name for path in source.glob("*.md")}
-    for old in target.glob("*.md"):
-        if old.name not in names:
+    texts = sorted(source.glob("*.md"))
+    for old in target.iterdir():
+        if old.is_file() and old.stem not in {path.stem for path in texts} and old.name != LIST:
             old.unlink()
-    for name in names:
-        new, page = source / name, target / name
-        # an unchanged page keeps its time, so that Sphinx need not read it again
-        if not page.exists() or page.read_bytes() != new.read_bytes():
-            shutil.copyfile(new, page)
+    entries = ["| | |\n|---|---|\n"]
+    for path in texts:
+        pair = path.with_suffix(".ipynb")
+        _write(target / path.name, path.read_bytes())
+        shutil.copyfile(pair, target / pair.name)
+        picture = _first_picture(pair)
+        if picture:
+            _write(target / f"{path.stem}.png", picture)
+        entries.append(_entry(path))
+    _write(target / LIST, "".join(entries).encode())
+
+
+def _entry(path: Path) -> str:
+    text = path.read_text(encoding="utf-8")
+    title = re.search(r"^# (.+)$", text, re.MULTILINE)
+    question = re.search(r"\*\*Question: (.+?)\*\*", text, re.DOTALL)
+    if title is None or question is None:
+        raise ValueError(f"{path.name} needs a title and a line **Question: ...**")
+    words = " ".join(question[1].split())
+    return ENTRY.format(
+        title=title[1], folder=FOLDER, name=path.stem, question=words[:1].upper() + words[1:]
+    )
+
+
+def _first_picture(pair: Path) -> bytes | None:
+    for cell in nbformat.read(pair, as_version=4).cells:
+        for output in cell.get("outputs", ()):
+            if "image/png" in output.get("data", {}):
+                return base64.b64decode(output["data"]["image/png"])
+    return None
+
+
+def _write(path: Path, content: bytes) -> None:
+    # an unchanged page keeps its time, so that Sphinx need not read it again
+    if not path.exists() or path.read_bytes() != content:
+        path.write_bytes(content)
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

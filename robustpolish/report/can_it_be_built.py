@@ -12,6 +12,7 @@ from robustpolish.closed_loop.limits_of_hardware import BUILDABLE
 from robustpolish.display import Table
 from robustpolish.report.document import Section
 from robustpolish.report.pictures import panels, picture
+from robustpolish.si_prefix import prefix_power, prefixed
 
 
 def can_it_be_built(job: BuildableBrushDesign) -> Section:
@@ -48,10 +49,13 @@ def can_it_be_built(job: BuildableBrushDesign) -> Section:
 def what_reality_costs(job: BuildableBrushDesign) -> Table:
     """Return the table of limits, each relaxed while the others stay."""
     built = next(row for row in job.limits if row.what == BUILDABLE)
+    power = prefix_power(built.deviation)
     rows = tuple(
-        (row.what, row.norm, row.norm / built.norm, row.deviation, row.effort) for row in job.limits
+        (row.what, row.norm, row.norm / built.norm, row.deviation / 10.0**power, row.effort)
+        for row in job.limits
     )
-    head = ("y", "norm [m/N]", "of that as built", "largest deviation [m]", "largest force [N]")
+    deviation = f"largest deviation [{prefixed('m', power)}]"
+    head = ("y", "norm [m/N]", "of that as built", deviation, "largest force [N]")
     caption = "What reality costs: one limit relaxed at a time, designed anew"
     return Table(caption, head, rows)
 

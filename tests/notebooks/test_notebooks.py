@@ -4,6 +4,7 @@ from pathlib import Path
 
 import jupytext
 import nbclient
+import nbformat
 import pytest
 
 NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.md"))
@@ -69,3 +70,29 @@ def test_no_output_is_committed(path):
     assert all(not cell.get("outputs") for cell in notebook.cells)
     assert notebook.metadata["jupytext"]["text_representation"]["format_name"] == "myst"
     assert "../shared" not in path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_the_pair_with_outputs_is_in_step(path):
+    """After a change of the text `make notebooks` has to write its pair again."""
+    pair = nbformat.read(path.with_suffix(".ipynb"), as_version=4)
+    nbformat.validate(pair)
+    text = jupytext.read(path)
+    assert [_kept(cell) for cell in pair.cells] == [_kept(cell) for cell in text.cells]
+    code = [cell for cell in pair.cells if cell.cell_type == "code"]
+    assert [cell.execution_count for cell in code] == list(range(1, len(code) + 1))
+    kinds = {(o.output_type, o.get("name")) for cell in code for o in cell.outputs}
+    assert kinds <= {("display_data", None), ("execute_result", None), ("stream", "stdout")}
+    config = jupytext.config.load_jupytext_config(str(path))
+    again = jupytext.writes(pair, "md:myst", config=config)
+    assert again == path.read_text(encoding="utf-8"), "saving in JupyterLab would change the text"
+
+
+def test_every_pair_has_its_text():
+    assert sorted(path.stem for path in NOTEBOOKS[0].parent.glob("*.ipynb")) == [
+        path.stem for path in NOTEBOOKS
+    ]
+
+
+def _kept(cell):
+    return cell.cell_type, cell.source, cell.metadata.get("tags", [])

@@ -43,8 +43,12 @@ def test_margins_and_the_delay_of_the_ideal_stand_side_by_side(buildable_job):
 
 
 def test_what_reality_costs_is_told_relative_to_what_is_built(buildable_job):
-    rows = {row[0]: row for row in what_reality_costs(buildable_job).rows}
+    table = what_reality_costs(buildable_job)
+    rows = {row[0]: row for row in table.rows}
     assert rows["as it can be built"][2] == 1
+    deviation = {row.what: row.deviation for row in buildable_job.limits}["as it can be built"]
+    assert table.columns[3] == "largest deviation [µm]"
+    assert rows["as it can be built"][3] == pytest.approx(1e6 * deviation)
     built, faster = rows["as it can be built"][1], rows["ten times the sampling"][1]
     assert rows["ten times the sampling"][2] == pytest.approx(faster / built)
     words = can_it_be_built(buildable_job).text[-1]
