@@ -92,6 +92,15 @@ def brush_design_summary(job: BrushDesign) -> dict[str, Any]:
         "controls": job.plant.control_names,
         "states": job.plant.states,
         "load": job.comparison.load,
+        "units": {
+            "deviation": {axis: job.plant.units[axis] for axis in AXES},
+            "improvement_percent": "%",
+            "effort": ", ".join(
+                sorted({job.plant.units[name] for name in job.plant.control_names})
+            ),
+            "controls": {name: job.plant.units[name] for name in job.plant.control_names},
+            "states": {name: job.plant.units.get(name, "") for name in job.plant.states},
+        },
         "rows": [
             {
                 "row": str(row),

@@ -44,6 +44,9 @@ def test_the_summary_is_what_programs_read(job):
     assert [row["row"] for row in found["rows"]] == ["without control", "with control"]
     assert found["rows"][0]["improvement_percent"]["x"] is None  # nothing moved
     assert found["certificate"]["valid"] is True
+    assert found["units"]["deviation"] == {"x": "m", "y": "m", "z": "m"}
+    assert found["units"]["effort"] == "N"
+    assert found["units"]["states"]["dx"] == "m/s"
 
 
 def test_the_files_hold_the_gain_and_the_signals(job, tmp_path):

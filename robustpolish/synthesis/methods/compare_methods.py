@@ -175,7 +175,9 @@ class MethodComparison(Displayed):
         return plot_gain_against_norm(points, ax)
 
     def _card(self) -> Card:
-        return Card("", (Table("", _HEADER, tuple(r.row() for r in self.results), digits=6),))
+        table = Table("", _HEADER, tuple(r.row() for r in self.results), digits=6)
+        why = tuple(f"{r.method}: {r.message}" for r in self.results if r.design is None)
+        return Card("", (table,), why)
 
 
 def compare_methods(

@@ -53,6 +53,7 @@ def test_failures_are_listed_with_their_reason():
     assert {r.status for r in table} == {"infeasible"}
     assert np.isnan(table["riccati"].achieved)
     assert "uncontrollable mode +1" in table["riccati"].message
+    assert f"riccati: {table['riccati'].message}"[:60] in str(table)
     assert not table.plot().lines
 
 
