@@ -98,12 +98,64 @@ def quantities(*rows: tuple[str, Any], caption: str = "", digits: int = 6) -> Ta
     return Table(caption, (), rows, digits)
 
 
+class Worded(float):
+    """A number that brings its own text, and sorts and calculates as a number."""
+
+    text: str
+
+    def __new__(cls, value: float, text: str) -> Worded:
+        """Join a number and its text."""
+        self = super().__new__(cls, value)
+        self.text = text
+        return self
+
+
+def estimate(value: float, error: float) -> tuple[float, float]:
+    """Return a value and its standard error, whose texts end at the error's second digit.
+
+    A value that is larger than its error by more than nine digits keeps ten.
+
+    Examples
+    --------
+    >>> from robustpolish.display import estimate, shown
+    >>> [shown(number) for number in estimate(0.0123456, 0.000234)]
+    ['0.01235', '0.00023']
+    >>> [shown(number) for number in estimate(4123456.0, 123456.0)]
+    ['4.12e+06', '1.2e+05']
+    """
+    if not (math.isfinite(value) and 0 < error < math.inf):
+        return value, error
+    last = math.floor(math.log10(float(f"{error:.1e}"))) - 1
+    first = max(last + 1, math.floor(math.log10(abs(value))) if value else last)
+    if -4 <= first < 6 and -6 <= last <= 0:
+        text, short = f"{value:.{-last}f}", f"{error:.{-last}f}"
+    else:
+        text, short = f"{value:.{min(first - last, 9)}e}", f"{error:.1e}"
+    return Worded(value, text), Worded(error, short)
+
+
+def plus_minus(value: float, error: float, digits: int = 5) -> str:
+    """Return a value and its standard error in a line; the value alone where none is known.
+
+    Examples
+    --------
+    >>> from robustpolish.display import plus_minus
+    >>> plus_minus(9.0312, 0.0418), plus_minus(2.0, math.nan)
+    ('9.031 +- 0.042', '2')
+    """
+    if math.isnan(error):
+        return f"{value:.{digits}g}"
+    return " +- ".join(shown(number, digits) for number in estimate(value, error))
+
+
 def shown(value: Any, digits: int = 4, missing: str = "-") -> str:
     """Return a cell as text: rounded numbers, yes and no, a dash where there is nothing."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return missing
     if isinstance(value, bool):
         return "yes" if value else "no"
+    if isinstance(value, Worded):
+        return value.text
     if isinstance(value, float | complex):
         return f"{value:.{digits}g}"
     if isinstance(value, str):

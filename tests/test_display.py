@@ -1,8 +1,19 @@
 """Results show themselves in one way: aligned text, and an HTML table."""
 
+import math
+
 import pytest
 
-from robustpolish.display import Card, Displayed, Table, as_html, as_text, quantities, shown
+from robustpolish.display import (
+    Card,
+    Displayed,
+    Table,
+    as_html,
+    as_text,
+    estimate,
+    quantities,
+    shown,
+)
 
 
 class Answer(Displayed):
@@ -53,3 +64,28 @@ def test_cells(value, text):
 def test_an_empty_card_shows_its_title():
     assert as_text(Card("Nothing", (Table("", (), ()),))) == "Nothing"
     assert as_html(Card("Nothing")) == "<div><strong>Nothing</strong></div>"
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "texts"),
+    [
+        (12.3456, 0.034, ["12.346", "0.034"]),
+        (12.3456, 0.0996, ["12.35", "0.10"]),  # rounds up to a further place
+        (0.2, 35.4, ["0", "35"]),
+        (123456.7, 89.0, ["123457", "89"]),
+        (123456.7, 891.0, ["1.2346e+05", "8.9e+02"]),
+        (4e6, 1e5, ["4.00e+06", "1.0e+05"]),
+        (-2.345e-7, 1.2e-9, ["-2.345e-07", "1.2e-09"]),
+        (0.0, 1.2e-9, ["0.0e+00", "1.2e-09"]),
+        (1.0, 1e-20, ["1.000000000e+00", "1.0e-20"]),
+    ],
+)
+def test_a_value_ends_where_its_standard_error_does(value, error, texts):
+    cells = estimate(value, error)
+    assert cells == (value, error)
+    assert [shown(cell) for cell in cells] == texts
+
+
+@pytest.mark.parametrize("error", [0.0, math.inf, math.nan])
+def test_a_value_without_a_known_error_stays_as_it_is(error):
+    assert shown(estimate(1.23456789, error)[0]) == "1.235"

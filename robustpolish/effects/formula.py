@@ -17,6 +17,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
 from robustpolish.arrays import Array
+from robustpolish.display import plus_minus
 
 Shape = Callable[[Array, float], Array]
 
@@ -70,7 +71,7 @@ class Formula:
     Examples
     --------
     >>> print(Formula("k3*q**3", {"k3": 4e6}, {"k3": 1e5}, {"k3": "N/m^3"}, 0.01))
-    k3*q**3 with k3 = 4e+06 +- 1e+05 N/m^3
+    k3*q**3 with k3 = 4.00e+06 +- 1.0e+05 N/m^3
     """
 
     expression: str
@@ -82,9 +83,7 @@ class Formula:
     def __str__(self) -> str:
         told = []
         for name, value in self.numbers.items():
-            error = self.stderr[name]
-            shown = f" +- {error:.2g}" if np.isfinite(error) else ""
-            told.append(f"{name} = {value:.4g}{shown} {self.units[name]}")
+            told.append(f"{name} = {plus_minus(value, self.stderr[name], 4)} {self.units[name]}")
         return f"{self.expression} with {', '.join(told)}"
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from robustpolish.display import Card, Displayed, Table
+from robustpolish.display import Card, Displayed, Table, estimate
 from robustpolish.effects import LearnedLaw
 from robustpolish.identification.findings.findings import Findings
 from robustpolish.identification.findings.laws import laws_of
@@ -183,7 +183,7 @@ class Diagnosis(Findings, Displayed):
 
     def _card(self) -> Card:
         found = [
-            (effect.kind, ", ".join(effect.at), name, v.value, v.stderr, v.unit)
+            (effect.kind, ", ".join(effect.at), name, *estimate(v.value, v.stderr), v.unit)
             for effect in self.effects
             for name, v in told_numbers(effect).items()
         ]

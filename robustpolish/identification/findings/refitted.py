@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from robustpolish.display import Card, Displayed, Table
+from robustpolish.display import Card, Displayed, Table, estimate
 from robustpolish.identification.findings.machines import uncertain
 from robustpolish.identification.findings.record_error import (
     RecordError,
@@ -125,7 +125,7 @@ class Refit(Displayed):
     def _card(self) -> Card:
         values = self.model.parameters
         rows = tuple(
-            (key, values[key], error, self.units[key], key not in self.undetermined)
+            (key, *estimate(values[key], error), self.units[key], key not in self.undetermined)
             for key, error in self.stderr.items()
         )
         columns = ("parameter", "value", "standard error", "unit", "determined")

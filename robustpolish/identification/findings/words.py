@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from robustpolish.display import plus_minus
 from robustpolish.effects import Effect, LearnedLaw
 from robustpolish.identification.findings.findings import Findings, FoundEffect, Value
 from robustpolish.identification.findings.laws import laws_of
@@ -50,7 +51,7 @@ def explain(found: Findings) -> str:
         if law is not None:
             lines += [f"   {line}" for line in law.describe().splitlines()]
         for name, v in told_numbers(effect).items():
-            lines.append(f"   {name} = {v.value:.5g} +- {v.stderr:.2g} {v.unit}")
+            lines.append(f"   {name} = {plus_minus(v.value, v.stderr)} {v.unit}")
         lines += [f"   In the residual: {kind.looks_like}"]
         lines += [f"   Check: {check}" for check in kind.checks]
         lines += [f"   See {reference}" for reference in kind.references]

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robustpolish.arrays import AnyArray
-from robustpolish.display import Card, Displayed, Table
+from robustpolish.display import Card, Displayed, Table, plus_minus
 from robustpolish.identification.frequency.measured import (
     FREQUENCY_POLICY,
     FrequencyPolicy,
@@ -377,4 +377,4 @@ def _modes(
 def _with_error(value: float | None, error: float | None, scale: float) -> str | None:
     if value is None or error is None:
         return None
-    return f"{scale * value:.5g} +- {scale * error:.1g}"
+    return plus_minus(scale * value, scale * error)

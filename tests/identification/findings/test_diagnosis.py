@@ -15,7 +15,7 @@ def test_it_shows_what_was_found_and_how_the_error_fell():
     shown = repr(made_up.diagnosis())
     rows = [line.split() for line in shown.splitlines()]
     assert shown.startswith("The model lacked: Coulomb friction at x, ground.")
-    assert ["coulomb_friction", "x,", "ground", "force", "3.1", "0.02", "N"] in rows
+    assert ["coulomb_friction", "x,", "ground", "force", "3.100", "0.020", "N"] in rows
     assert ["refit", "0.31"] in rows
     assert "The effects explain 99 % of the error above the noise." in shown
     assert "Added effects" not in repr(replace(made_up.diagnosis(), effects=()))

@@ -31,7 +31,7 @@ def test_the_words_tell_the_law_and_no_coefficients():
     text = explain(told)
     assert FIFTH in text
     assert "It hardens" in text
-    assert "force = 3.1 +- 0.02 N" in text
+    assert "force = 3.100 +- 0.020 N" in text
     assert "c3 = " not in text
     assert law_of(told, told.effects[0]) is None
     assert "c3" not in str(told)

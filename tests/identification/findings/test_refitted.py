@@ -26,8 +26,8 @@ def refitted(model=None):
 def test_it_shows_values_errors_and_what_the_data_leave_open():
     rows = [line.split() for line in repr(refitted()).splitlines()]
     assert rows[0] == ["Refit"]
-    assert ["dof.x.mass", "2", "0.1", "kg", "yes"] in rows
-    assert ["spring[0].stiffness", "8e+04", "6e+04", "N/m", "no"] in rows
+    assert ["dof.x.mass", "2.00", "0.10", "kg", "yes"] in rows
+    assert ["spring[0].stiffness", "8.0e+04", "6.0e+04", "N/m", "no"] in rows
     assert any(row[0] == "damper[0].damping" and row[-1] == "no" for row in rows)
     assert ["x", "0.0125"] in rows
 

@@ -41,7 +41,7 @@ def test_it_says_what_was_found_why_and_what_to_check():
     for part in (
         "The effects explain 99 % of the error above the noise.",
         "1. Coulomb friction at x, ground",
-        "force = 3.1 +- 0.02 N",
+        "force = 3.100 +- 0.020 N",
         kind.looks_like,
         *(f"Check: {check}" for check in kind.checks),
         *(f"See {reference}" for reference in kind.references),
