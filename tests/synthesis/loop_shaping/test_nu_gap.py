@@ -74,7 +74,9 @@ def test_first_order_plants_in_closed_form():
     assert rp.nu_gap(tf([1.0], [1, 2.0]), tf([1.0], [1, -2.0])) == 1.0
 
 
-@pytest.mark.parametrize("kind", range(30))
+@pytest.mark.parametrize(
+    "kind", [kind if kind < 8 else pytest.param(kind, marks=pytest.mark.slow) for kind in range(30)]
+)
 def test_random_plants_of_unequal_orders_against_grids(kind):
     rng = np.random.default_rng(kind)
     np.random.seed(kind)  # noqa: NPY002, which is what control.rss draws from

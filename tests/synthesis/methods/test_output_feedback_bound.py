@@ -61,7 +61,11 @@ def test_the_norm_does_not_depend_on_the_realisation(make):
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("name", ["AC3", "AC15", "HE1", "HE2", "REA1", "NN2", "ROC6"])
+@pytest.mark.parametrize(
+    "name",
+    ["AC3", "AC15", "HE2", "REA1", "NN2"]
+    + [pytest.param(name, marks=pytest.mark.slow) for name in ("HE1", "ROC6")],
+)
 def test_singular_plants_too(shared, name):
     data = np.load(shared / "data" / "compleib" / "compleib24.npz")
     keys = ("A", "B1", "B", "C1", "C", "D11", "D12", "D21")
