@@ -31,7 +31,7 @@ def _copy(app: Sphinx, config: Config) -> None:
     for old in target.iterdir():
         if old.is_file() and old.stem not in {path.stem for path in texts} and old.name != LIST:
             old.unlink()
-    entries = ["| | |\n|---|---|\n"]
+    entries = ["| what it draws first | what it asks |\n|---|---|\n"]
     for path in texts:
         pair = path.with_suffix(".ipynb")
         _write(target / path.name, path.read_bytes())
