@@ -68,8 +68,9 @@ class Policy:
     followed : tuple of int
         How many runners-up of the first turns are followed where the effects found leave more than
         noise: each costs about as much as the search before it.
-    turnover : float
-        Share of the typical velocity over which a friction turns over, where a fit of it begins.
+    turnovers : tuple of float
+        Shares of the typical velocity over which a friction may turn over, among which a fit of it
+        begins: from a tenth of the true one, or three times it, no slope leads there.
     near_error : float
         Times the error left by the largest that another may leave to be refitted as well: a look at
         free runs without a fit is no sharper.
@@ -110,6 +111,11 @@ class Policy:
         Log of a common factor of masses and springs that is worth naming, and its scatter as a
         share of it: masses and springs do not err by the same factor by chance ("input gain").
 
+    strong_odds : float
+        Log odds that are very strong evidence: 2 ln B of 10 (Kass and Raftery). A gain that the
+        data do not tell from other masses is named from there ("sensor gain", a mass without a
+        sensor).
+
     null_levels : tuple of Level
         Where models are compared as they are, without looking for effects.
     hold_orders, hold_delays, hold_odds : tuple of float, tuple of int, float
@@ -143,6 +149,9 @@ class Policy:
     settled : float
         Relative fall of the cost below which the fit of a stage stops that only the next one begins
         with.
+    nats : float
+        Fall of the log-likelihood below which the last stage of a final fit stops: a standard error
+        is half of one, so that a fit that stops sooner is off by more than it says.
     windows, shortest_window : int
         Number and least length of windows, for models whose long runs judge nothing ("backlash
         between, in motion").
@@ -197,7 +206,7 @@ class Policy:
     most_pairs: int = 3
     most_likely: int = 2
     followed: tuple[int, ...] = (2, 1)
-    turnover: float = 0.1
+    turnovers: tuple[float, ...] = (0.1, 0.03, 0.01, 0.003)
     near_error: float = 1.3
     far: float = 3.0
     alike: tuple[float, float] = (0.003, 0.03)
@@ -220,6 +229,7 @@ class Policy:
     nothing: float = 1e-6
     gain_least: float = 0.1
     gain_spread: float = 0.3
+    strong_odds: float = 5.0
 
     null_levels: tuple[Level, ...] = _levels(1.0, 0.1, 0.01)
     hold_orders: tuple[float, ...] = (0.0, 3.0)
@@ -242,6 +252,7 @@ class Policy:
     swings: float = 1.5
     growth: int = 4
     settled: float = 0.03
+    nats: float = 0.05
     windows: int = 25
     shortest_window: int = 60
     long_record: int = 4000
@@ -261,7 +272,7 @@ class Policy:
 
     @property
     def together(self) -> float:
-        """Share by which the outputs together have to fall: half of what one of them has to."""
+        """Share by which the product of all errors has to fall: half of what one of them has to."""
         return self.visible_fall / 2
 
     @property
@@ -277,6 +288,10 @@ class Policy:
     def steps(self, samples: int) -> int:
         """Return the most steps of a stage: short records can afford more."""
         return self.many_steps if samples < self.long_record else self.few_steps
+
+    def follows(self, errors: int) -> float:
+        """Return the relative fall of the cost, half the number of errors, that is `nats`."""
+        return 2 * self.nats / errors
 
     def window(self, samples: int) -> int:
         """Return the samples of a window, for models whose long runs judge nothing."""

@@ -14,12 +14,12 @@ from .judge import judge, marks
 
 def run_case(case):
     """Return one row, plain data: outcome, numbers, errors and processor time."""
-    (data, _), (unseen, noise) = records(case)
+    (data, seen_noise), (unseen, noise) = records(case)
     row = empty_row(case)
     began = time.process_time()
     try:
         diagnosis = diagnose(model_of(case), data)
-        row |= told(case, data, noise, diagnosis)
+        row |= told(case, data, seen_noise, diagnosis)
         errors = compare(diagnosis.model, unseen).outputs
         row["ratio"] = float(np.max([errors[name].rmse / noise[name] for name in noise]))
     except Exception as error:  # a failure is a result of the case

@@ -2,6 +2,8 @@
 
 import json
 
+import pytest
+
 from tests.hidden_effects import rows
 from tests.hidden_effects.cases import Case, one, records
 from tests.hidden_effects.made_up import diagnosis_of, found
@@ -23,6 +25,17 @@ def test_what_is_told_of_a_case_is_plain():
     assert row["alike"] == "cubic_stiffness at x, ground / backlash at x, ground"
     assert row["numbers"] == [["cubic_stiffness.stiffness", 4e6, 4.1e6, 4.1e4]]
     assert (row["exact"], row["missed"], row["wrong"], row["named"]) == (1, 0, [], 1)
+
+
+def test_stated_noise_is_judged_by_the_record_that_was_diagnosed(monkeypatch):
+    """Other forces move the machine further in the other record, and noise is a share of that."""
+    (_, seen), (_, unseen) = records(CASE)
+    assert seen["x"] != unseen["x"]
+    (data, _), _ = records(CASE)
+    floor = seen["x"] / float(data["x"].std())
+    said = diagnosis_of(CASE, [], noise_floor={"x": floor})
+    monkeypatch.setattr(rows, "diagnose", lambda model, data: said)
+    assert run_case(CASE)["floors"]["x"] == pytest.approx(1.0)
 
 
 def test_a_failure_is_a_result(monkeypatch):

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from robustpolish.effects import Effect
 from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of
-from robustpolish.identification.discover.judge import chosen, judgement, objection, together
+from robustpolish.identification.discover.judge import (
+    chosen,
+    judgement,
+    objection,
+    together,
+    tolerance,
+)
 from robustpolish.identification.discover.passed_over import passed_over
 from robustpolish.identification.discover.reconsider import rounded_friction
 from robustpolish.identification.discover.search import RefittedEffect, Search, Turn
+from robustpolish.identification.fit.homotopy import JudgedFit
+from robustpolish.identification.screening.candidates import places
 from robustpolish.identification.screening.filtered import null_score
-from robustpolish.identification.screening.screen import screen
+from robustpolish.identification.screening.screen import ScreenedEffect, screen
 from robustpolish.models.mechanical import MechanicalModel
 
 
@@ -71,8 +82,8 @@ def _instead(
         return []
     effect, policy, prepared = earned[0].effect, search.policy, search.prepared
     candidates = found.elsewhere(effect, policy.near_error)[: policy.most_elsewhere]
-    # at the floor nothing is left that another kind could explain
-    if effect.definition.family and not search.at_floor(earned[0].fitted):
+    # within a family less than a visible fall tells kinds apart, if anything but noise is left
+    if effect.definition.family and _more_than_noise(earned[0].fitted, search):
         candidates += rivals_of(effect, search.stage.fit, prepared, search.screening)
     done = {item.screened.place for item in refits}.union(search.barred)
     tried = []
@@ -84,6 +95,18 @@ def _instead(
                 tried.append(RefittedEffect(candidate, fitted))
     here = [item for item in [*refits, *tried] if item.effect.at == effect.at]
     return tried + rounded_friction(here, start, search)
+
+
+def _more_than_noise(fitted: JudgedFit, search: Search) -> bool:
+    """Return whether a fit leaves so much more than noise that two kinds could differ by it.
+
+    Far above white noise it does: what is left of the wrong kind may itself look like noise with a
+    colour.
+    """
+    if not search.at_floor(fitted):
+        return True
+    floor = search.floor_beside(fitted.model, fitted.reproducible)
+    return bool(np.any(fitted.error > (1 + tolerance(search)) * floor))
 
 
 def _refits(search: Search, start: MechanicalModel, found: Hopeful) -> list[RefittedEffect]:
@@ -101,7 +124,37 @@ def _refits(search: Search, start: MechanicalModel, found: Hopeful) -> list[Refi
         fitted = search.fitted_with(start, candidate.effect)
         if fitted is not None:
             refits.append(RefittedEffect(candidate, fitted))
-    return refits
+    return refits + _moved(refits, start, search)
+
+
+def _moved(
+    refits: Sequence[RefittedEffect], start: MechanicalModel, search: Search
+) -> list[RefittedEffect]:
+    """Refit what swings by itself, and would earn its place, at all other places.
+
+    Near a mode of the machine it splits that in two. No motion that a model shows without it has
+    both, so that a look along such a motion does not tell where it is.
+    """
+    tried: list[RefittedEffect] = []
+    if any(search.at_floor(item.fitted) for item in refits):
+        return tried
+    done = {item.screened.place for item in refits}.union(search.barred)
+    for item in refits:
+        kind = item.effect.definition
+        swings = kind.domain == "dof" and kind.states
+        if not swings or objection(search.stage, item.fitted, search.prepared):
+            continue
+        values = item.fitted.model.effects[-1].values
+        for at in places(start, kind):
+            if (kind.kind, at) in done:
+                continue
+            effect = Effect(kind.kind, at, values)
+            search.say(f"refit with {effect} instead")
+            fitted = search.fitted_with(start, effect)
+            if fitted is not None:
+                tried.append(RefittedEffect(ScreenedEffect(effect, 0.0, 0.0), fitted))
+            done.add((kind.kind, at))
+    return tried
 
 
 def _starts(search: Search) -> list[MechanicalModel]:

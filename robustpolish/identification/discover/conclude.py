@@ -74,7 +74,9 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
             wrong_name = wrong_name or "No effect of the catalogue makes the error fall visibly."
     crowded = _crowded(final.model, len(reference.effects))
     if above and (wrong_name or crowded or not added):
-        learned = _unknown_law(search, floor)
+        # whatever several named forces are, a surface is too: it takes their place if they fail
+        failed = wrong_name is not None or verdict.word != "missing_effect"
+        learned = _unknown_law(search, floor, surfaces=failed)
         if learned is not None:
             final, error = learned.final, _whole_error(learned.model, search, calm)
             errors = [base, refitted, error]
@@ -134,13 +136,16 @@ def _gently(search: Search, final: Fit, error: Array, calm: bool) -> tuple[Fit, 
         effect = final.model.effects[at]
         if not effect.definition.turns_over or turns_over_gently(effect):
             continue
-        gentle = gently(effect, final.model, search)
+        gentle = gently(final.model, at, search)
         if gentle is None:
             continue
         effects = final.model.effects
         model = replace(final.model, effects=(*effects[:at], gentle, *effects[at + 1 :]))
         spans = prepared.spans(pieces)[-1:]
-        for fitted in homotopy(model, prepared, pieces, reference, spans, prepared.steps):
+        last = search.policy.follows(prepared.record.Y.size)
+        for fitted in homotopy(
+            model, prepared, pieces, reference, spans, prepared.steps, last=last
+        ):
             left = _whole_error(fitted.model, search, calm)
             odds = prepared.record.samples * float(np.sum(np.log(error / left)))
             if odds > search.policy.least_odds and knows_turn(fitted, at, search):
@@ -177,12 +182,12 @@ def _back_to_own_numbers(search: Search) -> None:
     search.confusions.clear()
 
 
-def _unknown_law(search: Search, floor: Array) -> Learned | None:
+def _unknown_law(search: Search, floor: Array, surfaces: bool) -> Learned | None:
     """Return a law that no catalogue holds, in place of all that was added, if it explains all."""
     search.say("a law that no catalogue holds")
     scales = replace(search.prepared.scales, noise=floor)
     prepared = replace(search.prepared, scales=scales)
-    learned = learn(search.linear.model, prepared, search.reference)
+    learned = learn(search.linear.model, prepared, search.reference, surfaces)
     if learned is None or not learned.explains:
         return None
     _back_to_own_numbers(search)
@@ -249,7 +254,10 @@ def _final_fit(search: Search, stage: JudgedFit, calm: bool) -> tuple[Fit, Array
     before = _whole_error(stage.model, search, calm)
     if calm and np.all(before < search.policy.lost * stage.error):
         spans = spans[-2:]  # what follows the whole record already is not lost on long windows
-    fits = homotopy(stage.model, prepared, pieces, search.reference, spans, prepared.steps)
+    last = search.policy.follows(prepared.record.Y.size)
+    fits = homotopy(
+        stage.model, prepared, pieces, search.reference, spans, prepared.steps, last=last
+    )
     if not fits:
         return stage.fit, before
     error = _whole_error(fits[-1].model, search, calm)

@@ -9,7 +9,11 @@ from typing import Any
 from robustpolish.identification.discover.add_one import add_one
 from robustpolish.identification.discover.conclude import conclude
 from robustpolish.identification.discover.dampings import settle_damping
-from robustpolish.identification.discover.own_numbers import refit_own, with_holds
+from robustpolish.identification.discover.own_numbers import (
+    refit_own,
+    with_holds,
+    with_other_holds,
+)
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.discover.second_look import second_look
 from robustpolish.identification.discover.warned import warned
@@ -100,10 +104,11 @@ def _diagnose(
     held = model if fewer.thinned else with_holds(model, prepared)
 
     anew: dict[tuple[object, ...], Search] = {}
+    settled = False
 
     def grown(search: Search) -> Search:
         while search.added < policy.most_effects and add_one(search):
-            late = None if fewer.thinned else _late_holds(search)
+            late = None if settled or fewer.thinned else _late_holds(search)
             if late is not None:
                 holds = tuple((hold.kind, hold.at) for hold in late.effects)
                 if holds not in anew:
@@ -111,7 +116,17 @@ def _diagnose(
                 return anew[holds].copy()
         return search
 
-    search = second_look(grown(_begun(model, held, prepared, say)), grown)
+    search = grown(_begun(model, held, prepared, say))
+    told = any(effect.kind == "input_hold" for effect in model.effects)
+    if search.added and not (told or fewer.thinned):
+        say("how inputs act between their samples, beside what was found")
+        # where more than noise is left, likelihood believes whatever bends to that
+        fall = 0.0 if search.noise_alone(policy.shape_above) else policy.visible_fall
+        other = with_other_holds(search.stage.model, search.reference, prepared, fall)
+        if other is not None:
+            settled = True
+            search = grown(_begun(model, other, prepared, say))
+    search = second_look(search, grown)
     # only now: as long as something is missing, a fit bends masses and springs alike
     add_wrong_gains(search)
     search = settle_damping(search)

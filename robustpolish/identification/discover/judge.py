@@ -73,7 +73,8 @@ def objection(
     fall = falls(before, after)
     if not visibly_less(before, after, policy):
         return f"the held-out error falls by {100 * max(float(np.max(fall)), 0):.0f} % only"
-    if np.mean(np.log(1 - fall)) > np.log(1 - policy.together):
+    # likelihoods add up: an output that sees nothing of an effect says nothing against it
+    if np.sum(np.log(1 - fall)) > np.log(1 - policy.together):
         return "one output gains what another loses"
     index = place % len(after.model.effects)
     effect = after.model.effects[index]
@@ -194,6 +195,25 @@ def tolerance(search: Search) -> float:
     return search.policy.same(sum(p.record.samples for p in search.prepared.held_out))
 
 
+def advantage(item: RefittedEffect, numbers: int, search: Search) -> float:
+    """Return the log of the error by which a kind has to beat another of its family.
+
+    Far above the noise something else is missing too, and a kind with more parameters bends itself
+    to that: there its error has to be visibly lower.
+
+    Parameters
+    ----------
+    item : RefittedEffect
+    numbers : int
+        Of the other kind.
+    search : Search
+    """
+    far = np.all(item.fitted.error >= search.policy.far * search.prepared.scales.noise)
+    if far and item.size > numbers:
+        return -float(np.log(1 - search.policy.visible_fall))
+    return tolerance(search)
+
+
 def _in_turn(ranked: Sequence[RefittedEffect], search: Search) -> list[RefittedEffect]:
     """Return the candidates by error; among equals the one with the fewest parameters first."""
     if not ranked:
@@ -213,22 +233,16 @@ def _in_turn(ranked: Sequence[RefittedEffect], search: Search) -> list[RefittedE
 
 
 def _simpler_first(ordered: list[RefittedEffect], search: Search) -> list[RefittedEffect]:
-    """Put a simpler kind of the same family ahead if the first is not visibly better.
-
-    Far above the noise something else is missing too, and a kind with more parameters bends itself
-    to that.
-    """
-    best, policy = ordered[0], search.policy
-    if np.any(best.fitted.error < policy.far * search.prepared.scales.noise):
-        return ordered
-    limit = judgement(best.fitted, ordered) - np.log(1 - policy.visible_fall)
+    """Put a simpler kind of the same family ahead if the first is not better enough."""
+    best = ordered[0]
+    error = judgement(best.fitted, ordered)
     simpler = [
         item
         for item in ordered
         if rivals(item.effect.definition, best.effect.definition)
         and item.effect.at == best.effect.at
         and item.size < best.size
-        and judgement(item.fitted, ordered) < limit
+        and judgement(item.fitted, ordered) < error + advantage(best, item.size, search)
     ]
     if not simpler:
         return ordered

@@ -7,17 +7,21 @@ every model. Then its own numbers.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from robustpolish.effects import Effect
 from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy, judged
+from robustpolish.identification.fit.least_squares import Fit, inflation
 from robustpolish.identification.fit.parameters import chain_keys, connected, driving
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.screening.filtered import null_score
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import FORCE
 
+_HOLD = "input_hold"
 _LINEAR = 1.0
 # Samples of a window that still tells a curvature from a slope.
 _SHORTEST = 8
@@ -31,14 +35,10 @@ def with_holds(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalMo
     """
     policy = prepared.policy
     names = [i.name for i in model.inputs if i.imposes is None]
-    if not names or any(e.kind == "input_hold" for e in model.effects):
+    if not names or any(e.kind == _HOLD for e in model.effects):
         return model
-    tried = {_LINEAR: model}
-    for order in policy.hold_orders:
-        held = model
-        for name in names:
-            held = held.with_effect("input_hold", (name,), {"order": order})
-        tried[order] = held
+    orders = (_LINEAR, *policy.hold_orders)
+    tried = {o: replace(model, effects=(*model.effects, *_holds(names, o))) for o in orders}
     scores = {order: null_score(candidate, prepared) for order, candidate in tried.items()}
     best = min(scores, key=lambda order: scores[order])
     if scores[_LINEAR] - scores[best] <= 2 * policy.hold_odds:
@@ -55,6 +55,72 @@ def _late(model: MechanicalModel, names: list[str], prepared: PreparedRecord) ->
         for name in names
         for delay in (n * prepared.record.dt for n in prepared.policy.hold_delays)
     )
+
+
+def with_other_holds(
+    model: MechanicalModel,
+    reference: MechanicalModel,
+    prepared: PreparedRecord,
+    fall: float = 0.0,
+) -> MechanicalModel | None:
+    """Return the reference with other holds, if runs beside the effects that were found ask for it.
+
+    What is missing from a model may look like a hold that is none, or hide one, and a delay takes
+    the half sample for its own by which a held input lags. So the model is fitted with each hold,
+    and its delays less what the hold is late; the likelihood decides.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+        With the effects that were found.
+    reference : MechanicalModel
+        Without, with the holds that were taken for its inputs.
+    prepared : PreparedRecord
+    fall : float, optional
+        Share by which the error of an output has to fall besides.
+    """
+    names = [i.name for i in model.inputs if i.imposes is None]
+    orders = {e.values["order"] for e in reference.effects if e.kind == _HOLD} or {_LINEAR}
+    if not names or len(orders) > 1:
+        return None
+    (order_now,) = orders
+    bare = [e for e in reference.effects if e.kind != _HOLD]
+    fitted = [e for e in model.effects[: len(reference.effects)] if e.kind != _HOLD]
+    added = model.effects[len(reference.effects) :]
+    spans = prepared.spans(prepared.trial)[-1:]
+    held: dict[float, MechanicalModel] = {}
+    left: dict[float, Fit] = {}
+    for order in sorted({order_now, _LINEAR, *prepared.policy.hold_orders}):
+        holds = _holds(names, order)
+        held[order] = replace(reference, effects=(*bare, *holds))
+        later = 0.5 * prepared.record.dt * ((order == 0.0) - (order_now == 0.0))
+        tried = replace(model, effects=(*fitted, *holds, *(_sooner(e, later) for e in added)))
+        fits = homotopy(tried, prepared, prepared.trial, held[order], spans)
+        if fits:
+            left[order] = fits[-1]
+    if order_now not in left:
+        return None
+    now = left[order_now]
+    best = min(left, key=lambda order: float(np.sum(np.log(left[order].rmse))))
+    falls = np.log(now.rmse / left[best].rmse)
+    # coloured errors tell less
+    told = np.array([len(now.errors) / inflation(error) for error in now.errors.T])
+    odds = float(np.sum(told * falls))
+    believed = odds > prepared.policy.hold_odds and np.max(falls) >= -np.log(1 - fall)
+    return held[best] if believed else None
+
+
+def _sooner(effect: Effect, by: float) -> Effect:
+    """Return a delay less what a hold has of it; other effects as they are."""
+    if effect.kind != "input_delay":
+        return effect
+    delay = max(effect.values["delay"] - by, 0.0)
+    return effect.with_values({**effect.parameters, "delay": delay})
+
+
+def _holds(names: list[str], order: float) -> list[Effect]:
+    """Return the holds of inputs; a linear one is none."""
+    return [Effect(_HOLD, (n,), {"order": order}) for n in names] if order != _LINEAR else []
 
 
 class OwnNumbers(NamedTuple):

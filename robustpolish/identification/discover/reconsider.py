@@ -14,16 +14,18 @@ import numpy as np
 from robustpolish.effects import CONSTANT, Effect, kinds
 from robustpolish.identification.discover.hopeful import rivals_of
 from robustpolish.identification.discover.judge import (
+    advantage,
     judgement,
     objection,
     tolerance,
     visibly_less,
 )
-from robustpolish.identification.discover.search import RefittedEffect, Search
+from robustpolish.identification.discover.search import RefittedEffect, Search, numbers_of
 from robustpolish.identification.findings.confused import confused
-from robustpolish.identification.fit.homotopy import JudgedFit
+from robustpolish.identification.fit.homotopy import JudgedFit, free_rms
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import turns_over_gently
+from robustpolish.identification.fit.reordered import reordered
 from robustpolish.identification.screening.candidates import places, rivals
 from robustpolish.identification.screening.screen import ScreenedEffect
 from robustpolish.models.mechanical import MechanicalModel
@@ -67,9 +69,8 @@ def renamed(search: Search) -> Search:
         ranked = sorted(others, key=lambda item: judgement(item.fitted, others))
         for item in ranked:
             apart = judgement(item.fitted, ranked) - judgement(search.stage, ranked)
-            if apart < -tolerance(search) and not objection(
-                search.linear, item.fitted, search.prepared
-            ):
+            enough = advantage(item, numbers_of(effect), search)
+            if apart < -enough and not objection(search.linear, item.fitted, search.prepared):
                 search = search.copy()
                 search.stage = item.fitted
                 break
@@ -139,7 +140,8 @@ def still_alike(search: Search) -> Search:
     first = len(search.reference.effects)
     here = [(effect.kind, effect.at) for effect in search.stage.model.effects]
     kept = []
-    for pair in search.confusions:
+    once = {(p.first.kind, p.first.at, p.second.kind, p.second.at): p for p in search.confusions}
+    for pair in once.values():
         one, other = ((effect.kind, effect.at) for effect in (pair.first, pair.second))
         if one not in here[first:] or other in here[first:]:
             continue
@@ -168,8 +170,8 @@ def rounded_friction(
     Returns
     -------
     list of RefittedEffect
-        None where a jump leaves noise alone. The one with the fewest numbers comes first: where
-        the data leave its speed open, or it leaves no less than a jump, the others are not asked.
+        None where a jump leaves noise alone. The one with the fewest numbers comes first; where it
+        leaves noise alone, the others are not asked.
     """
     dry = [item for item in refits if item.effect.definition.turns_over]
     jumps = [item for item in dry if not turns_over_gently(item.effect)]
@@ -180,17 +182,17 @@ def rounded_friction(
     for item in sorted(jumps, key=lambda item: len(item.effect.values)):
         rounded = _rounded(item, start, search)
         if rounded is None:
-            break
+            continue
         found.append(rounded)
-        gained = judgement(item.fitted, [rounded.fitted]) - judgement(rounded.fitted, [item.fitted])
-        if gained < tolerance(search):
+        if np.all(rounded.fitted.error < least):
             break
     return found
 
 
 def _rounded(jump: RefittedEffect, start: MechanicalModel, search: Search) -> RefittedEffect | None:
     """Return a friction fitted with the speed of its turn, None if the data leave that open."""
-    gentle = gently(jump.fitted.model.effects[-1], start, search)
+    jumping = jump.fitted.model
+    gentle = gently(jumping, len(jumping.effects) - 1, search)
     if gentle is None:
         return None
     fitted = search.fitted_with(start, gentle)
@@ -199,23 +201,38 @@ def _rounded(jump: RefittedEffect, start: MechanicalModel, search: Search) -> Re
     return RefittedEffect(replace(jump.screened, effect=gentle), fitted)
 
 
-def gently(effect: Effect, model: MechanicalModel, search: Search) -> Effect | None:
+def gently(model: MechanicalModel, at: int, search: Search) -> Effect | None:
     """Return a dry friction that turns over within some speed, None if nothing moves there.
+
+    Where the turn is far wider than the true one, the other numbers are bent by it, and where it is
+    far sharper, it makes no difference: from neither do slopes lead to the true one. So a ladder of
+    speeds is run through first, all other numbers held.
 
     Parameters
     ----------
-    effect : Effect
     model : MechanicalModel
-        Of the motion.
+        With the friction as it was fitted as a jump.
+    at : int
+        Where it stands among the effects.
     search : Search
     """
-    motion = search.prepared.motion(model, search.prepared.screened)
+    policy, prepared, effects = search.policy, search.prepared, model.effects
+    effect = effects[at]
+    motion = prepared.motion(model, prepared.screened)
     speed = float(np.sqrt(np.mean((port_rows(model, effect) @ motion.v)[0] ** 2)))
     if not speed > 0:
         return None
     search.say(f"refit with {effect} that turns over gently")
     name = effect.definition.turns_over
-    return effect.with_values({**effect.parameters, name: search.policy.turnover * speed})
+    tried = [
+        effect.with_values({**effect.parameters, name: share * speed}) for share in policy.turnovers
+    ]
+
+    def left(gentle: Effect) -> float:
+        turned = replace(model, effects=(*effects[:at], gentle, *effects[at + 1 :]))
+        return float(np.mean(np.log(free_rms(turned, prepared, prepared.windows)[0])))
+
+    return min(tried, key=left)
 
 
 def knows_turn(fitted: Fit, index: int, search: Search) -> bool:
@@ -228,17 +245,36 @@ def knows_turn(fitted: Fit, index: int, search: Search) -> bool:
 
 
 def retold(search: Search) -> Search:
-    """Return the search with the steps that lead to the effects it has now, one after the other."""
-    if search.steps[-1][1] is search.stage.model:
-        return search
-    effects = search.stage.model.effects[len(search.reference.effects) :]
+    """Return the search with the steps that lead to the effects it has now, one after the other.
+
+    What makes the error fall most comes first, as if they had been found one by one.
+    """
+    effects, known = search.stage.model.effects, len(search.reference.effects)
+    order, left = list(range(known)), list(range(known, len(effects)))
     steps = search.steps[:2]
-    for k in range(1, len(effects)):
-        fitted = search.fitted_with(search.linear.model, *effects[:k])
-        steps.append((effects[k - 1].kind, (fitted or search.stage).model))
-    if effects:
-        steps.append((effects[-1].kind, search.stage.model))
-    return replace(search, steps=steps)
+    while left:
+        model = None if len(left) == 1 else _next(order[known:], left, search)
+        order.append(left.pop(0))
+        steps.append((effects[order[-1]].kind, model or search.stage.model))
+    fitted = reordered(search.stage.fit, order)
+    steps[-1] = (steps[-1][0], fitted.model)
+    return replace(search, stage=replace(search.stage, fit=fitted), steps=steps)
+
+
+def _next(told: Sequence[int], left: list[int], search: Search) -> MechanicalModel | None:
+    """Move the effect that comes after those told to the front; return a model fitted with them.
+
+    None if no fit ended well.
+    """
+    effects = search.stage.model.effects
+    before = [effects[i] for i in told]
+    fits = {i: search.fitted_with(search.linear.model, *before, effects[i]) for i in left}
+    good = {i: fitted for i, fitted in fits.items() if fitted is not None}
+    if not good:
+        return None
+    best = min(good, key=lambda i: judgement(good[i], list(good.values())))
+    left.insert(0, left.pop(left.index(best)))
+    return good[best].model
 
 
 def _as_good(without: JudgedFit, search: Search) -> bool:

@@ -103,7 +103,10 @@ def refit(
     started = _with_start_values(model, prepared)
     spans = prepared.spans(prepared.everything)
     with working("Refitting"):
-        fits = homotopy(started, prepared, prepared.everything, model, spans, progress=progress)
+        last = _policy.follows(prepared.record.Y.size)
+        fits = homotopy(
+            started, prepared, prepared.everything, model, spans, progress=progress, last=last
+        )
         best = _no_worse(fits[-2:][::-1], [model, started], prepared)
         found = _summarised(best, prepared)
         records = record_errors(found.model, free_runs(found.model, fewer.record))

@@ -20,6 +20,12 @@ from robustpolish.identification.screening.screen import ScreenedEffect, Screeni
 from robustpolish.models.mechanical import MechanicalModel
 
 
+def numbers_of(effect: Effect) -> int:
+    """Return how many numbers of an effect that was found are fitted."""
+    own = sum(p.fitted for p in effect.definition.parameters)
+    return own + turns_over_gently(effect)
+
+
 @dataclass(frozen=True, eq=False)
 class RefittedEffect:
     """A screened effect, and the model with it, fitted and judged."""
@@ -35,8 +41,7 @@ class RefittedEffect:
     @property
     def size(self) -> int:
         """Number of its fitted parameters."""
-        own = sum(p.fitted for p in self.effect.definition.parameters)
-        return own + turns_over_gently(self.effect)
+        return numbers_of(self.effect)
 
     @property
     def constant(self) -> bool:
@@ -111,6 +116,14 @@ class Search:
     def at_floor(self, stage: JudgedFit) -> bool:
         """Return whether not even the noise alone would make the error fall visibly."""
         return bool(np.all(stage.error < self.policy.at_floor * self.prepared.scales.noise))
+
+    def noise_alone(self, times: float) -> bool:
+        """Return whether the model leaves noise alone, white or of the colour that it shows."""
+        stage = self.stage
+        if self.at_floor(stage):
+            return True
+        floor = self.floor_beside(stage.model, stage.reproducible)
+        return bool(np.all(stage.error < times * floor))
 
     def floor_beside(self, model: MechanicalModel, calm: bool) -> Array:
         """Return the noise of each output that the errors of a fitted model show, shape (ny,).

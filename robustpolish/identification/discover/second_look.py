@@ -33,16 +33,18 @@ def second_look(search: Search, grow: Callable[[Search], Search]) -> Search:
     grow : callable
         Goes on with a search until nothing more earns its place.
     """
+    first = search.stage
     search = without_the_needless(search)
     for turn, item in _runners_up(search):
-        if _noise_alone(search, search.policy.at_floor):
+        if search.noise_alone(search.policy.at_floor):
             break
         instead = f" in place of {turn.added[0].effect}" if turn.added else ", to see what follows"
         search.say(f"{item.effect}{instead}")
         other = turn.before.copy()
         other.accept([item])
         search = _better(search, without_the_needless(grow(other), last=not turn.added))
-    return retold(still_alike(renamed(_each_taken_out(search, grow))))
+    search = still_alike(renamed(_each_taken_out(search, grow)))
+    return search if search.stage is first else retold(search)
 
 
 def _each_taken_out(search: Search, grow: Callable[[Search], Search]) -> Search:
@@ -53,7 +55,7 @@ def _each_taken_out(search: Search, grow: Callable[[Search], Search]) -> Search:
     places = [(e.kind, e.at) for e in search.stage.model.effects[len(search.reference.effects) :]]
     for place in places:
         there = [(e.kind, e.at) for e in search.stage.model.effects]
-        if place not in there or len(places) < 2 or _noise_alone(search, search.policy.shape_above):
+        if place not in there or len(places) < 2 or search.noise_alone(search.policy.shape_above):
             continue
         without = search.fitted_without(search.stage.model, there.index(place))
         if without is None:
@@ -87,15 +89,6 @@ def _runners_up(search: Search) -> list[tuple[Turn, RefittedEffect]]:
         different = [item for item in turn.others if item in seen.values()]
         found += [(turn, item) for item in different[:count]]
     return found
-
-
-def _noise_alone(search: Search, times: float) -> bool:
-    """Return whether the model leaves noise alone: white noise, or the coloured one it shows."""
-    stage = search.stage
-    if search.at_floor(stage):
-        return True
-    floor = search.floor_beside(stage.model, stage.reproducible)
-    return bool(np.all(stage.error < times * floor))
 
 
 def _sound(search: Search) -> bool:

@@ -1,4 +1,11 @@
-"""Gains that a refit hides in a common factor of masses and springs."""
+"""Gains that a refit hides in masses and springs.
+
+The gain of the only input is a common factor of all masses and springs. That of a sensor may be
+hidden as well, where masses have no sensor: then other numbers explain the record as exactly as the
+gain. What the data do not tell, what was known beforehand does: that machine is named whose numbers
+are the likelier, at odds that count as very strong evidence (Kass and Raftery 1995, Journal of the
+American Statistical Association 90, 773-795).
+"""
 
 from __future__ import annotations
 
@@ -9,8 +16,14 @@ import numpy as np
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.confused import confused
-from robustpolish.identification.fit.homotopy import best_stage, homotopy
-from robustpolish.identification.fit.parameters import chain_keys, connected, driving
+from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy
+from robustpolish.identification.fit.parameters import (
+    chain_keys,
+    connected,
+    driving,
+    free_parameters,
+)
+from robustpolish.models.mechanical.parts import FORCE
 
 
 @dataclass(frozen=True)
@@ -32,18 +45,75 @@ def add_wrong_gains(search: Search) -> None:
     """Add the gains that explain what the refit did to masses and springs, if there are any."""
     for wrong in _wrong_gains(search):
         _add(search, wrong)
+    _add_likelier(search)
+
+
+def _add_likelier(search: Search) -> None:
+    """Add the gain beside which the numbers are far likelier than they are without any gain."""
+    policy, model = search.policy, search.stage.model
+    # where more than noise is left, numbers bend to what is missing, and so would a gain
+    if _unlikely(search.stage, search) <= policy.strong_odds or not search.noise_alone(
+        policy.at_floor
+    ):
+        return
+    there = {(e.kind, e.at) for e in model.effects}
+    gains = [("sensor_gain", (o.name,)) for o in model.outputs if o.quantity != FORCE]
+    gains += [("input_gain", (i.name,)) for i in model.inputs if i.imposes is None]
+    tried = [Effect(kind, at, {"gain": 1.0}) for kind, at in gains if (kind, at) not in there]
+    fits = [fitted for effect in tried if (fitted := _with_gain(search, effect)) is not None]
+    ranked = sorted(((_odds(fitted, search), i) for i, fitted in enumerate(fits)), reverse=True)
+    if not ranked or ranked[0][0] <= policy.strong_odds:
+        return
+    before, search.stage = search.stage, fits[ranked[0][1]]
+    named = search.stage.model.effects[-1]
+    search.confusions += [
+        confused(named, fits[i].model.effects[-1])
+        for odds, i in ranked[1:]
+        if ranked[0][0] - odds <= policy.strong_odds
+    ]
+    search.reasons.append(
+        f"Other numbers explain as much as {named}, but {_furthest(before, search)}, and that is "
+        "known better."
+    )
+    search.steps.append((named.kind, search.stage.model))
+
+
+def _odds(fitted: JudgedFit, search: Search) -> float:
+    """Return the log odds of a fit over the best so far, by held-out errors and what was known.
+
+    A lower error is no evidence here: screening would have seen it.
+    """
+    samples = sum(piece.record.samples for piece in search.prepared.held_out)
+    fall = float(np.sum(np.log(search.stage.error / fitted.error)))
+    return samples * min(fall, 0.0) + _unlikely(search.stage, search) - _unlikely(fitted, search)
+
+
+def _known(fitted: JudgedFit, search: Search) -> dict[str, float]:
+    """Return how far numbers moved from what was known, in standard deviations of that."""
+    model, prepared = fitted.model, search.prepared
+    values = model.parameters
+    free = free_parameters(model, prepared.scales.bandwidth, search.policy, search.reference)
+    return {f.key: (values[f.key] - f.centre) / f.prior for f in free if np.isfinite(f.prior)}
+
+
+def _unlikely(fitted: JudgedFit, search: Search) -> float:
+    """Return by how much less likely the numbers are than what was known, as log odds."""
+    return 0.5 * sum(moved**2 for moved in _known(fitted, search).values())
+
+
+def _furthest(fitted: JudgedFit, search: Search) -> str:
+    """Say which number moved furthest."""
+    moved = _known(fitted, search)
+    key = max(moved, key=lambda name: abs(moved[name]))
+    before, after = (m.parameters[key] for m in (search.reference, fitted.model))
+    return f"{key} would be {after:.3g} instead of {before:.3g}"
 
 
 def _add(search: Search, wrong: WrongGain) -> None:
     """Add the gain of an input, if the error does not mind."""
-    prepared, reference, effect = search.prepared, search.reference, wrong.effect
-    search.say(f"refit with {effect}")
-    model = replace(reference, effects=(*search.stage.model.effects, effect))
-    spans = prepared.spans(prepared.trial)
-    stages = homotopy(model, prepared, prepared.trial, reference, spans)
-    if not stages:
+    effect, stage = wrong.effect, _with_gain(search, wrong.effect)
+    if stage is None:
         return
-    stage = best_stage(stages, prepared)
     if np.mean(np.log(stage.error / search.stage.error)) > search.policy.gain_loss:
         return
     search.stage = stage
@@ -53,6 +123,16 @@ def _add(search: Search, wrong: WrongGain) -> None:
         "times as strongly as the record says."
     )
     search.steps.append((effect.kind, stage.model))
+
+
+def _with_gain(search: Search, gain: Effect) -> JudgedFit | None:
+    """Return the model with a gain, fitted from its numbers as they were; None if nothing ended."""
+    prepared, reference = search.prepared, search.reference
+    search.say(f"refit with {gain}")
+    model = replace(reference, effects=(*search.stage.model.effects, gain))
+    spans = prepared.spans(prepared.trial)
+    stages = homotopy(model, prepared, prepared.trial, reference, spans)
+    return best_stage(stages, prepared) if stages else None
 
 
 def _wrong_gains(search: Search) -> list[WrongGain]:

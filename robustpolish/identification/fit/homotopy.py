@@ -31,6 +31,7 @@ def homotopy(
     iterations: int = 8,
     progress: Callable[[], None] | None = None,
     settled: float = SETTLED,
+    last: float = SETTLED,
 ) -> list[Fit]:
     """Fit over windows that grow; return the fit of every stage.
 
@@ -55,6 +56,8 @@ def homotopy(
         Called after every step.
     settled : float, optional
         Relative fall of the cost below which a stage stops that only the next one begins with.
+    last : float, optional
+        The same of the last stage; below the usual one, it has as many steps as a direct fit.
     """
     stages: list[Fit] = []
     kept: Fit | None = None
@@ -65,9 +68,10 @@ def homotopy(
         windows = windows_after(model, prepared, pieces, span, kept)
         runner = prepared.runner(model)
         sizes = prepared.sizes(model) if windows[0].start.vector.size else None
-        enough = SETTLED if span == spans[-1] else settled
+        enough = last if span == spans[-1] else settled
+        steps = max(iterations, prepared.policy.direct_steps) if enough < SETTLED else iterations
         residuals = Residuals(model, windows, runner, free, sizes)
-        result = fit(residuals, iterations, progress, enough)
+        result = fit(residuals, steps, progress, enough)
         if not np.isfinite(result.cost):
             continue
         stages.append(result)

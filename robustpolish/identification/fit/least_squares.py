@@ -429,7 +429,7 @@ def covariance_of(fitted: Fit) -> xr.DataArray:
         units. Numbers that the data does not see have an infinite variance.
     """
     errors = fitted.errors / fitted.sigma
-    inflation = max((_inflation(e) for e in errors.T), default=1.0)
+    wide = max((inflation(e) for e in errors.T), default=1.0)
     information = fitted.information
     keys = [f.key for f in fitted.free]
     seen = np.flatnonzero(np.diag(information) > 0).tolist()
@@ -438,7 +438,7 @@ def covariance_of(fitted: Fit) -> xr.DataArray:
         block = information[np.ix_(seen, seen)]
         size = np.sqrt(np.diag(block))
         relative = np.linalg.pinv(block / np.outer(size, size), rcond=1e-12, hermitian=True)
-        white = relative * inflation * float(np.mean(errors**2))
+        white = relative * wide * float(np.mean(errors**2))
         ratio = 1.0
         if fitted.sensitivity.size:
             meat = _of_blocks(fitted.sensitivity[:, seen] / size, errors)
@@ -470,7 +470,7 @@ def errors_from(covariance: xr.DataArray) -> dict[str, float]:
     return dict(zip(covariance["parameter"].values.tolist(), errors.tolist(), strict=True))
 
 
-def _inflation(e: Array) -> float:
+def inflation(e: Array) -> float:
     """Return one plus twice the sum of squared autocorrelations, Bartlett's factor."""
     e = np.nan_to_num(e - np.mean(e))
     power = float(e @ e)

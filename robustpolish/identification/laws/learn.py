@@ -44,7 +44,9 @@ from robustpolish.identification.screening.filtered import FilteredRecord
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_row
 
-KINDS: tuple[tuple[Over | Literal["dry"], ...], ...] = (
+LawKinds = tuple[Over | Literal["dry"], ...]
+
+KINDS: tuple[LawKinds, ...] = (
     ("stiffness",), ("damping",), ("stiffness", "damping"), ("stiffness", "dry"), ("force",),
 )  # fmt: skip
 """What is tried at every place: curves, sums of curves, and a surface. Dry friction stands beside a
@@ -136,7 +138,10 @@ class Learned:
 
 
 def learn(
-    model: MechanicalModel, prepared: PreparedRecord, reference: MechanicalModel
+    model: MechanicalModel,
+    prepared: PreparedRecord,
+    reference: MechanicalModel,
+    surfaces: bool = True,
 ) -> Learned | None:
     """Learn the law that explains best what a model leaves, and add it to the model.
 
@@ -147,6 +152,8 @@ def learn(
     prepared : PreparedRecord
     reference : MechanicalModel
         The model before any fit: its springs and dampers stay where a law contains them.
+    surfaces : bool, optional
+        Whether a force over displacement and velocity at once is tried, which can be anything.
 
     Returns
     -------
@@ -157,7 +164,7 @@ def learn(
     best: JudgedFit | None = None
     tried: list[Tried] = []
     enough = prepared.policy.at_floor * prepared.scales.noise
-    ranked = _ranked(model, prepared)
+    ranked = _ranked(model, prepared, KINDS if surfaces else KINDS[:-1])
     for odds, curves in ranked:
         fitted, least = None, max(LEARNING.odds, LEARNING.near * ranked[0][0])
         refits = [t for t in tried if np.isfinite(t.ratio)]
@@ -211,7 +218,9 @@ def _helps(error: Array, before: Array) -> bool:
     return log_size(error) <= log_size(before) + np.log(1 - LEARNING.fall)
 
 
-def _ranked(model: MechanicalModel, prepared: PreparedRecord) -> list[tuple[float, CurveFit]]:
+def _ranked(
+    model: MechanicalModel, prepared: PreparedRecord, tried: Sequence[LawKinds]
+) -> list[tuple[float, CurveFit]]:
     """Return laws by their log odds, the best of each place and kind, the best first."""
     policy, record = prepared.policy, prepared.screened
     motion = prepared.motion(model, record)
@@ -221,7 +230,7 @@ def _ranked(model: MechanicalModel, prepared: PreparedRecord) -> list[tuple[floa
     pairs = places(model, lookup("cubic_stiffness"))
     rough = []
     for at in pairs:
-        for kinds in KINDS:
+        for kinds in tried:
             found = _best(model, at, kinds, LEARNING.first, motion, seen)
             if found is not None:
                 rough.append(((null - found.score) / 2, found, at, kinds))

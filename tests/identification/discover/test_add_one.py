@@ -2,8 +2,11 @@
 
 import pytest
 
-from robustpolish.identification.discover.add_one import add_one
-from tests.hidden_effects.cases import Case, model_of, one, records
+from robustpolish.effects import Effect
+from robustpolish.identification.discover.add_one import _moved, add_one
+from robustpolish.identification.discover.search import RefittedEffect
+from robustpolish.identification.screening.screen import ScreenedEffect
+from tests.hidden_effects.cases import Case, model_of, one, records, two
 from tests.identification.discover.searches import judged, search_of
 
 PLACE = ("x", "ground")
@@ -46,3 +49,18 @@ def test_where_nothing_earns_its_place_what_helped_is_kept(search, monkeypatch):
     assert turn.others[0].effect.kind == "cubic_stiffness"
     assert all(item.fitted.error < search.stage.error for item in turn.others)
     assert not any(item.constant for item in turn.others)
+
+
+def test_what_swings_by_itself_is_tried_at_all_places():
+    """Found at one place, it may as well hang at another."""
+    at, values = ("x",), [0.1, 0.1 * 60.0**2, 0.3]
+    case = Case("hanging", two(), [("attached_resonator", at, values)], drive=8.0, samples=1500)
+    search = search_of(model_of(case), records(case)[0][0])
+    elsewhere = Effect("attached_resonator", ("x_m",), {"mass": 0.1, "stiffness": 360.0})
+    fitted = search.fitted_with(search.stage.model, elsewhere)
+    refit = RefittedEffect(ScreenedEffect(elsewhere, 10.0, 0.1), fitted)
+    (found,) = _moved([refit], search.stage.model, search)
+    assert found.effect.at == at
+    mass = found.fitted.model.effects[-1].values["mass"]
+    assert mass == pytest.approx(0.1, rel=0.1)
+    assert all(found.fitted.error < fitted.error)

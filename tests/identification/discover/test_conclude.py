@@ -77,6 +77,22 @@ def test_what_no_effect_explains_is_learned_as_a_law():
     assert [entry.step for entry in found.ledger.entries] == ["base", "refit", effect.kind]
 
 
+@pytest.mark.parametrize("named", [True, False])
+def test_a_surface_is_asked_for_only_where_names_fail(monkeypatch, named):
+    """Three effects at one place may all be one curve; a surface over both is whatever they are."""
+    asked = []
+    monkeypatch.setattr(LEARN, lambda *given: asked.append(given[3]))
+    effects = [
+        Effect("cubic_stiffness", PLACE, {"stiffness": 100.0}),
+        Effect("quadratic_stiffness", PLACE, {"stiffness": 1.0}),
+        Effect("quadratic_damping", PLACE, {"coefficient": 1.0}),
+    ]
+    push = 400 * X**3 + 60 * X**2 + 3 * V * np.abs(V) + 9 * X**2 * V  # the last one has no name
+    found = concluded(push, *(effects if named else []))
+    assert asked == [not named]
+    assert (found.verdict == "missing_effect") == named
+
+
 def test_what_no_law_explains_either_is_unexplained(monkeypatch):
     monkeypatch.setattr(LEARN, lambda *_: None)
     found = concluded(40 * X**3)

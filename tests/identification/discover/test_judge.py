@@ -6,11 +6,13 @@ import xarray as xr
 
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.judge import (
+    advantage,
     chosen,
     judgement,
     line_of_motion,
     objection,
     together,
+    tolerance,
 )
 from robustpolish.identification.discover.search import RefittedEffect
 from robustpolish.identification.record import record_of
@@ -73,6 +75,11 @@ def test_no_output_may_pay_for_another(search):
     assert objection(before, cubic([5.0, 19.0]).fitted, search.prepared) == (
         "one output gains what another loses"
     )
+
+
+def test_an_output_that_sees_nothing_of_an_effect_says_nothing_against_it(search):
+    before = judged(MODEL, [10.0, 10.0, 10.0])
+    assert objection(before, cubic([7.9, 10.0, 10.0]).fitted, search.prepared) is None
 
 
 def test_short_windows_count_where_a_run_cannot_be_repeated(search):
@@ -141,6 +148,15 @@ def test_far_above_the_noise_a_simpler_kind_of_the_family_comes_first(search):
             refitted(MODEL, "coulomb_friction", PLACE, {"force": 3.0}, 1.15 * error),
         ]
         assert chosen(pair, search) == [pair[taken]]
+
+
+def test_more_numbers_ask_for_a_visible_advantage_far_above_the_noise(search):
+    friction = {"force": 3.0, "static_force": 4.0, "velocity": 0.5}
+    noise = float(search.prepared.scales.noise[0])
+    for error, numbers, visible in ((5.0, 1, True), (5.0, 3, False), (2.0, 1, False)):
+        stribeck = refitted(MODEL, "stribeck_friction", PLACE, friction, error * noise)
+        asked = -np.log(1 - search.policy.visible_fall) if visible else tolerance(search)
+        assert advantage(stribeck, numbers, search) == pytest.approx(asked)
 
 
 def test_two_that_hide_each_other_earn_their_places_together():

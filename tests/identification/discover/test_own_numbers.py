@@ -1,6 +1,11 @@
 import pytest
 
-from robustpolish.identification.discover.own_numbers import refit_own, settled, with_holds
+from robustpolish.identification.discover.own_numbers import (
+    refit_own,
+    settled,
+    with_holds,
+    with_other_holds,
+)
 from robustpolish.models import Dof, Input, Output, Spring
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import prepared_of
@@ -25,6 +30,31 @@ def test_neither_a_linear_input_nor_a_late_one_is_a_hold(hidden):
 
 def test_what_has_no_force_has_no_hold():
     assert with_holds(rig(), prepared_of(rig(), of_rig())).effects == ()
+    assert with_other_holds(rig(), rig(), prepared_of(rig(), of_rig())) is None
+
+
+LATE = ("input_delay", ("F_x",), [0.0052])
+
+
+@pytest.mark.parametrize("effects", [[], [LATE]])
+@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("taken", [True, False])
+def test_a_hold_that_was_taken_wrongly_is_mended_beside_what_was_found(effects, held, taken):
+    """A delay has the half sample of a hold for its own."""
+    case = Case("held", one(), effects, drive=10.0, samples=1500, held=held, noise_db=80.0)
+    plain = model_of(case)
+    prepared = prepared_of(plain, records(case)[0][0])
+    hold = ("input_hold", ("F_x",), {"order": 0.0})
+    reference = plain.with_effect(*hold) if taken else plain
+    model = reference
+    for kind, at, (delay,) in effects:
+        lag = case.machine.dt / 2 * (held - taken)
+        model = model.with_effect(kind, at, {"delay": delay + lag})
+    found = with_other_holds(model, reference, prepared)
+    if held == taken:
+        assert found is None
+    else:
+        assert [e.kind for e in found.effects] == ["input_hold"] * held
 
 
 def test_wrong_numbers_are_mended():

@@ -56,6 +56,22 @@ def test_a_runner_up_that_leaves_visibly_less_takes_the_place(begun):
     assert [e.kind for e in search.stage.model.effects] == ["cubic_stiffness"]
 
 
+def test_steps_are_those_of_the_effects_that_are_left(begun, monkeypatch):
+    """A branch that goes on from what was left without an effect brings steps with it along."""
+    search = went(begun, refitted(rig(), *DRAG, 50.0))
+    search.accept([refitted(search.stage.model, *CUBIC, 40.0)])
+
+    def grow(other):
+        if other.barred == (DRAG[:2],):
+            other.accept([refitted(other.stage.model, *COULOMB, 10.0)])
+        return other
+
+    found = second_look(search, grow)
+    names = [e.kind for e in found.stage.model.effects]
+    assert set(names) == {"cubic_stiffness", "coulomb_friction"}
+    assert [name for name, _ in found.steps] == ["base", "refit", *names]
+
+
 def test_one_that_leaves_as_much_does_not(begun):
     search = went(begun, refitted(rig(), *CUBIC, 20.0), refitted(rig(), *DRAG, 21.0))
     grow, _ = growing({"quadratic_damping": 18.5})

@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 
 from robustpolish.identification.discover.wrong_gains import add_wrong_gains
-from tests.hidden_effects.cases import Case, model_of, one, records, two
+from tests.hidden_effects.cases import Case, Machine, model_of, one, records, two
 from tests.identification.discover.searches import search_of
 
 
@@ -36,6 +36,23 @@ def test_springs_that_are_known_roughly_do_not_hide_a_gain():
     (effect,) = search.stage.model.effects
     assert (effect.kind, effect.at) == ("input_gain", ("F_x",))
     assert effect.values["gain"] == pytest.approx(0.6, rel=0.06)
+
+
+@pytest.mark.parametrize(("gain", "named"), [(1.5, True), (1.03, False)])
+def test_a_gain_that_masses_could_hide_is_named_by_what_is_known_of_them(gain, named):
+    """Without a sensor at the end of the chain other masses and springs do as well as the gain."""
+    names = ["m1", "m2", "m3"]
+    springs = [("m1", "ground", 5000.0), ("m2", "m1", 4000.0), ("m3", "m2", 6000.0)]
+    dampers = [(a, b, 8e-4 * k) for a, b, k in springs]
+    seen = [("m1", "velocity"), ("m2", "acceleration")]
+    machine = Machine(names, [1.2, 0.4, 1.0], springs, dampers, ["m3"], seen, f_max=30.0, dt=2e-3)
+    hidden = [("sensor_gain", ("m1_v",), [gain])]
+    case = Case("gain", machine, hidden, drive=10.0, samples=1500, noise_db=45.0)
+    search = search_of(model_of(case), records(case)[0][0])
+    add_wrong_gains(search)
+    found = [(e.kind, e.at) for e in search.stage.model.effects]
+    assert found == ([("sensor_gain", ("m1_v",))] if named else [])
+    assert any("and that is known better" in reason for reason in search.reasons) == named
 
 
 def test_an_input_that_is_right_gets_no_gain():

@@ -48,6 +48,19 @@ def test_a_distant_model_is_fitted_over_windows_that_grow():
     assert whole[-1].rmse > 10 * stages[-1].rmse  # at once it ends in a wrong minimum
 
 
+def test_the_last_stage_goes_on_as_long_as_the_likelihood_grows():
+    """One step may be enough for what only the next stage begins with."""
+    model = oscillator(stiffness=350.0)
+    prepared = prepared_of(model, record(2000, noise=0.01))
+    spans = prepared.spans(prepared.trial)[-1:]
+    (few,), (enough,) = (
+        homotopy(model, prepared, prepared.trial, model, spans, 1, **more)
+        for more in ({}, {"last": POLICY.follows(2000)})
+    )
+    assert enough.cost == pytest.approx(0.5 * enough.errors.size, rel=0.01)
+    assert enough.rmse < 0.9 * few.rmse
+
+
 def test_a_stage_begins_where_the_one_before_ended():
     prepared, stages = fitted(oscillator(stiffness=300.0))
     last, model = stages[-2], stages[-2].model

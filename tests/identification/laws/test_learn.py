@@ -78,6 +78,17 @@ def test_a_damping_between_the_powers():
     assert "takes energy out" in found.laws[0].describe()
 
 
+def test_surfaces_are_left_out_on_request():
+    (data, _), _ = records(CASES["power"])
+    search = search_of(model_of(CASES["power"]), data)
+    kept = learn(search.stage.model, search.prepared, search.reference, surfaces=False)
+    every, _, _ = learned("power")
+    kinds = {(t.at, t.over) for t in kept.tried}
+    assert kinds <= {(t.at, t.over) for t in every.tried}
+    assert len(every.tried) - len(kept.tried) == 1
+    assert kept.laws[0].over == "velocity"
+
+
 @pytest.mark.slow
 def test_a_saturating_spring():
     formula = check("saturating", "displacement").laws[0].formula()
