@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robustpolish.arrays import AnyMatrix, Vector
-from robustpolish.exact.realisation import Realisation, typical_rate
+from robustpolish.exact.realisation import Realisation
+from robustpolish.robust.loop_model import LoopModel
 from robustpolish.robust.proof import ProvenModel, Weights
 from robustpolish.robust.scaled.centre import Level, at, lowered, started
 from robustpolish.robust.scaled.scalings import Inequality, Space
@@ -75,9 +76,10 @@ def response(model: Realisation, omega: float) -> AnyMatrix:
 class _Cover:
     """The state of one coverage: the level so far, and what it was needed for."""
 
-    def __init__(self, model: Realisation, space: Space, level: float):
-        self.model, self.space, self.level = model, space, level
-        self.proven = ProvenModel(model)
+    def __init__(self, loop: LoopModel, space: Space, level: float, slack: float):
+        self.model, self.space, self.slack = loop.model, space, slack
+        self.level = level * (1 + slack)
+        self.proven = ProvenModel(loop.balls)
         self.peaks: list[tuple[float, float, Level]] = []
         self.last: list[Vector] = []
 
@@ -92,42 +94,48 @@ class _Cover:
         needed = math.sqrt(max(found.square, 0.0))
         if not needed < self.level:
             self.peaks.append((omega, needed, found))
-            self.level = needed * (1 + POLICY.slack)
+            self.level = needed * (1 + self.slack)
             found = lowered(inequality, found, self.level**2)
         self.last = [found.x, *self.last][:2]
         return found
 
 
 def cover(
-    model: Realisation,
+    loop: LoopModel,
     space: Space,
     level: float,
     seeds: Sequence[float],
+    slack: float = POLICY.slack,
+    most: int = POLICY.most,
 ) -> Coverage:
     """Lay intervals with constant scalings until they cover the axis.
 
     Parameters
     ----------
-    model : Realisation
-        Stable and continuous.
+    loop : LoopModel
+        Stable.
     space : Space
         What scalings there are.
     level : float
         A lower bound of the peak, or where else to begin; it is raised where it has to be.
     seeds : sequence of float
         Frequencies to look at first.
+    slack : float, optional
+        Of :class:`CoveragePolicy`: more of it makes longer intervals.
+    most : int, optional
+        Of the same.
 
     Returns
     -------
     Coverage
     """
-    state = _Cover(model, space, level * (1 + POLICY.slack))
+    state = _Cover(loop, space, level, slack)
     for omega in dict.fromkeys([0.0, math.inf, *seeds]):
         if state.scalings(omega) is None:
             return Coverage(math.inf, (), False, tuple(state.peaks))
     gaps, intervals, complete = [(0.0, math.inf)], [], True
-    rate = typical_rate(model.A)
-    for _ in range(POLICY.most):
+    rate = loop.rate
+    for _ in range(most):
         if not gaps:
             break
         low, high = gaps.pop()

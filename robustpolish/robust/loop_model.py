@@ -7,14 +7,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
+import flint
 import numpy as np
-import scipy.linalg as sla
 
-from robustpolish.analysis.norms.peak_search import cayley
 from robustpolish.arrays import AnyMatrix, Matrix
-from robustpolish.exact.realisation import Realisation, power_of_two, rescaled, typical_rate
+from robustpolish.exact.balls import precision
+from robustpolish.exact.realisation import Realisation, typical_rate
 from robustpolish.models.uncertain.system import UncertainSystem
 from robustpolish.robust.structure import DeltaBlock, Structure, structure_of
+from robustpolish.robust.units.canonical import BITS, Balls, canonical
 
 # Frequencies of this share of the typical rate are rest, but for rounding.
 _AT_REST = 1e-7
@@ -28,17 +29,22 @@ class LoopModel:
     ----------
     structure : Structure
     model : Realisation
-        Continuous: a discrete loop is mapped by z = (1 + s)/(1 - s).
+        Continuous: a discrete loop is mapped by z = (1 + s)/(1 - s). In units of states, signals
+        and time that follow from the loop, whatever those were that it came in; rounded.
+    balls : tuple of arb_mat
+        A, B, C and D of `model` as they are without rounding, enclosed.
     gain : float
         Gains of `model` times this are those of the loop.
     time : float
-        Frequencies of `model` times this are in rad/s, of a continuous loop.
+        Frequencies of `model` times this are in rad/s, of a continuous loop; those of the map of a
+        discrete one.
     step : float
         Sampling time in s, 0 for a continuous loop.
     """
 
     structure: Structure
     model: Realisation
+    balls: Balls
     gain: float
     time: float
     step: float
@@ -63,12 +69,24 @@ class LoopModel:
         A, B, C, D = matrices
         used = _used(A, B, C)
         A, B, C = A[used][:, used], B[used], C[:, used]
-        discrete = bool(dt)
-        step = 0.0 if not discrete else 1.0 if dt is True else float(dt)
-        model = rescaled(Realisation(A, B, C, D, discrete, step or 1.0))
-        model = rescaled(_evened(model, structure))
-        image = replace(cayley(model), time=1.0, gain=1.0)
-        return cls(structure, image, model.gain, model.time, step)
+        step = 0.0 if not dt else 1.0 if dt is True else float(dt)
+        w, z = (_copy_of(structure, side) for side in ("rows", "columns"))
+        own = canonical((A, B, C, D), bool(dt), w, z)
+        return cls(structure, own.model, own.balls, own.gain, own.time, step)
+
+    def in_unit_of_gain(self, unit: float) -> LoopModel:
+        """Return the loop with deltas of size 1, and the signals of the last block in a unit."""
+        model, (A, B, C, D) = self.model, self.balls
+        rows = np.full(model.C.shape[0], self.gain)
+        last = np.arange(len(rows))[self.structure.inputs[-1]]
+        rows[last] /= unit
+        with precision(BITS):
+            exact = flint.arb_mat(len(rows), len(rows))
+            for i in range(len(rows)):
+                exact[i, i] = flint.arb(self.gain) / (unit if i in last else 1)
+            balls = A, B, exact * C, exact * D
+        scaled = replace(model, C=model.C * rows[:, None], D=model.D * rows[:, None])
+        return replace(self, model=scaled, balls=balls, gain=1.0)
 
     @cached_property
     def rate(self) -> float:
@@ -117,7 +135,7 @@ class LoopModel:
     def omega(self, x: float) -> float:
         """Return a frequency of the model in rad/s."""
         if self.step:
-            return 2 * math.atan(x) / self.step
+            return 2 * math.atan(x * self.time) / self.step
         return x * self.time
 
     def in_rad_per_s(
@@ -151,29 +169,6 @@ class LoopModel:
             return []
         poles: Any = np.linalg.eigvals(self.model.A)
         return sorted({float(f"{abs(pole):.6g}") for pole in poles if abs(pole) > 0})
-
-
-def _evened(model: Realisation, structure: Structure) -> Realisation:
-    """Return the model with the signals of every copy of a block in a unit of its own.
-
-    Whatever units the signals came in, those of each are made to have about the same effect on
-    what is around as this has on them: powers of two, that Delta does not see.
-    """
-    w, z = (_copy_of(structure, side) for side in ("rows", "columns"))
-    if not z or not w:
-        return model
-    n, count = model.states, max(w) + 1
-    nodes_w, nodes_z = [*range(n), *(n + i for i in w)], [*range(n), *(n + i for i in z)]
-    whole = np.block([[model.A, model.B], [model.C, model.D]])
-    squares = np.zeros((n + count, n + count))
-    np.add.at(squares, (np.array(nodes_z)[:, None], np.array(nodes_w)[None]), np.abs(whole) ** 2)
-    # SciPy casts permutation indices that were never set, and may complain about their values.
-    with np.errstate(invalid="ignore"):
-        _, (scales, _) = sla.matrix_balance(np.sqrt(squares), permute=False, separate=True)
-    own = scales[n:] / power_of_two(float(np.exp(np.log(scales[n:]).mean())))
-    units_w, units_z = own[w], own[z]
-    B, C = model.B * units_w, model.C / units_z[:, None]
-    return replace(model, B=B, C=C, D=model.D * units_w / units_z[:, None])
 
 
 def _copy_of(structure: Structure, side: Literal["rows", "columns"]) -> list[int]:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from robustpolish.analysis.norms.hinf_norm import hinf_norm
 from robustpolish.display import Card, quantities
-from robustpolish.exact.realisation import power_of_two
 from robustpolish.long_calls import same_bits
 from robustpolish.models.uncertain.elements import RealElement
 from robustpolish.models.uncertain.lft import constant, product
@@ -265,8 +264,8 @@ def worst_case_gain(system: UncertainSystem, *, gap: float = GAP) -> WorstCaseGa
         )
     nominal = _nominal_gain(system)
     loop = LoopModel.of(system, _performance(system))
-    unit = power_of_two(nominal)
-    loop = _in_unit_of_gain(loop, unit)
+    unit = nominal or 1.0
+    loop = loop.in_unit_of_gain(unit)
     fixed = (True,) * len(system.blocks) + (False,)
     found = bounds(loop, fixed, gap)
     coverage, at = found.coverage, reached(system, loop, found.witness)
@@ -294,15 +293,6 @@ def _performance(system: UncertainSystem) -> DeltaBlock:
     """Return the block from the outputs back to the inputs that stands for a bound on the gain."""
     ny, nu = system.shape
     return DeltaBlock("complex" if ny == nu == 1 else "full", 1, nu, ny, "performance")
-
-
-def _in_unit_of_gain(loop: LoopModel, unit: float) -> LoopModel:
-    """Return the loop with deltas of size 1, and its outputs in a unit."""
-    model = loop.model
-    rows = np.full(model.C.shape[0], loop.gain)
-    rows[loop.structure.inputs[-1]] /= unit
-    scaled = replace(model, C=model.C * rows[:, None], D=model.D * rows[:, None])
-    return replace(loop, model=scaled, gain=1.0)
 
 
 def _within(system: UncertainSystem, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -22,6 +22,7 @@ import numpy as np
 
 from robustpolish.arrays import AnyMatrix, Matrix, Vector
 from robustpolish.exact.balls import (
+    ball,
     block,
     is_positive_definite,
     joined_rows,
@@ -96,16 +97,20 @@ class ProvenModel:
 
     Attributes
     ----------
-    model : Realisation
-        Its matrices are taken as exact.
+    real : tuple of arb_mat
+        A, B, C and D: what is proven holds for all that they enclose.
     """
 
-    model: Realisation
+    real: tuple[Ball, Ball, Ball, Ball]
+
+    @classmethod
+    def of(cls, model: Realisation) -> ProvenModel:
+        """Return a system whose matrices are taken as exact."""
+        return cls((ball(model.A), ball(model.B), ball(model.C), ball(model.D)))
 
     @cached_property
     def _balls(self) -> tuple[Ball, Ball, Ball, Ball]:
-        model = self.model
-        return tuple(complex_ball(M) for M in (model.A, model.B, model.C, model.D))  # type: ignore
+        return tuple(flint.acb_mat(M) for M in self.real)  # type: ignore
 
     def response(self, omega: float) -> Ball:
         """Return M at a frequency, infinity included."""
@@ -134,7 +139,7 @@ class ProvenModel:
             try:
                 if not proves(self.response(omega), weights):
                     return None
-                if not self.model.states:
+                if not self.real[0].nrows():
                     return 0.0, math.inf
                 H = self._hamiltonian(weights)
                 found = _clear(*discs(H, _double_basis(H)), omega)

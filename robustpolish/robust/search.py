@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robustpolish.arrays import Vector
-from robustpolish.robust.branching.branch import Goal, branched, can_branch
+from robustpolish.robust.branching.boxes import can_split, split
+from robustpolish.robust.branching.branch import Goal, Probe, branched, can_branch
 from robustpolish.robust.branching.probe import nearby
-from robustpolish.robust.coverage import Coverage, cover, response
+from robustpolish.robust.coverage import POLICY, Coverage, cover, response
 from robustpolish.robust.loop_model import LoopModel
 from robustpolish.robust.numbers.one_number import proven_size
 from robustpolish.robust.numbers.rays import Crossing, crossings
@@ -29,6 +31,11 @@ _PEAKS = 3
 _DIRECTIONS = 4
 # Relative gap at which no further search is worth it: what intervals need is above.
 _NEAR = 1.5e-3
+# What the level of scalings has above what is needed where branching follows, as little comes of
+# short intervals then.
+_ROUGH = 0.3
+# Searches that begin where the last one ended.
+_AGAIN = 5
 # Angle beside rest and infinity from which a search along the axis begins.
 _BESIDE = 1e-3
 # Frequencies beside those of all poles, relative, at which a loop is as at rest or at infinity; and
@@ -39,10 +46,6 @@ _BESIDE_END = 1e-6
 _FAR = 1e3
 # Part of the gap that branching aims at, which need not stop at the last moment.
 _AIM = 0.5
-# Distances of both bounds that are told: the least one, above what intervals leave around a peak,
-# and how much larger the next one is.
-_STEP = 1.04e-3
-_RATIO = 0.25
 # Relative difference of sizes that are the same but for rounding.
 _EQUAL = 1e-9
 # Imaginary parts of values at rest that are nothing but rounding, relative.
@@ -86,15 +89,22 @@ def bounds(loop: LoopModel, fixed: tuple[bool, ...] | None = None, gap: float = 
     -------
     Bounds
     """
-    found = _at_the_ends(loop, fixed, _by_scalings(loop, fixed))
-    if found.witness is None and not fixed:
-        return _without_witness(loop, found, gap)
-    exact = proven_size(loop, found.witness.size) if found.witness and not fixed else None
+    branches = can_branch(loop)
+    found = _settled(loop, fixed, _by_scalings(loop, fixed, _ROUGH if branches else POLICY.slack))
+    if found.witness is None:
+        if branches and found.coverage.complete:
+            found = _with_short_intervals(loop, fixed, found)
+        return found if fixed else _without_witness(loop, found, gap)
+    exact = None if fixed else proven_size(loop, found.witness.size)
     if exact is not None:
         return replace(found, coverage=_everywhere(found.coverage, 1 / exact))
-    if found.witness and found.gap > gap and can_branch(loop):
-        return _at_the_ends(loop, fixed, _by_branching(loop, found, fixed, _AIM * gap))
-    return _outward(found, gap)
+    if found.gap > gap and branches:
+        found = _settled(loop, fixed, _by_branching(loop, found, fixed, _AIM * gap))
+        if found.gap > gap:
+            found = _with_short_intervals(loop, fixed, found)
+    if found.gap > gap and can_split(loop):
+        found = _settled(loop, fixed, _by_boxes(loop, found, fixed, _AIM * gap))
+    return found
 
 
 def _without_witness(loop: LoopModel, found: Bounds, gap: float) -> Bounds:
@@ -108,45 +118,55 @@ def _without_witness(loop: LoopModel, found: Bounds, gap: float) -> Bounds:
     return replace(found, coverage=_everywhere(found.coverage, 1 / size)) if size else found
 
 
-def _outward(found: Bounds, gap: float) -> Bounds:
-    """Raise the level to one of a few distances from the witness.
+def _settled(loop: LoopModel, fixed: tuple[bool, ...] | None, found: Bounds) -> Bounds:
+    """Search on from a witness while it gets smaller, then bring it to an end of the axis if near.
 
-    Where intervals happen to end moves it by less than these are apart, and with it how numbers
-    were rounded: without this, other units of the same loop would give another bound.
+    A search may stop early where many numbers are nearly as good.
     """
-    if not (found.witness and 0 < found.gap < math.inf):
-        return found
-    steps = max(0, math.ceil(math.log(found.gap / _STEP) / math.log1p(_RATIO)))
-    rounded = _STEP * (1 + _RATIO) ** steps
-    if found.gap <= gap < rounded:
-        return found
-    level = (1 + rounded) / found.witness.size
-    return replace(found, coverage=replace(found.coverage, level=level))
+    witness = found.witness
+    for _ in range(_AGAIN):
+        if witness is None:
+            return found
+        frequency = loop.frequency(witness.at)
+        moves = loop.start(frequency)[1] and math.isfinite(frequency)
+        near = _from_witness(loop, fixed, witness, witness.at, moves)
+        if near is None or near.size >= witness.size * (1 - _EQUAL):
+            break
+        if not moves and _is_real(witness) and not _is_real(near):
+            break
+        witness = near
+    return replace(found, witness=witness and _at_the_ends(loop, fixed, witness))
 
 
-def _at_the_ends(loop: LoopModel, fixed: tuple[bool, ...] | None, found: Bounds) -> Bounds:
+def _from_witness(
+    loop: LoopModel, fixed: tuple[bool, ...] | None, witness: Witness, at: float, moves: bool
+) -> Witness | None:
+    """Return what a search finds that begins with a witness, at its angle or at an end beside."""
+    structure = loop.structure
+    delta, M = witness.matrix(structure), loop.response(at)[0]
+    if at != witness.at or (not moves and _is_real(witness)):
+        delta, M = np.real(delta), np.real(M)
+    w = np.conj(np.linalg.svd(np.eye(len(delta)) - delta @ M)[2][-1]).astype(complex)
+    return smallest(structure, loop.response, w, at, moves, np.ones(len(w)), fixed=fixed)
+
+
+def _at_the_ends(loop: LoopModel, fixed: tuple[bool, ...] | None, witness: Witness) -> Witness:
     """Bring a witness that is all but at rest or at infinity there, where its values are real.
 
     Its lags would turn phases that are nothing but rounding.
     """
-    witness = found.witness
     poles = np.abs(np.linalg.eigvals(loop.model.A)) if loop.model.states else np.zeros(0)
     poles = poles[poles > 0]
-    if witness is None or not poles.size:
-        return found
     frequency = loop.frequency(witness.at)
-    if poles.min() * _END < frequency < poles.max() / _END or frequency in (0.0, math.inf):
-        return found
+    if not poles.size or frequency in (0.0, math.inf):
+        return witness
+    if poles.min() * _END < frequency < poles.max() / _END:
+        return witness
     end = 0.0 if frequency < poles.min() else math.pi / 2
-    structure = loop.structure
-    M = np.real(loop.response(end)[0])
-    delta = np.real(witness.matrix(structure))
-    w = np.linalg.svd(np.eye(len(delta)) - delta @ M)[2][-1].astype(complex)
-    scale = np.ones(len(w))
-    there = smallest(structure, loop.response, w, end, False, scale, fixed=fixed)
+    there = _from_witness(loop, fixed, witness, end, False)
     if there is None or not _is_real(there) or there.size > witness.size * (1 + _BESIDE_END):
-        return found
-    return replace(found, witness=there)
+        return witness
+    return there
 
 
 def _everywhere(coverage: Coverage, level: float) -> Coverage:
@@ -158,9 +178,30 @@ def _by_branching(
     loop: LoopModel, found: Bounds, fixed: tuple[bool, ...] | None, gap: float
 ) -> Bounds:
     """Draw both bounds together by branch and bound over the real numbers."""
-    coverage, best = found.coverage, found.witness
     real_alone = all(block.kind == "real" for block in loop.structure.blocks)
     goal: Goal = "pole" if real_alone else "gain" if fixed else "both"
+    return _drawn(
+        loop, found, fixed,
+        lambda proven, best, probe: branched(loop, goal, proven, best, gap, probe),
+    )  # fmt: skip
+
+
+def _by_boxes(loop: LoopModel, found: Bounds, fixed: tuple[bool, ...] | None, gap: float) -> Bounds:
+    """Draw both bounds together by scalings for each part of the box of real numbers."""
+    return _drawn(
+        loop, found, fixed,
+        lambda proven, best, probe: split(loop, fixed, proven, best, gap, probe),
+    )  # fmt: skip
+
+
+def _drawn(
+    loop: LoopModel,
+    found: Bounds,
+    fixed: tuple[bool, ...] | None,
+    raised: Callable[[float, float, Probe], float],
+) -> Bounds:
+    """Raise the size that is proven, with looks for smaller witnesses on the way."""
+    coverage, best = found.coverage, found.witness
     held = fixed or (False,) * len(loop.structure.blocks)
 
     def probe(numbers: Vector, frequency: float) -> float:
@@ -169,22 +210,33 @@ def _by_branching(
         return best.size if best else math.inf
 
     start = 1 / coverage.level if coverage.complete and coverage.level else 0.0
-    size = branched(loop, goal, start, best.size if best else math.inf, gap, probe)
+    size = raised(start, best.size if best else math.inf, probe)
     if size > start:
         coverage = _everywhere(coverage, 1 / size)
     return Bounds(coverage, best)
 
 
-def _by_scalings(loop: LoopModel, fixed: tuple[bool, ...] | None) -> Bounds:
+def _with_short_intervals(loop: LoopModel, fixed: tuple[bool, ...] | None, found: Bounds) -> Bounds:
+    """Lower the level by scalings that hold over shorter intervals, if they prove more."""
+    near = 0.0 if found.witness is None else 1 / found.witness.size
+    fine = cover(loop, _space(loop, fixed), near, loop.seeds())
+    better = fine.complete and (not found.coverage.complete or fine.level < found.coverage.level)
+    return replace(found, coverage=fine) if better else found
+
+
+def _space(loop: LoopModel, fixed: tuple[bool, ...] | None) -> Space:
+    return Space(loop.structure, fixed or (False,) * len(loop.structure.blocks))
+
+
+def _by_scalings(loop: LoopModel, fixed: tuple[bool, ...] | None, slack: float) -> Bounds:
     """Bound the peak by scalings that hold over intervals, and by searches from where they end."""
-    structure = loop.structure
-    space = Space(structure, fixed or (False,) * len(structure.blocks))
+    space = _space(loop, fixed)
     found = None if fixed else _from_crossings(loop, crossings(loop))
     seeds = loop.seeds()
     if found is not None:
         seeds = [loop.frequency(found.at), *seeds]
     start = 1 / found.size if found else 0.0
-    coverage = cover(loop.model, space, start, seeds)
+    coverage = cover(loop, space, start, seeds, slack)
     branches = can_branch(loop)
     for frequency, _, level in coverage.peaks[:_PEAKS]:
         if found and (branches or coverage.level * found.size <= 1 + _NEAR):

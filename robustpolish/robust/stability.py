@@ -139,7 +139,11 @@ def robust_stability(system: UncertainSystem, *, gap: float = GAP) -> RobustStab
 
     With real numbers the two may be far apart. If there are few of them, and at most one other
     block, their box is halved again and again, together with the axis of frequencies, until the
-    Bernstein coefficients of the characteristic polynomial prove each part [2]_.
+    Bernstein coefficients of the characteristic polynomial prove each part [2]_. Beside several
+    other blocks their box is halved too, and scalings prove each of up to two dozen parts.
+
+    All of it is done in units of states, signals and time that follow from the loop itself: other
+    units of the same loop give the same numbers but for rounding.
 
     References
     ----------

@@ -23,6 +23,8 @@ from robustpolish.robust.structure import DeltaBlock, Structure
 _SOLVED = 1e-10
 # By how much a block of size 1 may be larger, for rounding.
 _WITHIN = 1e-7
+# Of the size that a search begins with, the least that a step may aim at: at 0 all slopes vanish.
+_LEAST = 0.03
 _NEWTON = 12
 _ROUNDS = 100
 
@@ -70,7 +72,8 @@ def directions(inequality: Inequality, square: float, x: Vector, count: int) -> 
     found = [vectors[:, 0]]
     for _ in range(count - 1):
         mix = random.standard_normal(len(values)) + 1j * random.standard_normal(len(values))
-        found.append(vectors @ (weights * mix))
+        # a function of the matrix: eigenvectors alone have any phase
+        found.append(vectors @ (weights * (np.conj(vectors.T) @ mix)))
     return found
 
 
@@ -111,7 +114,7 @@ def smallest(
     held = fixed or (False,) * len(structure.blocks)
     if not (np.isfinite(w).all() and w.any()):
         return None
-    problem = _Problem(structure, response, scale, w / scale, at, moves, held)
+    problem = _Problem(structure, response, scale, _turned(w / scale), at, moves, held)
     start = problem.start(deltas)
     if start is None:
         return None
@@ -120,10 +123,22 @@ def smallest(
         start,
         jac=True,
         method="SLSQP",
+        bounds=[(None, None)] * (len(start) - 1) + [(_LEAST, None)],
         constraints=[_constraint("eq", problem.equal), _constraint("ineq", problem.less)],
         options={"maxiter": _ROUNDS, "ftol": 1e-11},
     )
     return problem.read(found.x) if np.isfinite(found.x).all() else None
+
+
+def _turned(w: AnyVector) -> AnyVector:
+    """Return signals of a phase of their own, as eigenvectors come with any; real ones stay real.
+
+    It is taken from a sum with weights that are like no others, so that nothing cancels.
+    """
+    turn = 1j * np.imag(w).any()
+    weights = np.exp(turn * np.arange(1, len(w) + 1) ** 2) / np.sqrt(np.arange(2, len(w) + 2))
+    total = complex(weights @ w)
+    return w * np.conj(total) / abs(total) if total else w
 
 
 def _constraint(kind: str, both: Callable[[Vector], tuple[Vector, Matrix]]) -> dict[str, Any]:

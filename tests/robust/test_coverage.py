@@ -9,7 +9,7 @@ from tests.robust.loops import covers, servo
 
 def test_level_is_that_of_the_worst_frequency():
     loop = LoopModel.of(servo())
-    found = cover(loop.model, Space(loop.structure, (False, False)), 0.0, loop.seeds())
+    found = cover(loop, Space(loop.structure, (False, False)), 0.0, loop.seeds())
     assert found.complete
     assert covers(found.intervals)
     worst = found.peaks[0][1]

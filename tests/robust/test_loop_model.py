@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
+from robustpolish.exact.balls import midpoint
 from robustpolish.robust.loop_model import LoopModel
-from tests.robust.loops import carts, in_other_units, random_loop
+from robustpolish.robust.structure import DeltaBlock
+from tests.robust.loops import carts, column, in_other_units, random_loop
 
 
 def test_response_and_slope():
@@ -22,14 +24,20 @@ def test_frequencies_and_angles():
 
 
 @pytest.mark.parametrize("seed", [1, 4, 8])
-def test_units_of_signals_are_chosen_alike(seed):
+def test_units_of_a_loop_follow_from_itself(seed):
     loop = random_loop(seed)
     other, time = in_other_units(loop, seed)
     one, two = LoopModel.of(loop), LoopModel.of(other)
-    first, second = one.response(one.angle(0.7))[0], two.response(two.angle(0.7 * one.time
-        / time / two.time))[0]  # fmt: skip
-    # powers of two are not the powers of ten that the units were changed by
-    sizes = np.abs(first) * one.gain, np.abs(second) * two.gain
-    used = sizes[0] > 1e-9 * sizes[0].max()
-    assert (sizes[0] / sizes[1])[used].max() < 32
-    assert (sizes[1] / sizes[0])[used].max() < 32
+    assert two.gain == one.gain
+    assert two.time * time == pytest.approx(one.time, rel=1e-12)
+    for first, second in zip(one.balls, two.balls, strict=True):
+        np.testing.assert_allclose(midpoint(second), midpoint(first), rtol=1e-9, atol=1e-12)
+
+
+def test_outputs_in_a_unit():
+    loop = LoopModel.of(column(), DeltaBlock("full", 1, 2, 2, "performance"))
+    scaled = loop.in_unit_of_gain(3.0)
+    M = loop.gain * loop.response(0.4)[0]
+    M[loop.structure.inputs[-1]] /= 3
+    np.testing.assert_allclose(scaled.response(0.4)[0], M, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(midpoint(scaled.balls[2]), scaled.model.C, rtol=1e-12)

@@ -23,15 +23,15 @@ def test_definite():
 
 @pytest.mark.parametrize("level", [1.0, 1.9])
 def test_interval_ends_where_the_gain_is_the_level(level):
-    low, high = ProvenModel(LAG).interval(weights(level), 10.0)
+    low, high = ProvenModel.of(LAG).interval(weights(level), 10.0)
     edge = np.sqrt(4 / level**2 - 1)
     assert edge <= low == pytest.approx(edge, rel=1e-9)
     assert high == np.inf
-    assert ProvenModel(LAG).interval(weights(level), 0.9 * edge) is None
+    assert ProvenModel.of(LAG).interval(weights(level), 0.9 * edge) is None
 
 
 def test_level_above_the_peak_covers_everything():
-    assert ProvenModel(LAG).interval(weights(2.001), 1.0) == (0.0, np.inf)
+    assert ProvenModel.of(LAG).interval(weights(2.001), 1.0) == (0.0, np.inf)
 
 
 def test_negative_scalings_prove_nothing():

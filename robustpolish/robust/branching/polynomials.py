@@ -16,7 +16,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from robustpolish.exact.balls import ball, identity
+from robustpolish.exact.balls import identity, part
 from robustpolish.robust.branching.bernstein import Balls, along, from_values, nodes
 from robustpolish.robust.loop_model import LoopModel
 
@@ -116,18 +116,19 @@ class _Closed:
     """The loop with numbers in place of its real blocks."""
 
     def __init__(self, loop: LoopModel, real: tuple[int, ...], others: list[int]) -> None:
-        model, structure = loop.model, loop.structure
+        structure = loop.structure
         z, out = (_places(structure.inputs, blocks) for blocks in (real, others))
         w, into = (_places(structure.outputs, blocks) for blocks in (real, others))
         self.copies = [structure.blocks[k].copies for k in real]
-        A, B, C, D = model.A, model.B, model.C, model.D
-        self.A, self.B, self.C = ball(A), ball(B[:, w]), ball(C[z])
-        self.D = ball(D[np.ix_(z, w)])
+        A, B, C, D = loop.balls
+        states = range(loop.model.states)
+        self.A, self.B, self.C = A, part(B, states, w), part(C, z, states)
+        self.D = part(D, z, w)
         self.shape = len(out), len(into)
         if out:
-            self.B2, self.C2 = ball(B[:, into]), ball(C[out])
-            self.D12, self.D21 = ball(D[np.ix_(z, into)]), ball(D[np.ix_(out, w)])
-            self.D22 = ball(D[np.ix_(out, into)])
+            self.B2, self.C2 = part(B, states, into), part(C, out, states)
+            self.D12, self.D21 = part(D, z, into), part(D, out, w)
+            self.D22 = part(D, out, into)
 
     def polynomials(self, numbers: list[Any]) -> list[list[Any]]:
         """Return P and the entries of N: their coefficients, the constant one first."""

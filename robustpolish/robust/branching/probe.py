@@ -21,7 +21,7 @@ def nearby(
     Parameters
     ----------
     loop : LoopModel
-        With real numbers, and at most one other block.
+        With real numbers.
     numbers : ndarray
         Of the real blocks.
     frequency : float

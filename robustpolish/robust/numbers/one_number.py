@@ -8,11 +8,11 @@ arithmetic that hold all eigenvalues show that there is no real one beyond a num
 
 from __future__ import annotations
 
+import flint
 import numpy as np
 
-from robustpolish.exact.balls import precision
+from robustpolish.exact.balls import identity, part, precision
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.numbers.sums_of_poles import both_sides
 from robustpolish.robust.proof import Ball, complex_ball, discs
 
 _BITS = 240
@@ -56,14 +56,21 @@ def proven_size(loop: LoopModel, size: float) -> float | None:
 
 def _operator(loop: LoopModel) -> tuple[Ball, Ball]:
     """Return the matrix from Y to C X + D Y with A X + X A' = -(B Y + Y' B'), and D."""
-    model = loop.model
-    one = np.eye(model.states)
-    # Kronecker products of doubles with zeros and ones are exact.
-    left, right = complex_ball(np.kron(model.A, one)), complex_ball(np.kron(one, model.A))
-    forward, turned = both_sides(model.B)
-    X = (left + right).solve(complex_ball(forward) + complex_ball(turned))
-    out = complex_ball(np.kron(model.C, one))
-    return complex_ball(np.kron(model.D, one)) - out * X, complex_ball(model.D)
+    A, B, C, D = loop.balls
+    n = A.nrows()
+    one = identity(n)
+    forward = _product(B, one)
+    swapped = [j * n + i for i in range(n) for j in range(n)]
+    turned = part(forward, swapped, range(forward.ncols()))
+    X = (_product(A, one) + _product(one, A)).solve(forward + turned)
+    return flint.acb_mat(_product(D, one) - _product(C, one) * X), flint.acb_mat(D)
+
+
+def _product(left: Ball, right: Ball) -> Ball:
+    """Return the Kronecker product."""
+    shape = left.nrows() * right.nrows(), left.ncols() * right.ncols()
+    rows = [[a * b for a in one for b in two] for one in left.tolist() for two in right.tolist()]
+    return flint.arb_mat(*shape, [entry for row in rows for entry in row])
 
 
 def _no_real_beyond(matrix: Ball, limit: float) -> bool:

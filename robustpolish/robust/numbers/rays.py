@@ -12,6 +12,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+import scipy.linalg as sla
 
 from robustpolish.arrays import AnyVector, Matrix, Vector
 from robustpolish.robust.loop_model import LoopModel
@@ -26,6 +27,11 @@ _LARGEST = 600
 # search then takes to the axis.
 _REAL = 1e-5
 _ON_AXIS = 1e-4
+# Newton steps that bring the pole to the axis, how near is enough, and how far they may go: of
+# stiff loops the eigenvalues of the problem have few digits.
+_NEWTON = 8
+_SETTLED = 1e-14
+_CLOSE = 1e-2
 # Corners of the box of real numbers that are looked at: all of up to six numbers.
 _CORNERS = 32
 _FARTHEST = 1e-9
@@ -138,24 +144,54 @@ def _crossing(
     spread: Vector,
 ) -> Crossing | None:
     """Return the mode on the axis at a number k of a ray, if there is one."""
+    mode = _mode(k, matrices, loop.rate)
+    for _ in range(_NEWTON):
+        if mode is None or not abs(mode.by_k) > 0 or abs(mode.value.real) < _SETTLED * loop.rate:
+            break
+        step = -mode.value.real / mode.by_k
+        nearer = _mode(k + step, matrices, loop.rate) if abs(step) < _CLOSE * abs(k) else None
+        if nearer is None or abs(nearer.value.real) >= abs(mode.value.real):
+            break
+        k, mode = k + step, nearer
+    if mode is None:
+        return None
+    value = mode.value
+    if abs(value.real) > _ON_AXIS * max(abs(value), loop.rate * 1e-3):
+        return None
+    w = np.zeros(len(spread), complex)
+    w[places] = k * spread[places] * mode.z
+    if not np.isfinite(w).all() or not w.any():
+        return None
+    if value.imag < 0:
+        w = np.conj(w)
+    frequency = abs(value.imag)
+    size = abs(k) * max(loop.structure.sizes(np.abs(deltas).tolist()))
+    return Crossing(size, tuple((k * deltas).tolist()), frequency, w)
+
+
+@dataclass(frozen=True, eq=False)
+class _Mode:
+    """The pole that is nearest to the axis, what its real part changes by k, and its signals z."""
+
+    value: complex
+    by_k: float
+    z: AnyVector
+
+
+def _mode(k: float, matrices: tuple[Matrix, Matrix, Matrix, Matrix], rate: float) -> _Mode | None:
     A, B, C, D = matrices
     back = np.eye(len(D)) - k * D
     if np.linalg.cond(back) > 1e12:
         return None
     into = np.linalg.solve(back, C)
-    values, vectors = np.linalg.eig(A + k * B @ into)
-    near = int(np.argmin(np.abs(np.real(values)) / (np.abs(values) + loop.rate * 1e-6)))
-    if abs(values[near].real) > _ON_AXIS * max(abs(values[near]), loop.rate * 1e-3):
-        return None
-    w = np.zeros(len(spread), complex)
-    w[places] = k * spread[places] * (into @ vectors[:, near])
-    if not np.isfinite(w).all() or not w.any():
-        return None
-    if values[near].imag < 0:
-        w = np.conj(w)
-    frequency = abs(float(values[near].imag))
-    size = abs(k) * max(loop.structure.sizes(np.abs(deltas).tolist()))
-    return Crossing(size, tuple((k * deltas).tolist()), frequency, w)
+    modes: Any = sla.eig(A + k * B @ into, left=True)
+    values, left, right = modes
+    near = int(np.argmin(np.abs(np.real(values)) / (np.abs(values) + rate * 1e-6)))
+    x, y = right[:, near], left[:, near]
+    # The derivative of k (1 - k D)^-1 is (1 - k D)^-2.
+    change, own = np.vdot(y, B @ np.linalg.solve(back, into @ x)), np.vdot(y, x)
+    by_k = float(np.real(change / own)) if own else 0.0
+    return _Mode(complex(values[near]), by_k if np.isfinite(by_k) else 0.0, into @ x)
 
 
 def _kept(structure: Structure, deltas: Vector) -> list[int]:

@@ -21,6 +21,11 @@ class Barrier:
         """Take what the scalings multiply, of shape (k, size, n, n), and what bounds them."""
         return cls((_Determinants.of(coefficients), *_by_size(coefficients.shape[1], boxes)))
 
+    @classmethod
+    def of_bounds(cls, size: int, boxes: tuple[Box, ...]) -> Barrier:
+        """Take only what bounds so many scalings."""
+        return cls(tuple(_by_size(size, boxes)))
+
     def value(self, x: Vector) -> float:
         """Return the value; infinite where a determinant is not positive."""
         try:

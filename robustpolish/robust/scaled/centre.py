@@ -9,7 +9,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from robustpolish.arrays import Vector
 from robustpolish.robust.scaled.barrier import Barrier
-from robustpolish.robust.scaled.scalings import Inequality, Space
+from robustpolish.robust.scaled.scalings import Box, Inequality, Space
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Effort:
     levels: int = 60
     between: float = 0.1
     above: float = 2.0
-    settled: float = 1e-5
+    settled: float = 1e-7
     largest: float = 1e3
 
 
@@ -81,6 +81,7 @@ def lowered(inequality: Inequality, start: Level, target: float = 0.0) -> Level:
         If its square is below the target, the scalings are the centre of those that prove it.
     """
     best, square = start, EFFORT.above * start.square
+    walls = Barrier.of_bounds(inequality.space.size, _bounds(inequality))
     for _ in range(EFFORT.levels):
         if best.square < target * (1 - 1e-9):
             x = centre(inequality, target, best.x)
@@ -90,18 +91,21 @@ def lowered(inequality: Inequality, start: Level, target: float = 0.0) -> Level:
         if square - best.square < EFFORT.settled * best.square:
             return best
         x = centre(inequality, square, best.x)
-        found = _further(inequality, Level(inequality.least_square(x), x), best.x)
+        found = _further(inequality, Level(inequality.least_square(x), x), best.x, walls)
         best = min(best, found, key=lambda level: level.square)
         square = best.square + EFFORT.between * (square - best.square)
     return best
 
 
-def _further(inequality: Inequality, found: Level, before: Vector) -> Level:
-    """Go on in the direction of the last step as long as the level falls."""
+def _further(inequality: Inequality, found: Level, before: Vector, walls: Barrier) -> Level:
+    """Go on in the direction of the last step as long as the level falls, within what bounds it.
+
+    From outside, no centre would be found any more.
+    """
     direction, reach = found.x - before, 1.0
     for _ in range(8):
         x = normalised(inequality.space, found.x + reach * direction)
-        if x is None:
+        if x is None or not np.isfinite(walls.value(x)):
             break
         level = inequality.least_square(x)
         if not level < found.square:
@@ -124,8 +128,7 @@ def normalised(space: Space, x: Vector) -> Vector | None:
 
 def centre(inequality: Inequality, square: float, x: Vector) -> Vector:
     """Return the analytic centre of the scalings that prove a level, from one that does."""
-    bounds = inequality.space.boxes(EFFORT.largest * (inequality.size or 1.0))
-    barrier = Barrier.of(inequality.coefficients(square), bounds)
+    barrier = Barrier.of(inequality.coefficients(square), _bounds(inequality))
     value = barrier.value(x)
     if not np.isfinite(value):
         return x
@@ -153,6 +156,10 @@ def centre(inequality: Inequality, square: float, x: Vector) -> Vector:
         if decrement < EFFORT.centred:
             return x
     return x
+
+
+def _bounds(inequality: Inequality) -> tuple[Box, ...]:
+    return inequality.space.boxes(EFFORT.largest * (inequality.size or 1.0))
 
 
 def started(inequality: Inequality) -> Level:

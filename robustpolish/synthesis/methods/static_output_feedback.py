@@ -112,7 +112,7 @@ def static_output_feedback(
     """
     orders = Orders.checked(norm, time_limit, seed, target)
     order = checked_order(order)
-    mask = _mask(structure, order, plant)
+    mask = None if structure is None else checked_structure(structure, order, plant.nu, plant.ny)
     start = _initial(initial, order, plant)
     whole = noisy(priced(plant, control_weight), measurement_noise)
 
@@ -122,16 +122,13 @@ def static_output_feedback(
     return design_structured(plant, whole, parts, asked, norm, orders)
 
 
-def _mask(
-    structure: ArrayLike | None, order: int, plant: GeneralizedPlant
-) -> NDArray[np.bool_] | None:
-    if structure is None:
-        return None
-    shape = (order + plant.nu, order + plant.ny)
+def checked_structure(structure: ArrayLike, order: int, nu: int, ny: int) -> NDArray[np.bool_]:
+    """Return which entries of [[Ak, Bk], [Ck, Dk]] are free, refused in a wrong shape."""
+    shape = (order + nu, order + ny)
     mask = np.asarray(structure)
     known = mask.dtype == bool or (mask.dtype.kind in "iuf" and np.isin(mask, (0, 1)).all())
     if mask.shape != shape or not known:
-        sizes = f"{plant.nu} controls by {plant.ny} measurements"
+        sizes = f"{nu} controls by {ny} measurements"
         remedy = "Mark the entries of u = K y that may differ from zero."
         if order:
             sizes += f", after {order} rows and columns for the controller's states"

@@ -142,6 +142,7 @@ def impose(
     terms: Terms,
     square: Affine,
     margin: Affine | None = None,
+    rates: Sequence[Affine | None] | None = None,
 ) -> Affine | None:
     """Require a bound on the norm at a vertex; return the unknown Z of the H2 norm.
 
@@ -157,6 +158,8 @@ def impose(
         Of the bound.
     margin : Affine, optional
         By how much every inequality is to be strict, a scalar.
+    rates : sequence of Affine or None, optional
+        Derivatives of the Lyapunov matrix as of :func:`extreme_rates`; all by default.
     """
     hinf, family = question.norm == "hinf", question.family
     margin = Affine.of(0.0) if margin is None else margin
@@ -166,9 +169,8 @@ def impose(
 
     P = combined(family.shares[vertex], matrices)
     strictly(P)
-    for drift in family.drifts:
-        rate = combined(drift, matrices) if drift.any() else None
-        level = square if hinf else None
+    level = square if hinf else None
+    for rate in _each_rate(family, matrices) if rates is None else rates:
         strictly(-dissipation(P, rate, terms, level, question))
     if hinf:
         return None
@@ -176,6 +178,36 @@ def impose(
     strictly(energy(Z, terms.CV, terms.V, P, terms.D))
     program.nonnegative(square - Z.trace)
     return Z
+
+
+def extreme_rates(
+    program: SemidefiniteProgram, family: LyapunovFamily, matrices: Sequence[Affine]
+) -> list[Affine | None]:
+    """Return derivatives of the Lyapunov matrix that stand for all of them.
+
+    Of up to two slow numbers they are those at the corners of the rates. Corners of more make a
+    program of 4-fold size for each: there one unknown N_j above r_j P_j and -r_j P_j for each
+    number stands for them, -sum N_j. That asks for a little more; what is proven afterwards is
+    proven at the corners themselves.
+    """
+    if len(family.drifts) <= _CORNERS:
+        return _each_rate(family, matrices)
+    total = matrices[0] * 0.0
+    for rate, matrix in zip(np.abs(family.drifts).max(axis=0), matrices, strict=True):
+        if rate > 0:
+            N = program.symmetric(matrix.shape[0])
+            program.positive(N - matrix * float(rate))
+            program.positive(N + matrix * float(rate))
+            total = total - N
+    return [total]
+
+
+# Corners of rates that programs hold themselves: those of two slow numbers.
+_CORNERS = 4
+
+
+def _each_rate(family: LyapunovFamily, matrices: Sequence[Affine]) -> list[Affine | None]:
+    return [combined(drift, matrices) if drift.any() else None for drift in family.drifts]
 
 
 def mean(matrices: Sequence[Any]) -> Any:

@@ -21,6 +21,7 @@ from robustpolish.synthesis.polytopes.inequalities import (
     Question,
     Slack,
     Terms,
+    extreme_rates,
     impose,
     mean,
     tied_weights,
@@ -167,6 +168,7 @@ def analysed(
     V = None if same or question.tied or hinf else program.matrix(n, n)
     square = program.scalar() if limit is None else Affine.of(limit)
     margin = None if limit is None else program.scalar()
+    rates = extreme_rates(program, question.family, matrices)
     energies = []
     a, b = tied_weights(question.discrete)
     for i, (A, B, C, D) in enumerate(loops):
@@ -174,7 +176,7 @@ def analysed(
         seen = question.seen(C)
         slack = X or Slack(P * a, P * b, Affine.of(np.zeros((len(seen), n))))
         terms = Terms(with_slack(slack, A, seen), C @ (P if V is None else V), V, B, D)
-        energies.append(impose(program, question, i, matrices, terms, square, margin))
+        energies.append(impose(program, question, i, matrices, terms, square, margin, rates))
     program.minimise(square if margin is None else -margin)
     solution = solver.solve(program)
     if solution.x is None:

@@ -69,8 +69,8 @@ def scheduled_feedback(
     rates : mapping of str to float, optional
         Largest rates of change of some numbers, in their units per s; what is not named may jump.
         The Lyapunov matrix is then affine in them, which lowers the bound. For output feedback
-        rates enter the proof, not the search. In continuous time only; every such number doubles
-        the inequalities once more, so that three of them take minutes.
+        rates enter the proof, not the search, and loops of eight and more states take minutes
+        there. In continuous time only.
     control_weight : float or array_like, shape (nu,), optional
         Price on u in units of z per unit of u: ``control_weight * u`` joins z.
     measurement_noise : float or array_like, shape (ny,), optional
@@ -236,7 +236,10 @@ def _rates(whole: Polytope, given: Mapping[str, float] | None) -> dict[str, floa
 def _failure(late: bool) -> str:
     text = "No controller was found and proven for the whole box. "
     if late:
-        return text + "The time limit was reached; raise time_limit."
+        return text + (
+            "The time limit was reached. Raise time_limit, or leave numbers out of rates= (the "
+            "bound then holds for jumps of them, which is proven much faster)."
+        )
     return text + (
         "Make the ranges smaller, tell rates= of numbers that move slowly, or give the problem a "
         "price (control_weight) and a noise (measurement_noise)."

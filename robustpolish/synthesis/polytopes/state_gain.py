@@ -22,6 +22,7 @@ from robustpolish.synthesis.polytopes.family import LyapunovFamily, combined
 from robustpolish.synthesis.polytopes.inequalities import (
     Question,
     Terms,
+    extreme_rates,
     impose,
     mean,
     tied_weights,
@@ -143,6 +144,7 @@ def _program(
     n, nu = plants[0].nx, plants[0].nu
     question = problem.question
     matrices = [program.symmetric(n) for _ in range(question.family.size)]
+    rates = extreme_rates(program, question.family, matrices)
     tied = question.tied
     V = matrices[0] if tied else program.matrix(n, n)
     count = len(plants) if problem.scheduled else 1
@@ -155,7 +157,7 @@ def _program(
         AV, CV = p.A @ V + p.B2 @ L, p.C1 @ V + p.D12 @ L
         seen = CV if question.norm == "hinf" else Affine.of(np.zeros((0, n)))
         terms = Terms(with_gain(V, AV, seen, *weights), CV, V, p.B1, p.D11)
-        impose(program, question, i, matrices, terms, square)
+        impose(program, question, i, matrices, terms, square, rates=rates)
     if limit is None:
         program.minimise(square)
     elif gains_themselves:
@@ -260,6 +262,7 @@ def _moved(
     program = SemidefiniteProgram()
     n, nu = plants[0].nx, plants[0].nu
     matrices = [program.symmetric(n) for _ in range(question.family.size)]
+    rates = extreme_rates(program, question.family, matrices)
     F = program.matrix(nu, n)
     square = program.scalar() if limit is None else Affine.of(limit)
     assert held.X is not None
@@ -268,7 +271,7 @@ def _moved(
         seen = C if question.norm == "hinf" else Affine.of(np.zeros((0, n)))
         V = held.V if held.V is not None else combined(question.family.shares[i], held.P)
         terms = Terms(with_slack(held.X, A, seen), C @ V, V, p.B1, p.D11)
-        impose(program, question, i, matrices, terms, square)
+        impose(program, question, i, matrices, terms, square, rates=rates)
     if limit is None:
         program.minimise(square)
     else:

@@ -114,7 +114,7 @@ def scaled_vertices(whole: Polytope) -> tuple[ScaledPlant, tuple[PlantMatrices, 
     middle = shrunk_matrices(vertices, 0.0)[0]
     like = {name: getattr(middle, name) for name in _NAMES}
     scaled = scale_plant(whole.plants[0].replace(**like))
-    return scaled, tuple(in_units(p, scaled) for p in vertices)
+    return scaled, tuple(scaled.in_units(p) for p in vertices)
 
 
 def shrunk_matrices(vertices: Sequence[PlantMatrices], factor: float) -> tuple[PlantMatrices, ...]:
@@ -315,19 +315,3 @@ def bends_of(system: Lft) -> tuple[float, ...] | None:
     if power.any() or max(map(abs, bends), default=0.0) >= 1:
         return None
     return tuple(0.0 if abs(bend) <= _ROUNDING else bend for bend in bends)
-
-
-def in_units(p: PlantMatrices, s: ScaledPlant) -> PlantMatrices:
-    """Return a plant in the units of another, which are powers of two: nothing is rounded."""
-    x, u, y, w, z = s.state, s.control, s.measurement, s.disturbance, s.performance
-    return p.replace(
-        A=s.time * p.A * x / x[:, None],
-        B1=s.time * p.B1 * w / x[:, None],
-        B2=s.time * p.B2 * u / x[:, None],
-        C1=p.C1 * x / z,
-        D11=p.D11 * w / z,
-        D12=p.D12 * u / z,
-        C2=p.C2 * x / y[:, None],
-        D21=p.D21 * w / y[:, None],
-        D22=p.D22 * u / y[:, None],
-    )

@@ -64,6 +64,25 @@ class ScaledPlant:
         """Return F of u = F y in the plant's units."""
         return self.control[:, None] * np.asarray(scaled, dtype=float) / self.measurement
 
+    def in_units(self, p: PlantMatrices) -> PlantMatrices:
+        """Return another plant of these signals in the same units, which round nothing.
+
+        Its first states are those of this plant; more of them keep their own units.
+        """
+        x = np.concatenate([self.state, np.ones(p.nx - len(self.state))])
+        u, y, w, z = self.control, self.measurement, self.disturbance, self.performance
+        return p.replace(
+            A=self.time * p.A * x / x[:, None],
+            B1=self.time * p.B1 * w / x[:, None],
+            B2=self.time * p.B2 * u / x[:, None],
+            C1=p.C1 * x / z,
+            D11=p.D11 * w / z,
+            D12=p.D12 * u / z,
+            C2=p.C2 * x / y[:, None],
+            D21=p.D21 * w / y[:, None],
+            D22=p.D22 * u / y[:, None],
+        )
+
     def controller(self, scaled: control.StateSpace) -> control.StateSpace:
         """Return a dynamic controller u = K y in the plant's units."""
         rate = self.time

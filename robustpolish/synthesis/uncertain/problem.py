@@ -87,7 +87,7 @@ class RobustProblem:
         """Prove a level of a stable loop, raised as far as it has to be."""
         model = LoopModel.around((loop.A, loop.B, loop.C, loop.D), 0, self.structure)
         space = Space(self.structure, (False,) * len(self.structure.blocks))
-        return cover(model.model, space, level / model.gain, model.seeds()), model
+        return cover(model, space, level / model.gain, model.seeds()), model
 
     def controller(self, K: Controller) -> control.StateSpace | None:
         """Return a controller in the plant's units; None if its loop is not well posed."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
@@ -12,12 +12,21 @@ import control
 from matplotlib.axes import Axes
 
 from robustpolish.display import Card, Displayed, quantities
+from robustpolish.long_calls import Budget
 from robustpolish.models.uncertain.system import UncertainSystem
-from robustpolish.robust.performance import RobustPerformance, WorstCaseGain, worst_case_gain
-from robustpolish.synthesis.certificate.certificate import Certificate
+from robustpolish.robust.performance import (
+    RobustPerformance,
+    WorstCaseGain,
+    robust_performance,
+    worst_case_gain,
+)
+from robustpolish.synthesis.certificate.certificate import Certificate, certify
+from robustpolish.synthesis.uncertain.scenarios.by_scenarios import ByScenarios
+from robustpolish.synthesis.uncertain.scenarios.machines import Machines
 from robustpolish.validation import described, invalid
 
 Status = Literal["robust", "limited", "time_limit", "not proven", "no controller"]
+Method = Literal["scalings", "scenarios"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,10 +55,16 @@ class RobustDesign(Displayed):
     performance : RobustPerformance or None
         The proof over all frequencies, and the machine that is worst.
     history : tuple of mapping
-        One entry per step of the search: its mu at a set of frequencies, the states of the
-        controller and of the scalings that it was made for, the work so far.
+        One entry per step of the search, with the states of the controller and the work so far: of
+        scalings the mu at a set of frequencies and the states of the scalings, of scenarios the
+        largest gain over a set of machines and their number.
     elapsed : float
         Seconds.
+    method : {"scalings", "scenarios"}
+        Which search the controller comes from.
+    lower_bound : float
+        A worst-case gain that no controller beats, whatever its order and structure, because one of
+        the machines within the bounds does not allow less; 0 if none is known.
 
     Examples
     --------
@@ -73,6 +88,9 @@ class RobustDesign(Displayed):
     performance: RobustPerformance | None = None
     history: tuple[Mapping[str, Any], ...] = ()
     elapsed: float = 0.0
+    method: Method = "scalings"
+    lower_bound: float = 0.0
+    _worst: WorstCaseGain | None = field(default=None, kw_only=True)
 
     @property
     def mu(self) -> tuple[float, float]:
@@ -92,6 +110,8 @@ class RobustDesign(Displayed):
     @cached_property
     def worst_case(self) -> WorstCaseGain | None:
         """The largest gain of all machines within the bounds, proven; computed when asked for."""
+        if self._worst is not None:
+            return self._worst
         return None if self.closed_loop is None else worst_case_gain(self.closed_loop)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -136,8 +156,93 @@ class RobustDesign(Displayed):
             ("mu at least", low),
             ("share of the uncertainty that is proven", self.margin),
             ("gain that 1 stands for", self.gamma),
+            *((("gain that none beats", self.lower_bound),) if self.lower_bound else ()),
             ("nominal H-infinity norm", self.certificate.achieved),
             ("proven", self.performance.proven),
             ("seconds", round(self.elapsed, 1)),
         )
         return Card(title, (quantities(*rows),), (self.reason,))
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A controller with its proof, and what else is known of it."""
+
+    controller: control.StateSpace
+    performance: RobustPerformance
+    method: Method = "scalings"
+    worst: WorstCaseGain | None = None
+    lower_bound: float = 0.0
+
+    @classmethod
+    def by_scenarios(cls, system: UncertainSystem, found: ByScenarios, gamma: float) -> Candidate:
+        """Return what a search over scenarios found, with its margin."""
+        performance = robust_performance(system.lft(found.controller), gamma)
+        return cls(found.controller, performance, "scenarios", found.worst, found.lower_bound)
+
+    def is_robust(self, gamma: float) -> bool:
+        """Whether every machine within the bounds is proven to have a gain below gamma."""
+        below = self.worst is not None and self.worst.proven and self.worst.upper < gamma
+        return below or (self.performance.proven and self.performance.lower >= 1)
+
+    def rank(self, gamma: float) -> tuple[bool, float]:
+        """Return what decides: of robust ones the worst gain, of others the margin."""
+        robust = self.is_robust(gamma)
+        if robust and self.worst is not None:
+            return True, -self.worst.upper
+        return robust, self.performance.lower
+
+
+def judged(
+    machines: Machines,
+    chosen: Candidate,
+    history: Sequence[Mapping[str, Any]],
+    gamma: float,
+    budget: Budget,
+) -> RobustDesign:
+    """Say what a proof means; without one there is no controller."""
+    system, performance = machines.system, chosen.performance
+    certificate = certify(machines.nominal, chosen.controller)
+    if not certificate.valid or not performance.proven:
+        why = "; ".join(certificate.reasons) or performance.status
+        reason = f"The best controller found could not be proven ({why}). Price u and add noise."
+        return RobustDesign(
+            system, None, None, gamma, "not proven", reason,
+            history=tuple(history), elapsed=budget.elapsed,
+        )  # fmt: skip
+    status: Status = "robust" if chosen.is_robust(gamma) else "limited"
+    if budget.late and status == "limited":
+        status = "time_limit"
+    return RobustDesign(
+        system, chosen.controller, system.lft(chosen.controller), gamma, status,
+        _reason(chosen, gamma, budget), certificate, performance, tuple(history),
+        budget.elapsed, chosen.method, chosen.lower_bound, _worst=chosen.worst,
+    )  # fmt: skip
+
+
+def _reason(chosen: Candidate, gamma: float, budget: Budget) -> str:
+    """Say in a sentence what is proven, and what to try."""
+    performance = chosen.performance
+    share = performance.lower
+    late = " The safety net of time was reached." if budget.late else ""
+    if chosen.is_robust(gamma):
+        gain = chosen.worst.upper if chosen.worst is not None else gamma / share
+        text = f"Every machine within the bounds is stable with a gain below {gain:.4g}."
+        if chosen.lower_bound:
+            text += f" No controller has a worst gain below {chosen.lower_bound:.4g}."
+        return text + late
+    text = (
+        f"Proven for {share:.3g} times the uncertainty only, with a gain below {gamma / share:.4g}"
+    )
+    if performance.witness:
+        named = ", ".join(
+            f"{name} = {value:.4g}"
+            for name, value in performance.witness.items()
+            if isinstance(value, float)
+        )
+        worst = f"; at {performance.upper:.3g} times it a machine has no less"
+        text += worst + (f" ({named})" if named else "")
+    advice = "Ask for less (gamma, weights, smaller bounds), or allow more states (order)."
+    if chosen.lower_bound >= gamma:
+        advice = f"No controller has a worst gain below {chosen.lower_bound:.4g}: raise gamma."
+    return f"{text}. {advice}{late}"

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import control
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.errors import SolverError
+from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.long_calls import Budget, same_bits, working
-from robustpolish.models import GeneralizedPlant
 from robustpolish.models.plant.sorting import sorted_signals
 from robustpolish.models.uncertain.system import UncertainSystem
-from robustpolish.robust.performance import RobustPerformance, robust_performance
-from robustpolish.synthesis.certificate.certificate import certify
+from robustpolish.robust.performance import robust_performance, worst_case_gain
+from robustpolish.synthesis.methods.fixed_order import checked_order
+from robustpolish.synthesis.methods.static_output_feedback import checked_structure
 from robustpolish.synthesis.problem.preflight import diagnose, refuse
 from robustpolish.synthesis.uncertain.problem import RobustProblem
-from robustpolish.synthesis.uncertain.robust_design import RobustDesign, Status
+from robustpolish.synthesis.uncertain.robust_design import Candidate, RobustDesign, judged
+from robustpolish.synthesis.uncertain.scenarios.by_scenarios import FreeSearch, with_structure
+from robustpolish.synthesis.uncertain.scenarios.machines import Machines
 from robustpolish.synthesis.uncertain.search import POLICY, Search
 from robustpolish.validation import described, instance_of, invalid, positive
 
@@ -31,6 +35,7 @@ def robust_output_feedback(
     controls: Chosen,
     *,
     gamma: float = 1.0,
+    structure: ArrayLike | None = None,
     order: int | None = None,
     effort: float = 1.0,
     time_limit: float = 600.0,
@@ -38,9 +43,10 @@ def robust_output_feedback(
     r"""Design u = K y for all machines within the bounds of an uncertain plant.
 
     It makes the structured singular value mu of the loop small, with the gain from w to z as one
-    more block. Proven below 1, every machine within the bounds is stable with a gain below
-    `gamma`. What is returned is proven over all frequencies, in ball arithmetic, by
-    :func:`robust_performance`; no grid and no solver is believed.
+    more block, and where real numbers are uncertain also the largest gain over the worst machines
+    that can be found. Below `gamma` for all machines within the bounds the design is robust. What
+    is returned is proven over all frequencies, in ball arithmetic, by :func:`robust_performance`
+    and :func:`worst_case_gain`; no grid, no sample and no solver is believed.
 
     Parameters
     ----------
@@ -52,8 +58,12 @@ def robust_output_feedback(
         number of the last ones, as of :class:`GeneralizedPlant`.
     gamma : float, optional
         The gain from w to z that is asked for; 1 by default, as weights are usually made.
+    structure : array_like of bool, optional
+        True where the controller may differ from zero, as of :func:`static_output_feedback`: of
+        shape (nu, ny) for u = K y, or (order + nu, order + ny) for [[Ak, Bk], [Ck, Dk]].
     order : int, optional
-        The most states that the controller may have. By default as few as cost next to nothing.
+        The most states that the controller may have. By default as few as cost next to nothing;
+        with a `structure` the number of its states, 0 by default.
     effort : float
         Factor on the work that the search may do, counted in steps: every machine, busy or idle,
         gives the same answer.
@@ -76,14 +86,26 @@ def robust_output_feedback(
     a D step fits them with stable systems of low order [1]_. Between these the controller is
     shortened and polished without fits: its numbers and the scalings D and, for real numbers, G
     of a set of frequencies [2]_ are free at once in a descent on sums of high powers of the
-    scaled gain. Frequencies at which the proof finds more join the set. The problem is not
-    convex: what is found is a local minimum.
+    scaled gain. Frequencies at which the proof finds more join the set.
+
+    These scalings take a number as complex in part. So where there are real numbers, or a
+    `structure`, another search goes without [3]_: the largest norm over a set of machines is
+    lowered by nonsmooth descents, the worst corner of the numbers joins the set, and when none is
+    worse the proof is asked, whose worst machine joins, too. It ends when the proof finds nothing
+    worse, and the better one of both searches is returned. The search by scenarios comes first, and
+    alone where nothing is left to gain: `lower_bound` of the result is the smallest gain that one
+    of the machines allows, proven. Uncertain dynamics enter its set only by the witnesses of
+    proofs. Of a structure more than one start is tried.
+
+    The problem is not convex: what is found is a local minimum.
 
     References
     ----------
     .. [1] J. C. Doyle, "Structured uncertainty in control system design", CDC 1985.
     .. [2] M. K. H. Fan, A. L. Tits, J. C. Doyle, "Robustness in the presence of mixed parametric
        uncertainty and unmodeled dynamics", IEEE Transactions on Automatic Control 36 (1991) 25-38.
+    .. [3] P. Apkarian, M. N. Dao, D. Noll, "Parametric robust structured control design", IEEE
+       Transactions on Automatic Control 60 (2015) 1857-1869.
 
     Examples
     --------
@@ -100,94 +122,93 @@ def robust_output_feedback(
     ('robust', ['y'], ['u'])
     >>> bool(design.worst_case.upper < 1.5)
     True
+
+    No controller does noticeably better, and a static one is enough:
+
+    >>> bool(design.worst_case.upper < 1.01 * design.lower_bound), design.order
+    (True, 0)
     """
     system, ny, nu = _sorted(plant, measurements, controls)
     gamma, effort = positive("gamma", gamma), positive("effort", effort)
     budget = Budget(effort * POLICY.work, positive("time_limit", time_limit, "s"))
-    most = _checked_order(order)
+    most = None if order is None else checked_order(order)
+    mask = None if structure is None else _mask(structure, most or 0, ny, nu)
     problem = RobustProblem.of(system, ny, nu, gamma)
     unmoved = [mode for mode in diagnose(problem.plant).fixed_modes if mode.exact]
     if unmoved:
         return _none(system, gamma, str(refuse(unmoved)), budget)
+    machines = Machines(system, ny, nu)
     with working("Designing a robust controller"):
-        search = Search(problem, most, budget)
         try:
-            found = search.run()
-        except SolverError as error:
+            if mask is not None:
+                found, history = with_structure(machines, most or 0, mask, budget)
+                chosen = None if found is None else Candidate.by_scenarios(system, found, gamma)
+            else:
+                chosen, history = _without_structure(problem, machines, most, gamma, budget)
+        except (InfeasibleError, SolverError) as error:
             return _none(system, gamma, f"{error} Weigh u and add noise to y.", budget)
-        best: tuple[control.StateSpace, RobustPerformance] | None = None
-        for count in range(POLICY.proofs):
-            controller = problem.controller(found.controller)
-            if controller is None:
-                break
-            performance = robust_performance(system.lft(controller), gamma)
-            if best is None or performance.lower > best[1].lower:
-                best = controller, performance
-            agreed = found.level * (1 + POLICY.agrees)
-            if performance.mu[1] <= agreed or budget.over or count + 1 == POLICY.proofs:
-                break
-            found = search.mended(found)
-        if best is None:
-            return _none(system, gamma, "The loop of the best controller is ill-posed.", budget)
-        return _judged(system, problem, *best, search, gamma)
+        if chosen is None:
+            what = "stable on all machines of the set" if mask is not None else "well-posed"
+            reason = f"No controller was found whose loop is {what}. Ask for less, or free more."
+            return _none(system, gamma, reason, budget)
+        return judged(machines, chosen, history, gamma, budget)
 
 
-def _judged(
-    system: UncertainSystem,
+def _without_structure(
     problem: RobustProblem,
-    controller: control.StateSpace,
-    performance: RobustPerformance,
-    search: Search,
+    machines: Machines,
+    order: int | None,
     gamma: float,
-) -> RobustDesign:
-    """Say what a proof means; without one there is no controller."""
-    budget, history = search.budget, tuple(search.history)
-    certificate = certify(_nominal(system, problem), controller)
-    if not certificate.valid or not performance.proven:
-        why = "; ".join(certificate.reasons) or performance.status
-        reason = f"The best controller found could not be proven ({why}). Price u and add noise."
-        return RobustDesign(
-            system, None, None, gamma, "not proven", reason,
-            history=history, elapsed=budget.elapsed,
-        )  # fmt: skip
-    status: Status = "robust" if performance.lower >= 1 else "limited"
-    if budget.late and status == "limited":
-        status = "time_limit"
-    return RobustDesign(
-        system, controller, system.lft(controller), gamma, status,
-        _reason(performance, gamma, budget), certificate, performance, history, budget.elapsed,
-    )  # fmt: skip
+    budget: Budget,
+) -> tuple[Candidate | None, list[dict[str, Any]]]:
+    """Search by scenarios where there are real numbers, by scalings, and keep the best."""
+    system, offered = machines.system, list[Candidate]()
+    free = FreeSearch(machines, order, budget.share(POLICY.scenarios))
+    found = free.from_nominal() if machines.numbers else None
+    if found is not None:
+        offered.append(Candidate.by_scenarios(system, found, gamma))
+        if found.best_possible and offered[0].is_robust(gamma):
+            return offered[0], free.history
+    search = Search(problem, order, budget)
+    try:
+        scaled = _by_scalings(system, problem, search, gamma)
+    except SolverError:
+        if not offered:
+            raise
+        scaled = None
+    if scaled is not None and machines.numbers:
+        scaled = replace(scaled, worst=worst_case_gain(system.lft(scaled.controller)))
+        offered.append(scaled)
+        if scaled.rank(gamma) > offered[0].rank(gamma) or len(offered) == 1:
+            again = free.from_controller(scaled.controller)
+            if again is not None:
+                offered.append(Candidate.by_scenarios(system, again, gamma))
+    elif scaled is not None:
+        offered.append(scaled)
+    best = max(offered, key=lambda one: one.rank(gamma), default=None)
+    bound = max((one.lower_bound for one in offered), default=0.0)
+    history = [*free.history, *search.history]
+    return None if best is None else replace(best, lower_bound=bound), history
 
 
-def _reason(performance: RobustPerformance, gamma: float, budget: Budget) -> str:
-    """Say in a sentence what is proven, and what to try."""
-    share = performance.lower
-    late = " The safety net of time was reached." if budget.late else ""
-    if share >= 1:
-        text = f"Every machine within the bounds is stable with a gain below {gamma / share:.4g}."
-        return text + late
-    text = (
-        f"Proven for {share:.3g} times the uncertainty only, with a gain below {gamma / share:.4g}"
-    )
-    if performance.witness:
-        named = ", ".join(
-            f"{name} = {value:.4g}"
-            for name, value in performance.witness.items()
-            if isinstance(value, float)
-        )
-        worst = f"; at {performance.upper:.3g} times it a machine has no less"
-        text += worst + (f" ({named})" if named else "")
-    advice = "Ask for less (gamma, weights, smaller bounds), or allow more states (order)."
-    return f"{text}. {advice}{late}"
-
-
-def _nominal(system: UncertainSystem, problem: RobustProblem) -> GeneralizedPlant:
-    """Return the nominal plant from w and u to z and y."""
-    nominal: Any = system.nominal
-    if not isinstance(nominal, control.StateSpace):
-        gain = np.atleast_2d(nominal)
-        nominal = control.StateSpace([], [], [], gain, 0)
-    return GeneralizedPlant(nominal, problem.plant.ny, problem.plant.nu)
+def _by_scalings(
+    system: UncertainSystem, problem: RobustProblem, search: Search, gamma: float
+) -> Candidate | None:
+    """Search by scalings, and prove until the proof and the search agree."""
+    found = search.run()
+    best: Candidate | None = None
+    for count in range(POLICY.proofs):
+        controller = problem.controller(found.controller)
+        if controller is None:
+            break
+        performance = robust_performance(system.lft(controller), gamma)
+        if best is None or performance.lower > best.performance.lower:
+            best = Candidate(controller, performance)
+        agreed = found.level * (1 + POLICY.agrees)
+        if performance.mu[1] <= agreed or search.budget.over or count + 1 == POLICY.proofs:
+            break
+        found = search.mended(found)
+    return best
 
 
 def _none(system: UncertainSystem, gamma: float, reason: str, budget: Budget) -> RobustDesign:
@@ -221,9 +242,8 @@ def _sorted(plant: Any, measurements: Any, controls: Any) -> tuple[UncertainSyst
     return plant[rows, columns], ny, nu
 
 
-def _checked_order(order: Any) -> int | None:
-    if order is None:
-        return None
-    if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 0:
-        raise invalid("order", order, "a whole number of at least 0", "0 is static feedback.")
-    return int(order)
+def _mask(structure: ArrayLike, order: int, ny: int, nu: int) -> NDArray[np.bool_]:
+    mask = checked_structure(structure, order, nu, ny)
+    if not mask.any():
+        raise invalid("structure", described("no free entry"), "one at least", "Mark some entries.")
+    return mask

@@ -34,6 +34,8 @@ class SearchPolicy:
     ----------
     work : float
         Steps of descents and Riccati equations, weighted by their size.
+    scenarios : float
+        Share of it for the search by scenarios, where there are real numbers.
     rounds : int
         K steps at most.
     worthwhile : float
@@ -58,6 +60,7 @@ class SearchPolicy:
     """
 
     work: float = 60_000.0
+    scenarios: float = 0.5
     rounds: int = 4
     worthwhile: float = 0.01
     quick: tuple[float, ...] = (30.0, 100.0)
