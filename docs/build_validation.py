@@ -12,6 +12,9 @@ from typing import Literal
 
 import jinja2
 import numpy as np
+import validation_contact
+import validation_moulds
+import validation_rotors
 
 import robustpolish as rp
 from robustpolish.analysis import modes
@@ -195,6 +198,9 @@ def main() -> None:
         "structures_displacement": structures("displacement"),
         "one_by_one": one_by_one(),
         "steady_force": steady_force(),
+        **dict(validation_moulds.values()),
+        **dict(validation_rotors.values()),
+        **dict(validation_contact.values()),
     }
     template = jinja2.Template(PAGE.with_suffix(".md.in").read_text(), keep_trailing_newline=True)
     PAGE.write_text(template.render(values), encoding="utf-8")

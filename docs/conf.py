@@ -55,7 +55,14 @@ numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
 
 # --- notebooks and text -------------------------------------------------------------------------
-myst_enable_extensions = ["attrs_inline", "dollarmath", "amsmath", "colon_fence", "deflist", "fieldlist"]
+myst_enable_extensions = [
+    "amsmath",
+    "attrs_inline",
+    "colon_fence",
+    "deflist",
+    "dollarmath",
+    "fieldlist",
+]
 myst_heading_anchors = 3
 nb_execution_mode = "cache"
 # Executed notebooks are kept until the package changes: no page shows what older code computed.

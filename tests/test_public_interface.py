@@ -163,6 +163,7 @@ NO_PICTURE = (
     "AirBearingParameters",
     "PolishingHardware",
     "MechanicalModel",
+    "RotorModel",
     "LmiCheck",
     "DesignTask",
     "UncertainSystem",

@@ -10,8 +10,8 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.arrays import AnyArray as Array
-from robustpolish.brush.parameters import BrushParameters
-from robustpolish.brush.surface import Surface
+from robustpolish.brush.parameters import NOT_NUMBERS, BrushParameters
+from robustpolish.brush.surfaces.trough import Surface
 from robustpolish.brush.tool_path import tool_position, tool_velocity
 
 Variable = tuple[Any, Array, dict[str, Any]]
@@ -58,7 +58,7 @@ def angle_variables(
 
 
 def path_variables(time: Array, parameters: BrushParameters) -> dict[str, Variable]:
-    """Return the tool path (9.2) and the surface under it (9.1, 9.5)."""
+    """Return the tool path (9.2) and the surface under it (9.1, 9.4, 9.5)."""
     x, y = tool_position(time, parameters)
     along, across = tool_velocity(time, parameters)
     surface = parameters.surface
@@ -75,20 +75,24 @@ def path_variables(time: Array, parameters: BrushParameters) -> dict[str, Variab
     return variables
 
 
-def parameter_attributes(parameters: BrushParameters) -> dict[str, float]:
+def parameter_attributes(parameters: BrushParameters) -> dict[str, float | str]:
     """Return every parameter as an attribute that any file format can keep."""
     scalars = {
         item.name: getattr(parameters, item.name)
         for item in fields(parameters)
-        if item.name != "surface"
+        if item.name not in NOT_NUMBERS
     }
-    surface = parameters.surface
-    return {**scalars, "surface_along": surface.along, "surface_across": surface.across}
+    surface, path = parameters.surface, parameters.path
+    if isinstance(surface, Surface):
+        told = {"surface_along": surface.along, "surface_across": surface.across}
+    else:
+        told = {"surface": repr(surface)}
+    return {**scalars, **told, **({} if path is None else {"path": repr(path)})}
 
 
 def parameters_from_attributes(attributes: Mapping[Any, Any]) -> BrushParameters:
     """Undo `parameter_attributes`."""
-    names = [item.name for item in fields(BrushParameters) if item.name != "surface"]
+    names = [item.name for item in fields(BrushParameters) if item.name not in NOT_NUMBERS]
     surface = Surface(attributes["surface_along"], attributes["surface_across"])
     return BrushParameters(**{name: attributes[name] for name in names}, surface=surface)
 

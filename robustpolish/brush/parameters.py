@@ -8,8 +8,10 @@ from math import hypot, pi, sqrt
 from types import MappingProxyType
 from typing import Any
 
-from robustpolish.brush.surface import Surface
-from robustpolish.validation import instance_of, one_of, positive
+from robustpolish.brush.paths.tool_path import ToolPath
+from robustpolish.brush.surfaces.polished_surface import PolishedSurface
+from robustpolish.brush.surfaces.trough import Surface
+from robustpolish.validation import instance_of, invalid, one_of, positive
 
 RUN_STIFFNESS: Mapping[int, float] = MappingProxyType({1: 1e4, 2: 1e6, 3: 1e8, 4: 1e10})
 """Contact stiffness k_p [N/m] of the thesis's runs (table 9.2)."""
@@ -22,6 +24,8 @@ def _quantity(value: float, unit: str, source: str) -> Any:
 _MAY_BE_ZERO = frozenset(
     {"friction", "contact_damping", "spin", "rotation_rate", "rotation_radius", "feed"}
 )
+NOT_NUMBERS = frozenset({"surface", "path"})
+"""Fields that are more than a number."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +64,10 @@ class BrushParameters:
     spindle_damping : float
         Torque per deviation of the spin from `spin` [N m s/rad] by which the drive holds
         the speed of the three-angle disc. The two-angle disc has an ideal drive.
-    surface : Surface
+    surface : Surface or Mould
         What is polished.
+    path : ToolPath, optional
+        Where the tool's centre goes. Without one it circles and is fed along x (9.2).
 
     Raises
     ------
@@ -91,15 +97,20 @@ class BrushParameters:
     contact_damping: float = _quantity(50.0, "s/m", "chosen; not in the thesis")
     slip_scale: float = _quantity(0.01, "m/s", "chosen; regularises Coulomb's law")
     spindle_damping: float = _quantity(0.01, "N m s/rad", "chosen; drops the spin by 1 %")
-    surface: Surface = field(
+    surface: PolishedSurface = field(
         default_factory=Surface, metadata={"unit": "", "source": "eq. 9.1, made to fit the disc"}
     )
+    path: ToolPath | None = field(default=None, metadata={"unit": "", "source": "eq. 9.2 if none"})
 
     def __post_init__(self) -> None:
-        remedy = "Pass Surface(along, across)."
-        instance_of("BrushParameters.surface", self.surface, Surface, "a Surface", remedy)
+        remedy = "Pass Surface(along, across), or a Mould."
+        where = "BrushParameters.surface"
+        instance_of(where, self.surface, PolishedSurface, "a Surface or a Mould", remedy)
+        if self.path is not None:
+            remedy = "Make one with ToolPath.spiral(...) or the like, or leave it out."
+            instance_of("BrushParameters.path", self.path, ToolPath, "a ToolPath", remedy)
         for item in fields(self):
-            if item.name != "surface":
+            if item.name not in NOT_NUMBERS:
                 value = positive(
                     f"BrushParameters.{item.name}",
                     getattr(self, item.name),
@@ -115,7 +126,7 @@ class BrushParameters:
         Parameters
         ----------
         run : {1, 2, 3, 4}
-        **changes : float or Surface
+        **changes : float, Surface, Mould or ToolPath
             Other fields of the class.
 
         Returns
@@ -168,6 +179,15 @@ class BrushParameters:
         100000000.0
         """
         return replace(self, contact_stiffness=RUN_STIFFNESS[one_of("run", run, RUN_STIFFNESS)])
+
+    @property
+    def trough(self) -> Surface:
+        """The surface, for what knows troughs on the circling path only; refuses any other."""
+        if not isinstance(self.surface, Surface) or self.path is not None:
+            other = self.path if isinstance(self.surface, Surface) else self.surface
+            wanted = "Surface(along, across) and no path, for the listing"
+            raise invalid("parameters", other, wanted, "Take the physical simulator.")
+        return self.surface
 
     @property
     def rim_distance(self) -> float:

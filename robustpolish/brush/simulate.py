@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from robustpolish.brush.ground import check_ground
 from robustpolish.brush.listing.defects import ListingDefects
 from robustpolish.brush.listing.run import Workaround, run_listing
 from robustpolish.brush.parameters import BrushParameters
+from robustpolish.brush.paths.tool_path import ToolPath
 from robustpolish.brush.physical.dataset import physical_dataset
 from robustpolish.brush.physical.run import run_refined
+from robustpolish.brush.surfaces.polished_surface import PolishedSurface
 from robustpolish.long_calls import working
 from robustpolish.validation import instance_of, invalid, one_of, positive
 
@@ -28,6 +32,8 @@ def simulate_brush(
     duration: float = 5.0,
     *,
     parameters: BrushParameters | None = None,
+    surface: PolishedSurface | None = None,
+    path: ToolPath | None = None,
     sample_rate: float | None = None,
     tolerance: float | None = None,
     disc: Literal["two-angle", "three-angle"] | None = None,
@@ -52,6 +58,10 @@ def simulate_brush(
     parameters : BrushParameters, optional
         Default: ``BrushParameters()`` for "physical", ``BrushParameters.as_published()`` for
         "listing".
+    surface : Surface or Mould, optional
+        What is polished, in place of that of the parameters; only "physical" knows moulds.
+    path : ToolPath, optional
+        Where the tool goes, in place of circling; only "physical".
     sample_rate : float, optional
         Samples of the result per second [Hz]. 20 kHz for "physical": no step is longer than a
         sample, and forces are averaged over each, so that straight lines through them have
@@ -99,7 +109,8 @@ def simulate_brush(
     Raises
     ------
     InvalidInputError
-        If an argument is out of its range, or belongs to the other simulator.
+        If an argument is out of its range, or belongs to the other simulator; if the path is
+        shorter than the run or leads the rim off the mould; if the mould bulges under the disc.
     SolverError
         If the disc tips over or moves too fast to be followed.
 
@@ -126,10 +137,11 @@ def simulate_brush(
         "workaround": workaround,
     }
     options = _options(simulator, given)
-    chosen = _parameters(simulator, run, parameters)
+    chosen = _parameters(simulator, run, parameters, surface, path)
     rate = _SAMPLE_RATE[simulator] if sample_rate is None else sample_rate
     time = _sample_times(duration, rate)
     limit = positive("tolerance", _TOLERANCE[simulator] if tolerance is None else tolerance)
+    check_ground(chosen, float(time[-1]))
     with working(f"Simulating the brush for {duration:g} s"):
         return _run(simulator, chosen, time, limit, options)
 
@@ -200,11 +212,18 @@ def _sample_times(duration: float, sample_rate: float) -> NDArray[np.float64]:
 
 
 def _parameters(
-    simulator: str, run: int | None, parameters: BrushParameters | None
+    simulator: str,
+    run: int | None,
+    parameters: BrushParameters | None,
+    surface: PolishedSurface | None,
+    path: ToolPath | None,
 ) -> BrushParameters:
     if parameters is None:
         listed = simulator == "listing"
         parameters = BrushParameters.as_published() if listed else BrushParameters()
     remedy = "Build them with BrushParameters(...) or BrushParameters.for_run(...)."
     instance_of("parameters", parameters, BrushParameters, "BrushParameters", remedy)
-    return parameters if run is None else parameters.with_run(run)
+    given = {"surface": surface, "path": path}
+    changes: dict[str, Any] = {name: item for name, item in given.items() if item is not None}
+    changed = replace(parameters, **changes) if changes else parameters
+    return changed if run is None else changed.with_run(run)

@@ -1,4 +1,4 @@
-"""The path of the tool's centre over the surface: a circling feed (eqs. 9.2 and 9.3)."""
+"""Where the tool's centre is: on a circling feed (eqs. 9.2 and 9.3), or on a path given for it."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from robustpolish.brush.parameters import BrushParameters
 
 
 def tool_position(time: ArrayLike, parameters: BrushParameters) -> NDArray[np.float64]:
-    """Place of the tool's centre (eq. 9.2).
+    """Place of the tool's centre: on the path of the parameters, or circling (eq. 9.2).
 
     Parameters
     ----------
     time : array_like
         Times [s].
     parameters : BrushParameters
-        Radius and rate of the circling, feed, and brush radius.
+        The path, or radius and rate of the circling, feed, and brush radius.
 
     Returns
     -------
@@ -30,6 +30,8 @@ def tool_position(time: ArrayLike, parameters: BrushParameters) -> NDArray[np.fl
     >>> tool_position(0.0, rp.BrushParameters()).round(4).tolist()
     [0.016, 0.0]
     """
+    if parameters.path is not None:
+        return parameters.path.position(time)
     moment = np.asarray(time, dtype=float)
     turn = parameters.rotation_rate * moment
     start = parameters.radius + parameters.rotation_radius
@@ -42,14 +44,14 @@ def tool_position(time: ArrayLike, parameters: BrushParameters) -> NDArray[np.fl
 
 
 def tool_velocity(time: ArrayLike, parameters: BrushParameters) -> NDArray[np.float64]:
-    """Velocity of the tool's centre (eq. 9.3).
+    """Velocity of the tool's centre: on the path of the parameters, or circling (eq. 9.3).
 
     Parameters
     ----------
     time : array_like
         Times [s].
     parameters : BrushParameters
-        Radius and rate of the circling, and feed.
+        The path, or radius and rate of the circling, and feed.
 
     Returns
     -------
@@ -63,6 +65,8 @@ def tool_velocity(time: ArrayLike, parameters: BrushParameters) -> NDArray[np.fl
     >>> tool_velocity(0.0, rp.BrushParameters()).round(4).tolist()
     [0.001, 0.0377]
     """
+    if parameters.path is not None:
+        return parameters.path.velocity(time)
     moment = np.asarray(time, dtype=float)
     turn = parameters.rotation_rate * moment
     speed = parameters.rotation_radius * parameters.rotation_rate

@@ -10,7 +10,7 @@ import click
 import numpy as np
 import xarray as xr
 
-from robustpolish.brush import simulate_brush
+from robustpolish.brush import Mould, ToolPath, simulate_brush
 from robustpolish.cli.options import brush_options, result_options, show
 from robustpolish.models.machines.air_bearing import FORCES
 from robustpolish.saving import new_file
@@ -19,6 +19,24 @@ from robustpolish.saving import new_file
 @click.command()
 @brush_options
 @click.option(
+    "--mould",
+    type=click.Path(exists=True, dir_okay=False),
+    help="What is polished instead of the trough: an .stl mesh, or a .csv grid of heights.",
+)
+@click.option(
+    "--path",
+    type=click.Path(exists=True, dir_okay=False),
+    help="Where the tool goes instead of circling: a .csv file with columns x, y and perhaps t.",
+)
+@click.option(
+    "--unit",
+    type=click.Choice(["m", "mm", "um"]),
+    default="mm",
+    show_default=True,
+    help="Of the files of mould and path.",
+)
+@click.option("--speed", type=float, help="In m/s along the mould, of a path without times.")
+@click.option(
     "--out", type=click.Path(dir_okay=False), help="Save all signals: a .csv or .nc (netCDF) file."
 )
 @result_options
@@ -26,6 +44,10 @@ def brush(
     run: int,
     simulator: Literal["physical", "listing"],
     duration: float,
+    mould: str | None,
+    path: str | None,
+    unit: Literal["m", "mm", "um"],
+    speed: float | None,
     out: str | None,
     json_out: str | None,
     force: bool,
@@ -34,8 +56,10 @@ def brush(
     with ExitStack() as places:
         # The place is claimed first: nothing is simulated that could not be saved.
         draft = places.enter_context(new_file(out, force, (".csv", ".nc"))) if out else None
+        surface = _mould(Path(mould), unit) if mould else None
+        course = ToolPath.from_csv(path, unit=unit, speed=speed, over=surface) if path else None
         click.echo(f"Simulating {duration:g} s of run {run} ({simulator}) ...", err=True)
-        signals = simulate_brush(simulator, run, duration)
+        signals = simulate_brush(simulator, run, duration, surface=surface, path=course)
         if draft is not None:
             _save(signals, draft)
     forces = {
@@ -53,6 +77,12 @@ def brush(
     show(content, "\n".join(lines), json_out, force)
     if out:
         click.echo(f"Saved {out}", err=True)
+
+
+def _mould(path: Path, unit: Literal["m", "mm", "um"]) -> Mould:
+    if path.suffix.lower() == ".csv":
+        return Mould.from_csv(path, unit=unit)
+    return Mould.from_stl(path, unit=unit)
 
 
 def _save(signals: xr.Dataset, path: Path) -> None:

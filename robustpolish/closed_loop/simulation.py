@@ -61,7 +61,7 @@ def simulate(
     instance_of("disturbance", disturbance, xr.Dataset, "an xarray.Dataset over time", remedy)
     if isinstance(design, SampledDesign):
         return design.simulate(disturbance)
-    system, units = _loop(design)
+    system, units = loop_with_units(design)
     if "time" not in disturbance.coords:
         raise invalid(
             "disturbance",
@@ -89,7 +89,7 @@ def simulate(
     )
 
 
-def _loop(
+def loop_with_units(
     design: Design | GeneralizedPlant | control.StateSpace,
 ) -> tuple[control.StateSpace, dict[str, str]]:
     """Return the system from w to z (and u) and the units of its signals."""

@@ -9,6 +9,10 @@ from robustpolish.effects.effect import kinds as kinds
 from robustpolish.effects.effect import lookup as lookup
 from robustpolish.effects.effect import register as register
 from robustpolish.effects.effect import unregister as unregister
+from robustpolish.effects.equivalent_damping import energy_per_cycle as energy_per_cycle
+from robustpolish.effects.equivalent_damping import equivalent_damping as equivalent_damping
+from robustpolish.effects.equivalent_damping import loss_damping as loss_damping
+from robustpolish.effects.equivalent_damping import share_damping as share_damping
 from robustpolish.effects.formula import Formula as Formula
 from robustpolish.effects.kind import CONSTANT as CONSTANT
 from robustpolish.effects.kind import GROUND as GROUND

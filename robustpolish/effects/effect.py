@@ -30,6 +30,7 @@ BUILT_IN = (
     "dahl_friction",
     "lugre_friction",
     "quadratic_damping",
+    "structural_damping",
     "displacement_dependent_damping",
     "bouc_wen_hysteresis",
     "cubic_stiffness",

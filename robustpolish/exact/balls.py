@@ -58,6 +58,12 @@ def block(rows: Sequence[Sequence[Ball]]) -> Ball:
     return flint.arb_mat(table) if table and columns else zeros(len(table), columns)
 
 
+def part(matrix: Ball, rows: Sequence[int], columns: Sequence[int]) -> Ball:
+    """Return the entries of some rows and columns of a real matrix."""
+    entries = [matrix[i, j] for i in rows for j in columns]
+    return flint.arb_mat(len(rows), len(columns), entries)
+
+
 def joined_rows(blocks: Sequence[Sequence[Any]]) -> list[list[Any]]:
     """Join rows of blocks, of any kind of number; blocks without columns are passed over."""
     rows: list[list[Any]] = []

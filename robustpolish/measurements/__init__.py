@@ -1,6 +1,7 @@
 """Measurements in: files to checked datasets in SI units."""
 
 from robustpolish.measurements.filtering import decimate, lowpass
+from robustpolish.measurements.forces import measured_forces
 from robustpolish.measurements.frequency.estimate import estimate_frequency_response
 from robustpolish.measurements.frequency.read import (
     holds_frequency_response,
@@ -19,6 +20,7 @@ __all__ = [
     "holds_frequency_response",
     "labelled_response",
     "lowpass",
+    "measured_forces",
     "ratio_unit",
     "read_frequency_response",
     "read_measurement",

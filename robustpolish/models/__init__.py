@@ -9,9 +9,15 @@ from robustpolish.models.machines.air_bearing_parameters import (
 )
 from robustpolish.models.machines.polishing_hardware import PolishingHardware
 from robustpolish.models.machines.polishing_plant import polishing_plant
+from robustpolish.models.machines.rotating_beam import rotating_beam, spindle_rotor
 from robustpolish.models.mechanical.model import MechanicalModel
 from robustpolish.models.mechanical.parts import CoupledInertia, Damper, Dof, Input, Output, Spring
 from robustpolish.models.plant.plant import GeneralizedPlant
+from robustpolish.models.rotor.campbell import Campbell
+from robustpolish.models.rotor.parts import RotorBearing, RotorDisc, ShaftSegment
+from robustpolish.models.rotor.reduced import ReducedRotor, ReductionError
+from robustpolish.models.rotor.rotor import RotorModel
+from robustpolish.models.rotor.whirl import RotorModes, WhirlMode
 from robustpolish.models.uncertain.connections import (
     append,
     feedback,
@@ -32,6 +38,7 @@ from robustpolish.models.weights.weight import weight
 
 __all__ = [
     "AirBearingParameters",
+    "Campbell",
     "CoupledInertia",
     "Cover",
     "Damper",
@@ -44,8 +51,16 @@ __all__ = [
     "MechanicalModel",
     "Output",
     "PolishingHardware",
+    "ReducedRotor",
+    "ReductionError",
+    "RotorBearing",
+    "RotorDisc",
+    "RotorModel",
+    "RotorModes",
+    "ShaftSegment",
     "Spring",
     "UncertainSystem",
+    "WhirlMode",
     "air_bearing",
     "append",
     "cover",
@@ -55,7 +70,9 @@ __all__ = [
     "mixed_sensitivity",
     "parallel",
     "polishing_plant",
+    "rotating_beam",
     "series",
+    "spindle_rotor",
     "uncertain_complex",
     "uncertain_dynamics",
     "uncertain_ellipsoid",

@@ -9,6 +9,8 @@ from robustpolish.plotting.distribution import plot_distribution as plot_distrib
 from robustpolish.plotting.error_bars import plot_error_bars as plot_error_bars
 from robustpolish.plotting.force_curve import plot_force_curve as plot_force_curve
 from robustpolish.plotting.gain_against_norm import plot_gain_against_norm as plot_gain_against_norm
+from robustpolish.plotting.maps.over_plane import plot_over_plane as plot_over_plane
+from robustpolish.plotting.maps.path_in_space import plot_path_in_space as plot_path_in_space
 from robustpolish.plotting.overlay import plot_overlay as plot_overlay
 from robustpolish.plotting.overlay import plot_response as plot_response
 from robustpolish.plotting.overlay import plot_spectra as plot_spectra
@@ -23,6 +25,7 @@ from robustpolish.plotting.style import new_axes as new_axes
 from robustpolish.plotting.style import si_axis as si_axis
 from robustpolish.plotting.systems.bode import plot_bode as plot_bode
 from robustpolish.plotting.systems.bode import plot_nyquist as plot_nyquist
+from robustpolish.plotting.systems.campbell import plot_campbell as plot_campbell
 from robustpolish.plotting.systems.frequency_response import plot_gains as plot_gains
 from robustpolish.plotting.systems.frequency_response import (
     plot_over_frequency as plot_over_frequency,
@@ -30,6 +33,7 @@ from robustpolish.plotting.systems.frequency_response import (
 from robustpolish.plotting.systems.loop_curves import plot_nichols as plot_nichols
 from robustpolish.plotting.systems.loop_curves import plot_nyquist_disks as plot_nyquist_disks
 from robustpolish.plotting.systems.poles import plot_poles as plot_poles
+from robustpolish.plotting.systems.whirl_shapes import plot_whirl_shapes as plot_whirl_shapes
 from robustpolish.plotting.time_series import plot_time_series as plot_time_series
 from robustpolish.plotting.told_apart import plot_distances as plot_distances
 from robustpolish.plotting.told_apart import plot_two_machines as plot_two_machines

@@ -14,6 +14,8 @@ LONG = (
     "07_the_bridge",
     "08_from_weights_to_code",
     "09_from_measurement_to_proof",
+    "11_the_spindle_as_a_beam",
+    "12_brush_and_machine_together",
 )
 """Half a minute to a minute each; the documentation executes them as well."""
 

@@ -78,7 +78,7 @@ def listing_constants(parameters: BrushParameters, defects: ListingDefects) -> N
             parameters.contact_stiffness,
             parameters.impact_duration,
             parameters.polishing_force,
-            *parameters.surface.curvatures,
+            *parameters.trough.curvatures,
         ]
     )
 

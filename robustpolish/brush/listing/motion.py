@@ -58,7 +58,7 @@ def listing_motion(
             "a feed or a circling, whose direction places C1 to C4",
             "Raise feed, or rotation_radius and rotation_rate.",
         )
-    slope = velocity[0] * parameters.surface.curvatures[0] / speed
+    slope = velocity[0] * parameters.trough.curvatures[0] / speed
     place = parameters.rim_distance + parameters.rotation_radius
     start = np.array([atan(slope * place), 0.0, UPRIGHT, 0.0])
     store = np.empty((time.size, STATES))

@@ -58,3 +58,33 @@ def euler_angles(axis: Array, turning: Array) -> tuple[Array, Array, Array, Arra
     across = np.einsum("ni,ni->n", turning, np.cross(axis, node))
     psi_rate = np.divide(across, sine, out=np.zeros_like(sine), where=sine > _LEVEL)
     return theta, psi, theta_rate, psi_rate
+
+
+def axis_and_turning(
+    theta: float, psi: float, theta_rate: float, psi_rate: float, *, euler: bool
+) -> tuple[Array, Array]:
+    """Undo `tilt_angles`, or `euler_angles`, at one instant.
+
+    Parameters
+    ----------
+    theta, psi, theta_rate, psi_rate : float
+        In rad and rad/s.
+    euler : bool
+        Whether they are nutation and precession instead of tilts.
+
+    Returns
+    -------
+    axis, turning : ndarray, shape (3,)
+        Unit axis, and angular velocity across it [rad/s].
+    """
+    sine, cosine = np.sin(theta), np.cos(theta)
+    side, level = np.sin(psi), np.cos(psi)
+    if euler:
+        axis = np.array([sine * side, -sine * level, cosine])
+        moving = theta_rate * np.array([cosine * side, -cosine * level, -sine])
+        moving += psi_rate * np.array([sine * level, sine * side, 0.0])
+    else:
+        axis = np.array([side, -sine * level, cosine * level])
+        moving = theta_rate * np.array([0.0, -cosine * level, -sine * level])
+        moving += psi_rate * np.array([level, sine * side, -cosine * side])
+    return axis, np.cross(axis, moving)

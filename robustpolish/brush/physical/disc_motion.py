@@ -24,6 +24,7 @@ from robustpolish.brush.dormand_prince import (
     stage_state,
     step_error,
 )
+from robustpolish.brush.paths.packed import follow
 from robustpolish.brush.physical.rim_contact import (
     DAMPING_POWER,
     FORCE,
@@ -31,6 +32,7 @@ from robustpolish.brush.physical.rim_contact import (
     LOADS,
     MOMENT,
     rim_load,
+    scratch,
 )
 
 # Places in the state vector.
@@ -43,6 +45,7 @@ AXES, TURNINGS, IMPULSES = slice(2, 5), slice(5, 8), slice(10, 13)
 # Places in the vector of constants of the motion.
 MASS, FORCE_P, TILT_INERTIA, SPIN_INERTIA, SPIN_NOMINAL, SPIN_DRIVE = range(6)
 CIRCLE, RATE, FEED, START = range(6, 10)
+COURSE = 10  # from here on a packed path, if the tool does not circle
 
 RUNNING, TIPPED_OVER, STUCK = 0, 1, 2
 LOWEST_AXIS = 0.2  # cosine of the tilt from which the disc counts as tipped over
@@ -50,7 +53,10 @@ LOWEST_AXIS = 0.2  # cosine of the tilt from which the disc counts as tipped ove
 
 @njit(cache=True)
 def lead(time, motion, place, velocity):  # pragma: no cover - compiled
-    """Write the joint's horizontal place and velocity at a time (eqs. 9.2 and 9.3)."""
+    """Write the joint's horizontal place and velocity at a time (eqs. 9.2 and 9.3, or a path)."""
+    if motion.size > COURSE:
+        follow(time, motion[COURSE:], place, velocity)
+        return
     turn = motion[RATE] * time
     place[0] = motion[CIRCLE] * cos(turn) + motion[FEED] * time + motion[START]
     place[1] = motion[CIRCLE] * sin(turn)
@@ -68,6 +74,13 @@ def slope(time, state, motion, contact, nodes, found, room, result):  # pragma: 
     rim_load(place, velocity, axis, turning, state[SPIN], contact, nodes, found, load)
     result[HEIGHT] = state[CLIMB]
     result[CLIMB] = (load[FORCE + 2] - motion[FORCE_P]) / motion[MASS]
+    turn(state, load, motion, result)
+
+
+@njit(cache=True, error_model="numpy")
+def turn(state, load, motion, result):  # pragma: no cover - compiled
+    """Write the time derivative of all but the height, under given loads."""
+    axis, turning = state[AXIS : AXIS + 3], state[TURNING : TURNING + 3]
     result[AXIS] = turning[1] * axis[2] - turning[2] * axis[1]
     result[AXIS + 1] = turning[2] * axis[0] - turning[0] * axis[2]
     result[AXIS + 2] = turning[0] * axis[1] - turning[1] * axis[0]
@@ -88,7 +101,7 @@ def slope(time, state, motion, contact, nodes, found, room, result):  # pragma: 
 
 
 @njit(cache=True)
-def _straighten(state):  # pragma: no cover - compiled
+def straighten(state):  # pragma: no cover - compiled
     """Bring the axis back to length 1 and the turning back across it; both drift by rounding."""
     kx, ky, kz = state[AXIS], state[AXIS + 1], state[AXIS + 2]
     length = sqrt(kx * kx + ky * ky + kz * kz)
@@ -133,7 +146,7 @@ def advance(
     slopes = np.zeros((STAGES, STATES))
     stage = np.zeros(STATES)
     room = np.zeros((3, LOADS))
-    found = np.zeros((3, nodes.shape[1]))
+    found = scratch(nodes.shape[1])
     accepted, refused = 0, 0
     wish = largest_step
     track[0] = state
@@ -166,7 +179,7 @@ def advance(
             slopes[0] = slopes[STAGES - 1]
             if state[AXIS + 2] < LOWEST_AXIS:
                 return TIPPED_OVER, accepted, refused, i
-        _straighten(state)
+        straighten(state)
         track[i + 1] = state
     return RUNNING, accepted, refused, midway.shape[0]
 
@@ -175,7 +188,7 @@ def advance(
 def loads_along(time, track, motion, contact, nodes, loads):  # pragma: no cover - compiled
     """Evaluate the contact at recorded states; the share of the rim that touches in column 0."""
     place, velocity = np.zeros(3), np.zeros(3)
-    found = np.zeros((3, nodes.shape[1]))
+    found = scratch(nodes.shape[1])
     for i in range(time.size):
         state = track[i]
         lead(time[i], motion, place, velocity)

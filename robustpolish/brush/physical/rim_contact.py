@@ -10,6 +10,9 @@ rim slips over the surface:
 
 Penetration is measured vertically, so that without damping and friction the force has an
 exact potential, k_p delta^2 / (2 N) per node. lambda is never negative: contact does not pull.
+
+The surface is a trough, whose two bends stand among the constants, or a mould, packed as in
+`robustpolish.brush.surfaces.uniform_spline`, which then follows the constants in the same array.
 """
 
 from __future__ import annotations
@@ -18,6 +21,8 @@ from math import sqrt
 
 import numpy as np
 from numba import njit
+
+from robustpolish.brush.surfaces.uniform_spline import BEND, expansion
 
 BLOCK = 16  # nodes that are looked at, or skipped, together
 
@@ -32,12 +37,26 @@ LOADS = 13
 
 # Places in the vector of constants.
 STIFFNESS, DAMPING, FRICTION, SLIP_SCALE, BEND_X, BEND_Y, RADIUS, HALF_HEIGHT = range(8)
+CONSTANTS = 8
+
+# Rows of the scratch: what touches (cosine, sine, depth, slopes); where the mould was expanded
+# last (place, height, slopes, second derivatives) per node, below the disc's centre, and in the
+# middle of each block, there with the place at which the nodes of the block were expanded.
+EXPANDED, CENTRE, MIDDLES, SCRATCH = 5, 13, 14, 15
+PER_BLOCK = 10
+NEAR = 1e-5  # m: the error there is the third derivative times 2e-16 m^3, 2e-12 m for 1e4 / m^2
 
 
 def rim_nodes(count: int) -> np.ndarray:
     """Cosine and sine of the nodes' angles, shape (2, count); count is a multiple of BLOCK."""
     angle = 2.0 * np.pi * (np.arange(count) + 0.5) / count
     return np.stack([np.cos(angle), np.sin(angle)])
+
+
+@njit(cache=True)
+def scratch(count):  # pragma: no cover - compiled
+    """Return room for `rim_load` to work in, with expansions that are far from everywhere."""
+    return np.full((SCRATCH, count), 1e9)
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
@@ -81,6 +100,91 @@ def _touching_nodes(place, axis, constants, span, nodes, found):  # pragma: no c
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
+def _expand(x, y, mould, found, row, column, stride):  # pragma: no cover - compiled
+    """Write place, height, slopes and bends of the mould from a place of the scratch on."""
+    height, slope_x, slope_y, xx, xy, yy = expansion(x, y, mould)
+    place = row * found.shape[1] + column
+    flat = found.ravel()
+    for value in (x, y, height, slope_x, slope_y, xx, xy, yy):
+        flat[place] = value
+        place += stride
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _touching_on_mould(place, axis, constants, span, nodes, found):  # pragma: no cover - compiled
+    """Do the same on a mould, and write its slopes at the nodes into rows 3 and 4 of `found`.
+
+    The mould's height is a cubic spline. Next to where it was expanded last, its two derivatives
+    give it as well, and a node stays next to there for many steps.
+
+    Along the rim |depth''| is at most the first harmonic over the tangent plane under the disc's
+    centre and 2 R^2 times the mould's largest bend, which bounds both the bend along the rim and
+    how far its slopes differ from those of that plane.
+    """
+    mould = constants[CONSTANTS:]
+    low_x = place[0] - constants[HALF_HEIGHT] * axis[0]
+    low_y = place[1] - constants[HALF_HEIGHT] * axis[1]
+    low_z = place[2] - constants[HALF_HEIGHT] * axis[2]
+    ax, ay, az, by, bz = span
+    count = nodes.shape[1]
+    reach = 2.0 * np.pi * (BLOCK // 2) / count
+    bound = 2.0 * constants[RADIUS] * constants[RADIUS] * mould[BEND]
+    middles, centre = found[MIDDLES], found[CENTRE]
+    dx, dy = low_x - centre[0], low_y - centre[1]
+    if dx * dx + dy * dy > NEAR * NEAR:
+        _expand(low_x, low_y, mould, found, CENTRE, 0, 1)
+        dx = dy = 0.0
+    slope_x = centre[3] + centre[5] * dx + centre[6] * dy
+    slope_y = centre[4] + centre[6] * dx + centre[7] * dy
+    bound += abs(slope_x * ax + slope_y * ay - az) + abs(slope_y * by - bz)
+    spare = 0.5 * reach * reach * bound
+    touching = 0
+    for block in range(0, count, BLOCK):
+        middle = block + BLOCK // 2
+        cosine, sine = nodes[0, middle], nodes[1, middle]
+        x, y = low_x + ax * cosine, low_y + ay * cosine + by * sine
+        b = block // BLOCK * PER_BLOCK
+        dx, dy = x - middles[b], y - middles[b + 1]
+        if dx * dx + dy * dy > NEAR * NEAR:
+            _expand(x, y, mould, found, MIDDLES, b, 1)
+            dx = dy = 0.0
+        slope_x = middles[b + 3] + middles[b + 5] * dx + middles[b + 6] * dy
+        slope_y = middles[b + 4] + middles[b + 6] * dx + middles[b + 7] * dy
+        # Half the slope's rise is the bend's part of the height.
+        depth = middles[b + 2] - (low_z + az * cosine + bz * sine)
+        depth += 0.5 * ((middles[b + 3] + slope_x) * dx + (middles[b + 4] + slope_y) * dy)
+        steepness = slope_y * (by * cosine - ay * sine) - slope_x * ax * sine
+        steepness -= bz * cosine - az * sine
+        if depth + abs(steepness) * reach + spare <= 0.0:
+            continue
+        dx, dy = x - middles[b + 8], y - middles[b + 9]
+        if dx * dx + dy * dy > NEAR * NEAR:
+            middles[b + 8], middles[b + 9] = x, y
+            for node in range(block, block + BLOCK):
+                cosine, sine = nodes[0, node], nodes[1, node]
+                x, y = low_x + ax * cosine, low_y + ay * cosine + by * sine
+                _expand(x, y, mould, found, EXPANDED, node, count)
+        for node in range(block, block + BLOCK):
+            cosine, sine = nodes[0, node], nodes[1, node]
+            dx = low_x + ax * cosine - found[EXPANDED, node]
+            dy = low_y + ay * cosine + by * sine - found[EXPANDED + 1, node]
+            rise_x, rise_y = found[EXPANDED + 3, node], found[EXPANDED + 4, node]
+            xy = found[EXPANDED + 6, node]
+            slope_x = rise_x + found[EXPANDED + 5, node] * dx + xy * dy
+            slope_y = rise_y + xy * dx + found[EXPANDED + 7, node] * dy
+            depth = found[EXPANDED + 2, node] - (low_z + az * cosine + bz * sine)
+            depth += 0.5 * ((rise_x + slope_x) * dx + (rise_y + slope_y) * dy)
+            if depth > 0.0:
+                found[0, touching] = cosine
+                found[1, touching] = sine
+                found[2, touching] = depth
+                found[3, touching] = slope_x
+                found[4, touching] = slope_y
+                touching += 1
+    return touching
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
 def rim_load(
     place, velocity, axis, turning, spin, constants, nodes, found, load
 ):  # pragma: no cover - compiled
@@ -96,8 +200,8 @@ def rim_load(
         Angular velocity about the axis [rad/s].
     constants, nodes : ndarray
         See the module.
-    found : ndarray, shape (3, nodes)
-        Scratch.
+    found : ndarray, shape (SCRATCH, nodes)
+        From `scratch`, to be used again; three rows of anything will do for a trough.
     load : ndarray, shape (LOADS,)
         Filled.
 
@@ -119,7 +223,11 @@ def rim_load(
     scale = constants[RADIUS] / norm
     ax, ay, az = norm * constants[RADIUS], -kx * ky * scale, -kx * kz * scale
     by, bz = kz * scale, -ky * scale
-    touching = _touching_nodes(place, axis, constants, (ax, ay, az, by, bz), nodes, found)
+    on_mould = constants.size > CONSTANTS
+    if on_mould:
+        touching = _touching_on_mould(place, axis, constants, (ax, ay, az, by, bz), nodes, found)
+    else:
+        touching = _touching_nodes(place, axis, constants, (ax, ay, az, by, bz), nodes, found)
     force_x = force_y = force_z = moment_x = moment_y = moment_z = 0.0
     friction_power = damping_power = energy = front = back = left = right = 0.0
     for node in range(touching):
@@ -127,7 +235,10 @@ def rim_load(
         arm_x = ax * cosine - half * kx
         arm_y = ay * cosine + by * sine - half * ky
         arm_z = az * cosine + bz * sine - half * kz
-        slope_x, slope_y = bend_x * (px + arm_x), bend_y * (py + arm_y)
+        if on_mould:
+            slope_x, slope_y = found[3, node], found[4, node]
+        else:
+            slope_x, slope_y = bend_x * (px + arm_x), bend_y * (py + arm_y)
         # Velocity of the rim without the spin, which moves it along itself.
         vx = ux + wy * arm_z - wz * arm_y
         vy = uy + wz * arm_x - wx * arm_z

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from robustpolish.brush.parameters import BrushParameters
 from robustpolish.brush.physical import disc_motion as disc
 from robustpolish.brush.physical import rim_contact as rim
+from robustpolish.brush.surfaces.trough import Surface
 from robustpolish.errors import RobustPolishWarning, SolverError
 
 _FIRST_TOLERANCE = 1e-3  # error per step of the coarsest pass, in units of the static contact
@@ -87,7 +88,7 @@ def run_refined(
     error = np.inf
     for level in range(1, max_passes):
         finer = integrate(parameters, time, level, three_angles=three_angles, landing=landing)
-        error = _impulse_difference(run, finer, parameters.polishing_force)
+        error = impulse_difference(run, finer, parameters.polishing_force)
         run = finer
         if error <= tolerance:
             return run, Refinement(level + 1, error, True)
@@ -119,8 +120,8 @@ def integrate(
     """
     interval = float(time[1] - time[0])
     largest_step = interval / 2**level
-    nodes = rim.rim_nodes(_rim_points(parameters) * 2**level)
-    contact, motion = _contact_constants(parameters), _motion_constants(parameters, three_angles)
+    nodes = rim.rim_nodes(rim_points(parameters) * 2**level)
+    contact, motion = contact_constants(parameters), motion_constants(parameters, three_angles)
     state = _start(parameters, contact, motion, nodes, landing)
     track = np.empty((time.size, disc.STATES))
     midway = np.empty((time.size - 1, 3))
@@ -144,26 +145,32 @@ def integrate(
         )
     loads = np.empty((time.size, rim.LOADS))
     disc.loads_along(time, track, motion, contact, nodes, loads)
-    forces = _average_forces(track, midway, interval)
+    forces = average_forces(track, midway, interval)
     return PhysicalRun(time, track, forces, loads, nodes.shape[1], steps, refused, largest_step)
 
 
-def _contact_constants(parameters: BrushParameters) -> NDArray[np.float64]:
-    return np.array(
+def contact_constants(parameters: BrushParameters) -> NDArray[np.float64]:
+    """Return the constants of the contact, in the order of `rim_contact`."""
+    surface = parameters.surface
+    # On any other surface, which is packed, the bends of the trough are not read.
+    bends = surface.curvatures if isinstance(surface, Surface) else (0.0, 0.0)
+    constants = np.array(
         [
             parameters.contact_stiffness,
             parameters.contact_damping,
             parameters.friction,
             parameters.slip_scale,
-            *parameters.surface.curvatures,
+            *bends,
             parameters.radius,
             0.5 * parameters.height,
         ]
     )
+    return np.concatenate([constants, surface.packed])
 
 
-def _motion_constants(parameters: BrushParameters, three_angles: bool) -> NDArray[np.float64]:
-    return np.array(
+def motion_constants(parameters: BrushParameters, three_angles: bool) -> NDArray[np.float64]:
+    """Return the constants of the disc and its path, in the order of `disc_motion`."""
+    constants = np.array(
         [
             parameters.mass,
             parameters.polishing_force,
@@ -177,32 +184,34 @@ def _motion_constants(parameters: BrushParameters, three_angles: bool) -> NDArra
             parameters.radius + parameters.rotation_radius,
         ]
     )
+    course = np.empty(0) if parameters.path is None else parameters.path.packed
+    return np.concatenate([constants, course])
 
 
-def _static_depth(parameters: BrushParameters) -> tuple[float, float]:
+def static_depth(parameters: BrushParameters) -> tuple[float, float]:
     """Penetration [m] under the polishing force, and half the angle [rad] of a contact patch.
 
     The disc stands on two patches with parabolic penetration; on a plane, on its whole rim.
     """
     force, stiffness = parameters.polishing_force, parameters.contact_stiffness
     whole_rim = force / stiffness
-    bend = parameters.radius**2 * max(parameters.surface.curvatures)
+    bend = parameters.radius**2 * parameters.surface.sharpest_bend
     depth = (0.75 * pi * force / stiffness * sqrt(0.5 * bend)) ** (2.0 / 3.0)
     if depth <= whole_rim:
         return whole_rim, pi
     return depth, min(pi, sqrt(2.0 * depth / bend))
 
 
-def _rim_points(parameters: BrushParameters) -> int:
+def rim_points(parameters: BrushParameters) -> int:
     """Nodes of the coarsest pass: about six from the middle of a patch to its edge."""
-    _, half_angle = _static_depth(parameters)
+    _, half_angle = static_depth(parameters)
     wanted = min(max(6.0 * 2.0 * pi / half_angle, _RIM_POINTS[0]), _RIM_POINTS[1])
     return rim.BLOCK * ceil(wanted / rim.BLOCK)
 
 
 def _error_scale(parameters: BrushParameters, interval: float) -> NDArray[np.float64]:
     """Return the unit of error per state, from the static contact's depth and its frequency."""
-    depth, _ = _static_depth(parameters)
+    depth, _ = static_depth(parameters)
     rim_mass = parameters.tilt_inertia / parameters.rim_distance**2
     speed = depth * sqrt(1.5 * parameters.polishing_force / depth / rim_mass)
     scale = np.full(disc.STATES, np.inf)
@@ -227,10 +236,10 @@ def _start(
     disc.lead(0.0, motion, place, velocity)
     slope_x, slope_y = (float(part) for part in parameters.surface.gradient(place[0], place[1]))
     axis = np.array([-slope_x, -slope_y, 1.0]) / sqrt(1.0 + slope_x**2 + slope_y**2)
-    load, found = np.zeros(rim.LOADS), np.zeros((3, nodes.shape[1]))
+    load, found = np.zeros(rim.LOADS), rim.scratch(nodes.shape[1])
     ground = float(parameters.surface.height(place[0], place[1]))
     size = parameters.radius + parameters.height
-    rise = 0.5 * max(parameters.surface.curvatures) * size**2
+    rise = 0.5 * parameters.surface.sharpest_bend * size**2
     low = ground - size - 2.0 * parameters.polishing_force / parameters.contact_stiffness
     high = ground + size * (1.0 + abs(slope_x) + abs(slope_y)) + 4.0 * rise
     for _ in range(200):
@@ -246,7 +255,7 @@ def _start(
     return state
 
 
-def _average_forces(
+def average_forces(
     track: NDArray[np.float64], midway: NDArray[np.float64], interval: float
 ) -> NDArray[np.float64]:
     """Return the forces at the samples, averaged over half an interval to either side.
@@ -260,7 +269,7 @@ def _average_forces(
     return np.diff(bounds, axis=0) / length
 
 
-def _impulse_difference(coarse: PhysicalRun, fine: PhysicalRun, force: float) -> float:
+def impulse_difference(coarse: PhysicalRun, fine: PhysicalRun, force: float) -> float:
     """Largest difference of window impulses over the polishing force's impulse."""
     interval = float(fine.time[1] - fine.time[0])
     samples = max(1, min(round(_WINDOW / interval), fine.time.size - 1))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
 from robustpolish.display import Card, Displayed, Table
+from robustpolish.effects.equivalent_damping import share_damping
 from robustpolish.validation import invalid, one_of, positive
 
 Reading = Literal["listing", "physical"]
@@ -271,9 +272,9 @@ class AirBearingParameters(Displayed):
         frequency = self.natural_frequencies()
         upper, lower = frequency["x"]
         return DampingCoefficients(
-            c_A=n * self.k_t / (2 * math.pi * upper),
-            c_D=n * self.k_x / (2 * math.pi * lower),
-            c_R=n * self.k_z / (2 * math.pi * frequency["z_free"][0]),
+            c_A=share_damping(n, self.k_t, upper),
+            c_D=share_damping(n, self.k_x, lower),
+            c_R=share_damping(n, self.k_z, frequency["z_free"][0]),
             c_Z=self.mould_damping,
         )
 

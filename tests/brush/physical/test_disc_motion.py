@@ -97,3 +97,55 @@ def test_nothing_touches_aloft():
     track = np.array([aloft(), aloft()])
     disc.loads_along(np.array([0.0, 1.0]), track, MOTION, CONTACT, NODES, loads)
     np.testing.assert_array_equal(loads, np.zeros((2, LOADS)))
+
+
+def free(seconds, three_angles, *, tilt, turning, spin, count=200):
+    """Follow the disc far above the ground, without a moment, at the integrator's finest."""
+    state, motion = aloft(), MOTION.copy()
+    motion[disc.SPIN_NOMINAL], motion[disc.SPIN_DRIVE] = spin, 1e-300 if three_angles else 0.0
+    state[disc.AXES] = [np.sin(tilt), 0.0, np.cos(tilt)]
+    state[disc.TURNINGS] = np.cross(state[disc.AXES], [0.0, turning[0], turning[1]])
+    state[disc.SPIN] = spin
+    track, midway = np.empty((count + 1, disc.STATES)), np.empty((count, 3))
+    step = seconds / count
+    outcome = disc.advance(
+        state, step, 0.1 * step, 1e-12, np.ones(disc.STATES), motion, CONTACT, NODES, track, midway
+    )
+    assert outcome[0] == disc.RUNNING
+    return track
+
+
+@pytest.mark.parametrize("three_angles", [False, True])
+def test_without_a_moment_energy_and_momentum_stay(three_angles):
+    """Sections 6.4 and 9.3: both models keep them to 1e-9, whatever tilt and speed."""
+    track = free(0.1, three_angles, tilt=0.4, turning=(5.0, -8.0), spin=60.0)
+    axis, turning, spin = track[:, disc.AXES], track[:, disc.TURNINGS], track[:, disc.SPIN]
+    # The spin's energy is a constant, and so large that it would hide any change of the other.
+    tilting = np.sum(turning**2, axis=1)
+    np.testing.assert_allclose(tilting, tilting[0], rtol=1e-9)
+    np.testing.assert_allclose(spin, 60.0, rtol=1e-15)
+    momentum = BRUSH.tilt_inertia * turning + BRUSH.spin_inertia * spin[:, None] * axis
+    size = np.linalg.norm(momentum[0])
+    np.testing.assert_allclose(momentum, np.tile(momentum[0], (201, 1)), atol=1e-9 * size)
+
+
+@pytest.mark.parametrize("three_angles", [False, True])
+def test_without_a_moment_precession_is_steady(three_angles):
+    """The axis goes round the angular momentum H at H / I_0, at a constant angle to it."""
+    track = free(0.1, three_angles, tilt=0.3, turning=(4.0, 6.0), spin=60.0)
+    axis, turning, spin = track[:, disc.AXES], track[:, disc.TURNINGS], track[:, disc.SPIN]
+    momentum = BRUSH.tilt_inertia * turning[0] + BRUSH.spin_inertia * spin[0] * axis[0]
+    rate = np.linalg.norm(momentum) / BRUSH.tilt_inertia
+    pole = momentum / np.linalg.norm(momentum)
+    np.testing.assert_allclose(axis @ pole, axis[0] @ pole, atol=1e-9)
+    first = axis[0] - (axis[0] @ pole) * pole
+    second = np.cross(pole, first)
+    angle = np.unwrap(np.arctan2(axis @ second, axis @ first))
+    np.testing.assert_allclose(angle, rate * np.linspace(0.0, 0.1, 201), atol=1e-8)
+
+
+def test_without_a_moment_a_disc_at_rest_stays():
+    """Section 9.3, figure 9.5: the spinning disc keeps its axis."""
+    track = free(0.1, False, tilt=0.2, turning=(0.0, 0.0), spin=100 * np.pi)
+    np.testing.assert_allclose(track[:, disc.AXES], np.tile(track[0, disc.AXES], (201, 1)),
+                               atol=1e-12)  # fmt: skip

@@ -1,4 +1,4 @@
-"""The surface that is polished: a trough of the form (9.1), its height, slope and elevation."""
+"""The thesis's surface: a trough of the form (9.1), its height, slope and curvature."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.validation import invalid, positive
+from robustpolish.brush.surfaces.polished_surface import PolishedSurface
+from robustpolish.validation import positive
 
 _ALONG_FACTOR = (5.0 / 4.0) ** 2
 _ACROSS_FACTOR = 4.0**2
 
 
 @dataclass(frozen=True)
-class Surface:
+class Surface(PolishedSurface):
     r"""A trough :math:`f(x, y) = a (5x/4)^2 + b (4y)^2`, heights in m (thesis, eq. 9.1).
 
     Both coefficients have to be at least zero: only on a surface that is nowhere bulging does
@@ -77,8 +78,17 @@ class Surface:
     @property
     def trough_radius(self) -> float:
         """Smallest radius of curvature [m]; infinite for the plane."""
-        sharpest = max(self.curvatures)
-        return float("inf") if sharpest == 0.0 else 1.0 / sharpest
+        return float("inf") if self.sharpest_bend == 0.0 else 1.0 / self.sharpest_bend
+
+    @property
+    def sharpest_bend(self) -> float:
+        """Larger second derivative of the height [1/m]."""
+        return max(self.curvatures)
+
+    @property
+    def packed(self) -> NDArray[np.float64]:
+        """Empty: the simulators know a trough by its two bends."""
+        return np.empty(0)
 
     def fits(self, radius: float) -> bool:
         """Whether a disc of that radius [m] goes into the bottom of the trough.
@@ -126,37 +136,26 @@ class Surface:
         bend_x, bend_y = self.curvatures
         return bend_x * np.asarray(x, dtype=float), bend_y * np.asarray(y, dtype=float)
 
-    def elevation(
-        self, x: ArrayLike, y: ArrayLike, direction: tuple[ArrayLike, ArrayLike]
-    ) -> NDArray[np.float64]:
-        """Angle of elevation [rad] in a direction (eqs. 9.4 and 9.5).
+    def bends(
+        self, x: ArrayLike, y: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Second derivatives f_xx, f_xy and f_yy [1/m], the same everywhere.
 
         Parameters
         ----------
         x, y : array_like
-            Places [m].
-        direction : tuple of array_like
-            Components (n_x, n_y) of the direction, of any length but zero.
+            In m, broadcast together.
 
         Returns
         -------
-        ndarray
-            atan of the slope in the direction, positive uphill.
-
-        Raises
-        ------
-        InvalidInputError
-            If the direction has no length.
+        tuple of ndarray
 
         Examples
         --------
         >>> import robustpolish as rp
-        >>> float(rp.Surface(along=0.0, across=1.0).elevation(0.0, 0.01, (0.0, 2.0)).round(6))
-        0.309703
+        >>> [float(bend) for bend in rp.Surface(along=0.0).bends(0.0, 0.0)]
+        [0.0, 0.0, 80.0]
         """
-        along, across = (np.asarray(part, dtype=float) for part in direction)
-        length = np.hypot(along, across)
-        if not np.all(length > 0.0):
-            raise invalid("direction", direction, "a vector of a length above 0", "Give n_x, n_y.")
-        slope_x, slope_y = self.gradient(x, y)
-        return np.arctan((along * slope_x + across * slope_y) / length)
+        everywhere = np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)))
+        bend_x, bend_y = self.curvatures
+        return everywhere + bend_x, everywhere, everywhere + bend_y

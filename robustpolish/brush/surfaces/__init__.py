@@ -1,0 +1,1 @@
+"""Surfaces that can be polished: the thesis's trough, and moulds of any shape."""

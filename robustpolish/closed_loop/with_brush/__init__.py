@@ -1,0 +1,1 @@
+"""Loops that the brush feels: its contact follows where the machine yields."""

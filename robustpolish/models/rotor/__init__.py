@@ -1,0 +1,1 @@
+"""Shafts that spin: beam elements, discs and bearings, whirl, and plants made of them."""

@@ -1,0 +1,1 @@
+"""Maps over a plane, and surfaces in space."""
