@@ -163,7 +163,7 @@ def rotating_beam(
     >>> import robustpolish as rp
     >>> beam, lumped = rp.rotating_beam(speed=314.0), rp.air_bearing(actuation="force")
     >>> beam.control_names == lumped.control_names, lumped.nx, beam.nx
-    (True, 12, 28)
+    (True, 12, 26)
     """
     p = AirBearingParameters() if parameters is None else parameters
     rotor = spindle_rotor(

@@ -1,8 +1,9 @@
 """From parts to matrices: nodes, elements, and what holds the shaft.
 
-One plane has deflection and slope of every node. Both planes stand one behind the other,
-(w_x; w_y), in a frame that does not turn. Gyroscopic moments come from the angular momentum H of
-the spin, which slopes turn: it pushes the other plane, G = [[0, H], [-H, 0]].
+One plane has deflection and slope of every node, then what moves within the elements. Both planes
+stand one behind the other, (w_x; w_y), in a frame that does not turn. Gyroscopic moments come from
+the angular momentum H of the spin, which slopes turn: it pushes the other plane,
+G = [[0, H], [-H, 0]].
 """
 
 from __future__ import annotations
@@ -12,10 +13,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag, null_space
 
 from robustpolish.arrays import Matrix, Vector
-from robustpolish.models.rotor.element import inertia, shapes, stiffness
+from robustpolish.models.rotor.element import inertia, motion, stiffness
 from robustpolish.models.rotor.parts import RotorBearing, RotorDisc, ShaftSegment
 from robustpolish.models.rotor.second_order import SecondOrder
 
@@ -65,15 +67,27 @@ class Mesh:
         length = float(self.nodes[element + 1] - self.nodes[element])
         return self.segments[element].shear_parameter(length)
 
+    @property
+    def size(self) -> int:
+        """Coordinates of one plane."""
+        return 2 * len(self.nodes) + (2 * len(self.segments) if self.shear else 0)
+
+    def of_element(self, element: int) -> NDArray[np.intp]:
+        """Return which coordinates of one plane an element has."""
+        ends = 2 * element + np.arange(4)
+        inner = 2 * (len(self.nodes) + element) + np.arange(2)
+        return np.concatenate([ends, inner]) if self.shear else ends
+
     def motion_at(self, place: float) -> tuple[Vector, Vector]:
         """Return rows that give deflection and slope at a place from one plane's coordinates."""
         last = len(self.nodes) - 1
-        deflection, slope = np.zeros(2 * last + 2), np.zeros(2 * last + 2)
+        deflection, slope = np.zeros(self.size), np.zeros(self.size)
         within = float(np.clip(place, 0.0, self.nodes[-1]))
         i = int(np.clip(np.searchsorted(self.nodes, within, side="right") - 1, 0, last - 1))
         length = float(self.nodes[i + 1] - self.nodes[i])
         share = (within - float(self.nodes[i])) / length
-        deflection[2 * i : 2 * i + 4], slope[2 * i : 2 * i + 4] = shapes(share, length, self.phi(i))
+        here = self.of_element(i)
+        deflection[here], slope[here] = motion(share, length, self.phi(i))
         return deflection + (place - within) * slope, slope
 
 
@@ -85,8 +99,8 @@ class Assembly:
     ----------
     system : SecondOrder
         With 2 n coordinates, those of x before those of y.
-    free : ndarray, shape (2 nodes, n)
-        From free coordinates of one plane to deflections and slopes of all nodes.
+    free : ndarray, shape (coordinates, n)
+        From free coordinates of one plane to all of them, deflections and slopes of nodes first.
     mesh : Mesh
     """
 
@@ -120,16 +134,17 @@ def assembled(
     -------
     Assembly
     """
-    size = 2 * len(mesh.nodes)
+    size = mesh.size
     mass, momentum, shaft = (np.zeros((size, size)) for _ in range(3))
     for i, segment in enumerate(mesh.segments):
         length, phi = float(mesh.nodes[i + 1] - mesh.nodes[i]), mesh.phi(i)
-        here = slice(2 * i, 2 * i + 4)
+        at = mesh.of_element(i)
+        here = np.ix_(at, at)
         turning = segment.density * segment.area_moment
-        mass[here, here] += inertia(length, segment.density * segment.area, turning, phi)
+        mass[here] += inertia(length, segment.density * segment.area, turning, phi)
         # A round section turns twice as heavily about the axis as about a diameter.
-        momentum[here, here] += inertia(length, 0.0, 2 * turning, phi)
-        shaft[here, here] += stiffness(length, segment.bending_stiffness, phi)
+        momentum[here] += inertia(length, 0.0, 2 * turning, phi)
+        shaft[here] += stiffness(length, segment.bending_stiffness, phi)
     for disc in discs:
         deflection, slope = mesh.motion_at(disc.position)
         mass += disc.mass * np.outer(deflection, deflection)

@@ -3,11 +3,17 @@
 The element has the deflections and slopes of its two ends, (w_1, a_1, w_2, a_2), a = dw/ds of the
 cross-section. The shear parameter phi = 12 E I / (kappa G A l^2) makes it a Timoshenko element;
 phi = 0 is Euler and Bernoulli's.
+
+Where shear counts, the shapes of the ends alone converge with the square of the length only: of
+short elements they become straight lines. So a Timoshenko element has two coordinates more, a
+parabola of deflection and one of slope that vanish at both ends; then both converge with the
+fourth power. Loads at the ends do not bend these shapes, so that statics stay exact.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from robustpolish.arrays import Matrix, Vector
 
@@ -66,8 +72,27 @@ def shapes(share: float, length: float, phi: float) -> tuple[Vector, Vector]:
     return deflection / (1 + phi), slope / (1 + phi)
 
 
+def motion(share: float, length: float, phi: float) -> tuple[Vector, Vector]:
+    """Return how deflection and slope follow from all coordinates, the inner ones last.
+
+    Parameters
+    ----------
+    share, length, phi : float
+        As of :func:`shapes`.
+
+    Returns
+    -------
+    deflection, slope : ndarray, shape (4,), or (6,) with shear
+    """
+    deflection, slope = shapes(share, length, phi)
+    if phi == 0:
+        return deflection, slope
+    inner = 4 * share * (1.0 - share)
+    return np.append(deflection, [inner, 0.0]), np.append(slope, [0.0, inner])
+
+
 def stiffness(length: float, bending: float, phi: float) -> Matrix:
-    """Return the stiffness matrix, shape (4, 4).
+    """Return the stiffness matrix, shape (4, 4), or (6, 6) with shear.
 
     Parameters
     ----------
@@ -88,7 +113,12 @@ def stiffness(length: float, bending: float, phi: float) -> Matrix:
         [-12, -6 * s, 12, -6 * s],
         [6 * s, (2 - phi) * s**2, -6 * s, (4 + phi) * s**2],
     ]
-    return bending / ((1 + phi) * s**3) * np.array(rows)
+    ends = bending / ((1 + phi) * s**3) * np.array(rows)
+    if phi == 0:
+        return ends
+    shear = 12 * bending / (phi * s**2)  # kappa G A
+    inner = 16 / (3 * s) * np.array([shear, bending + shear * s**2 / 10])
+    return np.asarray(block_diag(ends, np.diag(inner)))
 
 
 def inertia(length: float, line_mass: float, line_inertia: float, phi: float) -> Matrix:
@@ -105,11 +135,12 @@ def inertia(length: float, line_mass: float, line_inertia: float, phi: float) ->
 
     Returns
     -------
-    ndarray, shape (4, 4)
+    ndarray, shape (4, 4), or (6, 6) with shear
     """
-    total = np.zeros((4, 4))
+    size = 4 if phi == 0 else 6
+    total = np.zeros((size, size))
     for point, weight in zip(_POINTS, _WEIGHTS, strict=True):
-        deflection, slope = shapes((1 + point) / 2, length, phi)
+        deflection, slope = motion((1 + point) / 2, length, phi)
         total += weight * line_mass * np.outer(deflection, deflection)
         total += weight * line_inertia * np.outer(slope, slope)
     return length / 2 * total

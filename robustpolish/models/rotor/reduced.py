@@ -87,7 +87,7 @@ class ReducedRotor(Displayed):
     >>> import robustpolish as rp
     >>> few = rp.spindle_rotor().reduced(2, [-0.0445, 0.025])
     >>> len(few.system.state_scale), len(few.assembly.system.state_scale), few.modes
-    (8, 44, 2)
+    (8, 84, 2)
     """
 
     assembly: Assembly

@@ -73,8 +73,8 @@ class RotorModel(Displayed):
       whirl     frequency [Hz]  damping  roundness
       backward         13.5902        0         -1
       forward          13.9731        0          1
-      backward         40.0728        0         -1
-      forward          46.9051        0          1
+      backward         40.0726        0         -1
+      forward          46.9047        0          1
 
     A plant for every synthesis, with a magnet and a sensor at each end:
 
@@ -322,7 +322,7 @@ class RotorModel(Displayed):
         --------
         >>> import robustpolish as rp
         >>> rp.spindle_rotor(elements=2).plant(loads={"tip": 0.02}, actuators={"tip": 0.02}).nx
-        24
+        40
         """
         whole = self.reduced(None, [0.0], speed=speed)
         return whole.plant(

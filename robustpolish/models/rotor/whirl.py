@@ -71,7 +71,7 @@ class WhirlMode:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RotorModes(Displayed, Sequence[WhirlMode]):
-    """The whirl modes of a rotor at one speed, lowest frequency first; prints as a table.
+    """The whirl modes of a rotor at one speed, lowest natural frequency first; prints as a table.
 
     Attributes
     ----------
@@ -163,13 +163,13 @@ def eigen_whirl(system: SecondOrder, speed: float) -> tuple[AnyVector, AnyMatrix
     Returns
     -------
     eigenvalues, vectors : ndarray, shapes (m,) and (2 n, m)
-        Sorted by frequency; vectors in the states of ``system.state_matrix``.
+        Sorted by natural frequency; vectors in the states of ``system.state_matrix``.
     growth : float
     """
     values: Any
     values, vectors = np.linalg.eig(system.state_matrix(speed))
     listed = np.flatnonzero(values.imag > 1e-9 * system.state_scale.min())
-    order = listed[np.argsort(values[listed].imag, kind="stable")]
+    order = listed[np.argsort(np.abs(values[listed]), kind="stable")]
     return values[order], vectors[:, order], float(values.real.max())
 
 

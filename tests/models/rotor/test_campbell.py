@@ -12,8 +12,8 @@ from robustpolish.models.rotor.published import ANISOTROPIC, FAST, IN_RAD, ISOTR
 def test_the_diagram_ends_at_the_published_frequencies(rotor, name):
     found = rotor.campbell(np.linspace(0.0, FAST, 12), count=6)
     rested, spun = (IN_RAD[each][2] for each in (f"{name} at rest", name))
-    np.testing.assert_allclose(np.sort(2 * np.pi * found.frequencies_hz[0]), rested, rtol=1e-4)
-    np.testing.assert_allclose(np.sort(2 * np.pi * found.frequencies_hz[-1]), spun, rtol=1e-4)
+    np.testing.assert_allclose(np.sort(2 * np.pi * found.frequencies_hz[0]), rested, rtol=2e-4)
+    np.testing.assert_allclose(np.sort(2 * np.pi * found.frequencies_hz[-1]), spun, rtol=2e-4)
 
 
 def test_curves_keep_their_way_round_where_they_cross():

@@ -16,7 +16,7 @@ def test_signals_have_names_and_units():
     assert plant.measurement_names[:2] == ("measured_left_x", "measured_left_y")
     assert (plant.units["u_right_y"], plant.units["mid_x"]) == ("N", "m")
     assert not plant.D11.any()
-    assert plant.nx == 56
+    assert plant.nx == 104
 
 
 def test_gains_and_poles_are_those_of_the_rotor():

@@ -13,7 +13,7 @@ def test_modes_at_the_speed_are_exact_and_steady_forces_too():
     assert lost.steady < 1e-11
     assert lost.response < 1e-3
     assert lost.speed == FAST
-    assert lost.band_hz == pytest.approx(114.08, abs=0.01)
+    assert lost.band_hz == pytest.approx(716.719 / (2 * np.pi), rel=1e-5)
 
 
 def test_what_each_method_costs():
