@@ -14,6 +14,7 @@ LONG = (
     "07_the_bridge",
     "08_from_weights_to_code",
     "09_from_measurement_to_proof",
+    "10_polishing_a_mould",
     "11_the_spindle_as_a_beam",
     "12_brush_and_machine_together",
 )

@@ -21,6 +21,7 @@ def test_lag_is_robust_with_named_signals_and_a_proof():
         assert rp.hinf_norm(loop).value <= design.worst_case.upper
 
 
+@pytest.mark.slow
 def test_signals_may_stand_anywhere():
     plant = lag()
     moved = plant[["y", "x", "price"], ["u", "push", "noise"]]
@@ -104,6 +105,7 @@ def test_dynamics_enter_a_structure_by_their_worst_cases():
     assert max(known) > 2  # the nominal machine, a corner, and witnesses of proofs
 
 
+@pytest.mark.slow
 def test_numbers_of_a_discrete_plant_are_searched_as_they_are():
     b = rp.uncertain_real("b", 0.1, percent=20)
     plant = rp.uncertain_system(
