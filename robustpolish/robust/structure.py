@@ -187,6 +187,11 @@ def _any_whole(where: tuple[str, int], value: Any) -> int:
     return int(value)
 
 
+def positions(places: Sequence[slice], blocks: Iterable[int]) -> list[int]:
+    """Return the signals of some blocks one by one, of `outputs` or `inputs` of a structure."""
+    return [i for k in blocks for i in range(places[k].start, places[k].stop)]
+
+
 def _slices(sizes: Sequence[int]) -> tuple[slice, ...]:
     ends = np.cumsum([0, *sizes]).tolist()
     return tuple(slice(a, b) for a, b in pairwise(ends))

@@ -139,7 +139,7 @@ def assembled(
     for i, segment in enumerate(mesh.segments):
         length, phi = float(mesh.nodes[i + 1] - mesh.nodes[i]), mesh.phi(i)
         at = mesh.of_element(i)
-        here = np.ix_(at, at)
+        here = at[:, None], at
         turning = segment.density * segment.area_moment
         mass[here] += inertia(length, segment.density * segment.area, turning, phi)
         # A round section turns twice as heavily about the axis as about a diameter.

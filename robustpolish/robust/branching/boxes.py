@@ -19,7 +19,7 @@ from robustpolish.robust.branching.branch import Probe, gauge_of
 from robustpolish.robust.coverage import cover
 from robustpolish.robust.loop_model import LoopModel
 from robustpolish.robust.scaled.scalings import Space
-from robustpolish.robust.structure import Structure
+from robustpolish.robust.structure import Structure, positions
 from robustpolish.robust.units.canonical import BITS, rounded
 
 
@@ -179,7 +179,8 @@ def moved(loop: LoopModel, real: list[int], centre: Vector, reach: Vector) -> Lo
     with precision(BITS):
         onto, scale = flint.arb_mat(nw, nz), identity(nw)
         for k, c, h in zip(real, centre, reach, strict=True):
-            for w, z in zip(_range(structure.outputs[k]), _range(structure.inputs[k]), strict=True):
+            own = (positions(places, [k]) for places in (structure.outputs, structure.inputs))
+            for w, z in zip(*own, strict=True):
                 onto[w, z], scale[w, w] = float(c), float(h)
         try:
             back = (identity(nz) - D * onto).inv()
@@ -190,7 +191,3 @@ def moved(loop: LoopModel, real: list[int], centre: Vector, reach: Vector) -> Lo
         balls = A + B * through * C, B * forward, back * C, back * D * scale
     blocks = tuple(replace(block, group="") for block in structure.blocks)
     return replace(loop, structure=Structure(blocks), model=rounded(balls), balls=balls)
-
-
-def _range(places: slice) -> range:
-    return range(places.start, places.stop)

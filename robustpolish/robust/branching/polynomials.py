@@ -7,7 +7,6 @@ and a block of size k that puts one there just if |P| <= k ||N||.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import prod
@@ -19,6 +18,7 @@ import numpy as np
 from robustpolish.exact.balls import identity, part
 from robustpolish.robust.branching.bernstein import Balls, along, from_values, nodes
 from robustpolish.robust.loop_model import LoopModel
+from robustpolish.robust.structure import positions
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +117,8 @@ class _Closed:
 
     def __init__(self, loop: LoopModel, real: tuple[int, ...], others: list[int]) -> None:
         structure = loop.structure
-        z, out = (_places(structure.inputs, blocks) for blocks in (real, others))
-        w, into = (_places(structure.outputs, blocks) for blocks in (real, others))
+        z, out = (positions(structure.inputs, blocks) for blocks in (real, others))
+        w, into = (positions(structure.outputs, blocks) for blocks in (real, others))
         self.copies = [structure.blocks[k].copies for k in real]
         A, B, C, D = loop.balls
         states = range(loop.model.states)
@@ -155,8 +155,3 @@ class _Closed:
                 found.append((shifted - P + P * D2[i, j]) * scale)
         n = A.nrows()
         return [[one[power] for power in range(n + 1)] for one in found]
-
-
-def _places(slices: Sequence[slice], blocks: Sequence[int]) -> list[int]:
-    """Return where the signals of some blocks are."""
-    return [i for k in blocks for i in range(slices[k].start, slices[k].stop)]

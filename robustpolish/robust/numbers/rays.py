@@ -17,7 +17,7 @@ import scipy.linalg as sla
 from robustpolish.arrays import AnyVector, Matrix, Vector
 from robustpolish.robust.loop_model import LoopModel
 from robustpolish.robust.numbers.sums_of_poles import both_sides
-from robustpolish.robust.structure import Structure
+from robustpolish.robust.structure import Structure, positions
 
 # Up to so many states the Lyapunov operator is inverted as a matrix: 900 x 900 takes 30 ms.
 _STATES = 30
@@ -196,9 +196,4 @@ def _mode(k: float, matrices: tuple[Matrix, Matrix, Matrix, Matrix], rate: float
 
 def _kept(structure: Structure, deltas: Vector) -> list[int]:
     """Return the signals z of the blocks that move."""
-    return [
-        i
-        for block, delta in zip(structure.inputs, deltas, strict=True)
-        if delta
-        for i in range(block.start, block.stop)
-    ]
+    return positions(structure.inputs, np.flatnonzero(deltas))
