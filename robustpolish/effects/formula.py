@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -238,8 +238,8 @@ class _Fit:
         turns = LIKENESS.turns
         step = turns[1] / turns[0]
         bounds = found.turn / step, found.turn * step
-        best = minimize_scalar(lambda d: self(found.terms, float(d)).chi2, bounds=bounds).x
-        return self(found.terms, float(best))
+        best: Any = minimize_scalar(lambda d: self(found.terms, float(d)).chi2, bounds=bounds)
+        return self(found.terms, float(best.x))
 
     def __call__(self, terms: tuple[Term, ...], turn: float) -> _Found:
         X = np.column_stack([self.column(term, turn) for term in terms])

@@ -121,12 +121,14 @@ class Diagnosis(Findings, Displayed):
         write_saved(path, "diagnosis", content(self), force)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Diagnosis:
+    def load(cls, path: str | os.PathLike[str], *, max_bytes: float | None = None) -> Diagnosis:
         """Read a diagnosis from a file that :meth:`save` wrote.
 
         Parameters
         ----------
         path : path
+        max_bytes : float, optional
+            Largest size of the file in bytes, 2e8 by default.
 
         Returns
         -------
@@ -137,7 +139,7 @@ class Diagnosis(Findings, Displayed):
         InvalidInputError
             If it is no such file; the message names the key that is wrong.
         """
-        return diagnosis_from(read_saved(path, "diagnosis"))
+        return diagnosis_from(read_saved(path, "diagnosis", max_bytes))
 
     def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
         """Draw how the error of one output fell, as :meth:`Ledger.plot`.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from math import nan
 from typing import Any
 
 import xarray as xr
@@ -135,6 +136,6 @@ class Ledger(Displayed):
         names = tuple(self.entries[0].nrmse) if self.entries else tuple(self.noise_floor)
         rows = [(entry.step, *(entry.nrmse[n] for n in names)) for entry in self.entries]
         if self.noise_floor:
-            rows.append(("noise floor", *(self.noise_floor[n] for n in names)))
+            rows.append(("noise floor", *(self.noise_floor.get(n, nan) for n in names)))
         title = "Error of a free run over the standard deviation of each output"
         return Card(title, (Table("", ("step", *names), tuple(rows)),))

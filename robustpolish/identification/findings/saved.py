@@ -18,6 +18,7 @@ from robustpolish.identification.findings.force_map import ForceMap
 from robustpolish.identification.findings.ledger import Entry, Ledger
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.saved_file import Fields
+from robustpolish.validation import described, invalid
 
 VERDICTS = (
     "adequate", "parameters", "missing_effect", "partly_explained", "unknown_law", "unexplained",
@@ -87,6 +88,11 @@ def findings_from(fields: Fields) -> Findings:
         ),
         fields.numbers("noise_floor"),
     )
+    for e in ledger.entries:
+        if set(e.nrmse) != set(ledger.entries[0].nrmse):
+            shown = described(f"errors of {', '.join(e.nrmse) or 'nothing'} at {e.step!r}")
+            remedy = "The file is damaged or was edited; save it again."
+            raise invalid(f"{fields.where}: ledger", shown, "errors of the same outputs", remedy)
     return Findings(
         verdict=fields.text("verdict", VERDICTS),
         model=MechanicalModel.from_toml(_text(fields)),

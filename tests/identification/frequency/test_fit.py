@@ -95,6 +95,7 @@ def test_a_record_over_time_is_fitted_by_its_response():
             assert fitted.model.parameters[key] == pytest.approx(model.parameters[key], rel=0.02)
 
 
+@pytest.mark.slow
 def test_one_pair_and_missing_lines_are_enough():
     model = two_masses()
     data = measured(model).sel(output=["b"])
