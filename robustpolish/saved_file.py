@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robustpolish.files import Wanted, check_tree, text
 from robustpolish.saving import new_file
 from robustpolish.validation import described, invalid
 from robustpolish.versions import __version__
@@ -21,6 +22,8 @@ FORMAT = 1
 
 SAME_NORM = 1e-6
 """How far, relative, a norm computed anew may lie from the one in a file."""
+
+_SAVED = Wanted("path", "a file", "Save one with .save(path).", 200_000_000)
 
 _WORDS = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 
@@ -52,7 +55,9 @@ def write_saved(
         draft.write_text(text + "\n", encoding="utf-8")
 
 
-def read_saved(path: str | os.PathLike[str], kind: str | None = None) -> Fields:
+def read_saved(
+    path: str | os.PathLike[str], kind: str | None = None, max_bytes: float | None = None
+) -> Fields:
     """Read a file that :func:`write_saved` wrote.
 
     Parameters
@@ -60,6 +65,8 @@ def read_saved(path: str | os.PathLike[str], kind: str | None = None) -> Fields:
     path : path
     kind : str, optional
         The kind that it has to be; any by default.
+    max_bytes : float, optional
+        Largest size of the file in bytes, 2e8 by default.
 
     Returns
     -------
@@ -72,15 +79,14 @@ def read_saved(path: str | os.PathLike[str], kind: str | None = None) -> Fields:
         If the file cannot be read, is no file of this package, of another kind or of a newer
         format.
     """
-    name = Path(path).name
-    remedy = "Save one with .save(path)."
+    written = text(path, _SAVED.limited(max_bytes))
+    name, remedy = Path(path).name, _SAVED.remedy
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_no_constant)
-    except OSError as error:
-        raise invalid("path", described(f"{path} ({error.strerror})"), "a file", remedy) from None
+        content = json.loads(written, parse_constant=_no_constant)
     except (ValueError, RecursionError) as error:
         shown = described(f"{name} ({error})")
         raise invalid("path", shown, "a JSON file of robustpolish", remedy) from None
+    check_tree(content, name)
     found = content.get("robustpolish") if isinstance(content, dict) else None
     if not isinstance(found, str):
         shown = described(f"{name}, which does not say what it holds")

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.brush import Mould, ToolPath, simulate_brush
-from robustpolish.cli.options import brush_options, result_options, show
+from robustpolish.cli.options import brush_options, check_json, result_options, show, stages
 from robustpolish.models.machines.air_bearing import FORCES
 from robustpolish.saving import new_file
 
@@ -53,12 +53,14 @@ def brush(
     force: bool,
 ) -> None:
     """Simulate the brush on its mould and show the forces with which it disturbs the tool."""
+    check_json(json_out, force)
     with ExitStack() as places:
         # The place is claimed first: nothing is simulated that could not be saved.
         draft = places.enter_context(new_file(out, force, (".csv", ".nc"))) if out else None
         surface = _mould(Path(mould), unit) if mould else None
         course = ToolPath.from_csv(path, unit=unit, speed=speed, over=surface) if path else None
-        click.echo(f"Simulating {duration:g} s of run {run} ({simulator}) ...", err=True)
+        tell = places.enter_context(stages("Polishing"))
+        tell(f"Simulating {duration:g} s of run {run} ({simulator}) ...")
         signals = simulate_brush(simulator, run, duration, surface=surface, path=course)
         if draft is not None:
             _save(signals, draft)

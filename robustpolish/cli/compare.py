@@ -14,12 +14,12 @@ from robustpolish.cli.measurement import (
     measurement_options,
     replaceable,
 )
-from robustpolish.cli.options import result_options, show, to_json
+from robustpolish.cli.options import PICTURES, check_json, result_options, show, to_json
 from robustpolish.identification import compare as compare_model
 from robustpolish.identification import residual_analysis
 from robustpolish.measurements import holds_frequency_response
 from robustpolish.models import MechanicalModel
-from robustpolish.saving import new_file
+from robustpolish.saving import check_new_file, new_file
 
 
 @click.command()
@@ -50,6 +50,10 @@ def compare(
     responses (CSV with a column "frequency [Hz]", UFF 58), which are compared with those of the
     model. The exit code is 0 however well the model fits, and 2 for bad input.
     """
+    replace = force or replaceable(json_out, *data, model)
+    check_json(json_out, replace)
+    if plot is not None:
+        check_new_file(plot, force, PICTURES)
     loaded = MechanicalModel.from_toml(Path(model))
     if any(holds_frequency_response(path) for path in data):
         given = {"--window": window, "--horizon": horizon, "--residuals": residuals or None}
@@ -66,7 +70,6 @@ def compare(
             lines.append(analysis.explain())
     to_json(content)  # nothing is written if anything fails
     if plot is not None:
-        with new_file(plot, force, (".png", ".svg", ".pdf")) as draft:
+        with new_file(plot, force, PICTURES) as draft:
             result.plot_panels().savefig(draft, dpi=150)
-    replace = force or replaceable(json_out, *data, model)
     show(content, "\n".join(lines), json_out, replace)

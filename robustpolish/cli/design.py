@@ -12,7 +12,14 @@ import robustpolish
 from robustpolish.cli.any_machine.design import machine_design
 from robustpolish.cli.any_machine.either import or_any_machine
 from robustpolish.cli.machine import READINGS, machine_options
-from robustpolish.cli.options import brush_options, result_options, show, to_json
+from robustpolish.cli.options import (
+    brush_options,
+    check_json,
+    result_options,
+    show,
+    stages,
+    to_json,
+)
 from robustpolish.closed_loop import design_against_brush
 from robustpolish.report import render_html
 from robustpolish.report.brush_design import (
@@ -78,21 +85,24 @@ def design(
     By default one that can be built: two gap sensors, two actuators, a computer at 20 kHz. The
     same forces drive the machine with and without control; the table shows the largest deviations.
     """
+    check_json(json_out, force)
     if report == "" and out is None:
         out = DEFAULT_OUT
     with ExitStack() as places:
         # The places are claimed first: no result is computed that could not be saved.
         folder = places.enter_context(new_folder(out, force)) if out else None
         page = places.enter_context(new_file(report, force, (".html",))) if report else None
+        tell = places.enter_context(stages("Designing"))
         job = design_against_brush(
             realisation="ideal" if ideal else None,
             parameters=READINGS[reading](),
             dissipation=dissipation,
-            tell=lambda text: click.echo(text, err=True),
+            tell=tell,
             **options,
         )
         summary = brush_design_summary(job)
         if report is not None:
+            tell("Writing the report ...")
             html = render_html(brush_design_report(job), robustpolish.__version__)
             (page or _in(folder) / "report.html").write_text(html, encoding="utf-8")
         if folder is not None:

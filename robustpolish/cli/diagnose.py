@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from robustpolish.cli.measurement import (
     measurement_options,
     replaceable,
 )
-from robustpolish.cli.options import result_options, show, to_json
+from robustpolish.cli.options import check_json, result_options, show, stages, to_json
 from robustpolish.errors import RobustPolishError
 from robustpolish.identification import Diagnosis, ToldApart, step_runs, tell_apart
 from robustpolish.identification.discover.diagnose import diagnose as diagnose_model
@@ -57,6 +58,8 @@ def diagnose(
     to all of which the options apply: the numbers of the machine are common. The exit code is 0
     whatever the verdict, and 2 for bad input.
     """
+    replace = force or replaceable(json_out, *data, model)
+    check_json(json_out, replace)
     loaded = MechanicalModel.from_toml(Path(model))
     for path in data:
         over_time(path)
@@ -70,7 +73,8 @@ def diagnose(
             for path, suffixes in ((save, (".toml", ".json")), (report, (".html",)))
             if path is not None
         }
-        result = diagnose_model(loaded, records, progress=_say)
+        tell = places.enter_context(stages("Diagnosing"))
+        result = diagnose_model(loaded, records, progress=tell)
         content = result.to_dict()
         to_json(content)  # nothing is written if anything fails
         if save is not None:
@@ -79,16 +83,17 @@ def diagnose(
             else:
                 drafts[save].write_text(result.model.to_toml(), encoding="utf-8")
         if report is not None:
-            runs, told = step_runs(result, records), _told_apart(result, records)
+            runs, told = step_runs(result, records), _told_apart(result, records, tell)
             page = render_html(
                 diagnosis_report(result, runs=runs, told=told), robustpolish.__version__
             )
             drafts[report].write_text(page, encoding="utf-8")
-    replace = force or replaceable(json_out, *data, model)
     show(content, result.explain(), json_out, replace)
 
 
-def _told_apart(result: Diagnosis, records: dict[str, xr.Dataset]) -> list[ToldApart]:
+def _told_apart(
+    result: Diagnosis, records: dict[str, xr.Dataset], tell: Callable[[str], None]
+) -> list[ToldApart]:
     """Search experiments for the first pairs that the record does not tell apart.
 
     A pair costs a refit; one that cannot be fitted has no experiment in the report. Of several
@@ -98,11 +103,7 @@ def _told_apart(result: Diagnosis, records: dict[str, xr.Dataset]) -> list[ToldA
     found = []
     for pair in range(min(_PAIRS, len(result.indistinguishable))):
         try:
-            found.append(tell_apart(result, record, pair=pair, progress=_say))
+            found.append(tell_apart(result, record, pair=pair, progress=tell))
         except (RobustPolishError, ArithmeticError):
             continue
     return found
-
-
-def _say(text: str) -> None:
-    click.echo(f"... {text}", err=True)

@@ -6,10 +6,13 @@ from pathlib import Path
 
 import click
 
-from robustpolish.cli.options import choice, result_options, show
+from robustpolish.cli.options import check_json, choice, result_options, show
 from robustpolish.implementation import SampledDesign
 from robustpolish.implementation.discretization.emulation import METHODS
+from robustpolish.implementation.export.code_spec import target
 from robustpolish.implementation.realization.forms import FORMS
+from robustpolish.long_calls import working
+from robustpolish.saving import check_new_file
 from robustpolish.synthesis import Design
 from robustpolish.validation import invalid
 
@@ -78,14 +81,21 @@ def export(
     The loop is certified with sampler, hold, delay and filter before anything is written. The exit
     code is 1 if it is unstable, with the longest period that keeps it stable.
     """
+    check_json(json_out, force)
+    for kind in kinds:
+        check_new_file(target(out, name, f".{kind}"), force)
+    if test_vectors and "c" in kinds:
+        check_new_file(Path(out) / f"{name}_vectors.csv", force)
     design = Design.load(Path(file))
     said = []
     if order is not None or tolerance is not None:
-        design = design.reduce(order=order, tolerance=tolerance)
+        with working("Reducing the controller"):
+            design = design.reduce(order=order, tolerance=tolerance)
         said.append(design.message)
-    sampled = design.discretize(
-        period, delay, method, prewarp_hz=prewarp_hz, anti_aliasing=anti_aliasing
-    )
+    with working("Certifying the sampled loop"):
+        sampled = design.discretize(
+            period, delay, method, prewarp_hz=prewarp_hz, anti_aliasing=anti_aliasing
+        )
     if form is not None:
         sampled = sampled.realization(form)
     bounds = dict(_limit(text) for text in limits) or None

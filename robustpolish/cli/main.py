@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import os
+import sys
+from contextlib import suppress
+from typing import Any
 
 import click
 
@@ -24,6 +28,20 @@ _COMMANDS = {
 
 class _Group(click.Group):
     """Subcommands that are imported when they are used, so that --help is quick."""
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """Run a command; a full disk behind the standard output ends it with one line too."""
+        try:
+            return super().main(*args, **kwargs)
+        except OSError as error:
+            from robustpolish.files import is_refusal, refusal  # needs what --help does not
+
+            if not is_refusal(error):
+                raise
+            with suppress(OSError):  # what is still in the buffer would be tried again at the end
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            click.echo(f"Error: {refusal(error.filename or 'output', error)}", err=True)
+            sys.exit(1)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         del ctx

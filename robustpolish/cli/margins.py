@@ -8,11 +8,12 @@ from typing import Any
 import click
 import matplotlib.pyplot as plt
 
-from robustpolish.cli.options import choice, result_options, show, to_json
+from robustpolish.cli.options import PICTURES, check_json, choice, result_options, show, to_json
+from robustpolish.long_calls import working
 from robustpolish.loops import LoopRequirements, loop_analysis
 from robustpolish.machine_design import read_design_task
 from robustpolish.models import GeneralizedPlant, MechanicalModel
-from robustpolish.saving import new_file
+from robustpolish.saving import check_new_file, new_file
 from robustpolish.synthesis import Design
 from robustpolish.validation import described, invalid
 
@@ -65,10 +66,14 @@ def margins(
     if plant is not None and model is not None:
         shown = described("--plant and --model")
         raise invalid("--model", shown, "one of the two", "Leave one out.")
+    check_json(json_out, force)
+    if plot is not None:
+        check_new_file(plot, force, PICTURES)
     asked = LoopRequirements(sample_rate_hz=sample_rate, delay_s=delay)
     design = Design.load(design_file)
     machine = _machine(design, plant, model)
-    analysis = loop_analysis(machine, design.controller, requirements=asked)
+    with working("Analysing the loop"):
+        analysis = loop_analysis(machine, design.controller, requirements=asked)
     content = {
         **analysis.to_dict(),
         "buildable": analysis.buildable,
@@ -77,7 +82,7 @@ def margins(
     }
     to_json(content)  # nothing is written if anything fails
     if plot is not None:
-        with new_file(plot, force, (".png", ".svg", ".pdf")) as draft:
+        with new_file(plot, force, PICTURES) as draft:
             figure: Any = analysis.plot(kind=kind).figure
             figure.savefig(draft, dpi=150)
             plt.close(figure)

@@ -30,6 +30,8 @@ class Reading:
         In Hz.
     between : (float, float) or None
         In s.
+    max_bytes : float or None
+        Largest size of a file, also of what it unpacks to.
     units, renames : tuple of str
         As in ``x=mm`` and ``old=new``.
     """
@@ -38,6 +40,7 @@ class Reading:
     time: str | None = None
     sampling_rate: float | None = None
     between: tuple[float, float] | None = None
+    max_bytes: float | None = None
     units: tuple[str, ...] = ()
     renames: tuple[str, ...] = ()
 
@@ -67,6 +70,7 @@ _options = options(
         metavar="START END",
         help="Part to read, in seconds, of each file.",
     ),
+    click.option("--max-bytes", type=float, help="Read files up to this size; 1e9 by default."),
     click.option(
         "--rename",
         "renames",
@@ -91,6 +95,7 @@ def load_data(path: str, model: MechanicalModel, reading: Reading) -> xr.Dataset
         between=reading.between,
         sampling_rate=reading.sampling_rate,
         table=reading.table,
+        max_bytes=reading.max_bytes,
     )
 
 
@@ -138,7 +143,7 @@ def load_response(paths: Sequence[str], reading: Reading, given: Mapping[str, An
         "/".join(before.get(end, end) for end in pair.split("/", 1)): unit
         for pair, unit in units.items()
     }
-    response = read_frequency_response(path, units=in_file)
+    response = read_frequency_response(path, units=in_file, max_bytes=reading.max_bytes)
     outputs, inputs = ([str(name) for name in response[end].values] for end in ("output", "input"))
     for old in renames:
         if (old in outputs) == (old in inputs):

@@ -1,18 +1,20 @@
-"""What the subcommands share: JSON, errors and exit codes."""
+"""What the subcommands share: progress, JSON, errors and exit codes."""
 
 from __future__ import annotations
 
 import functools
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import click
 
 from robustpolish.errors import InvalidInputError, RobustPolishError
+from robustpolish.long_calls import someone_looks, working
 from robustpolish.saved_file import plain
-from robustpolish.saving import write_file
+from robustpolish.saving import check_new_file, write_file
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -82,6 +84,44 @@ result_options = options(
     reports_errors,
 )
 """How a command gives its result, or an error."""
+
+
+PICTURES = (".png", ".svg", ".pdf")
+"""How the names of pictures end."""
+
+
+def check_json(json_out: str | None, force: bool) -> None:
+    """Refuse a file for JSON that could not be written, before anything is computed."""
+    if json_out not in (None, "-"):
+        check_new_file(json_out, force)
+
+
+@contextmanager
+def stages(what: str) -> Iterator[Callable[[str], None]]:
+    """Name the stages of a command: in one bar on a terminal, elsewhere by a line for each.
+
+    Parameters
+    ----------
+    what : str
+        What the command does, such as "Designing".
+
+    Yields
+    ------
+    callable
+        Takes the name of the stage that begins. Long calls of the package name theirs by
+        themselves, in the bar only.
+
+    Examples
+    --------
+    >>> with stages("Polishing") as tell:
+    ...     tell("first coat")
+    """
+    with working(what, stages=True) as tell:
+        yield (lambda name: tell(name.removesuffix(" ..."))) if someone_looks() else _line
+
+
+def _line(name: str) -> None:
+    click.echo(name if name.endswith(" ...") else f"... {name}", err=True)
 
 
 def show(content: Mapping[str, Any], text: str, json_out: str | None, force: bool = False) -> None:

@@ -15,7 +15,7 @@ from robustpolish.cli.measurement import (
     measurement_options,
     replaceable,
 )
-from robustpolish.cli.options import result_options, show, to_json
+from robustpolish.cli.options import check_json, result_options, show, to_json
 from robustpolish.identification import refit as refit_model
 from robustpolish.measurements import holds_frequency_response
 from robustpolish.models import MechanicalModel
@@ -43,6 +43,8 @@ def refit(
     the numbers of the machine are common. Or it holds frequency responses (CSV with a column
     "frequency [Hz]", UFF 58). The exit code is 0 however well the model fits, and 2 for bad input.
     """
+    replace = force or replaceable(json_out, *data, model)
+    check_json(json_out, replace)
     loaded = MechanicalModel.from_toml(Path(model))
     if any(holds_frequency_response(path) for path in data):
         given = load_response(data, reading, {})
@@ -56,5 +58,4 @@ def refit(
         to_json(content)  # nothing is written if anything fails
         if draft is not None:
             draft.write_text(result.model.to_toml(), encoding="utf-8")
-    replace = force or replaceable(json_out, *data, model)
     show(content, repr(result), json_out, replace)

@@ -13,12 +13,20 @@ from robustpolish.cli.measurement import (
     pairs,
     replaceable,
 )
-from robustpolish.cli.options import options, result_options, show, to_json
+from robustpolish.cli.options import (
+    PICTURES,
+    check_json,
+    options,
+    result_options,
+    show,
+    stages,
+    to_json,
+)
 from robustpolish.identification import Diagnosis
 from robustpolish.identification import tell_apart as tell_machines_apart
 from robustpolish.identification.record import over_time
 from robustpolish.models import MechanicalModel
-from robustpolish.saving import new_file
+from robustpolish.saving import check_new_file, new_file
 from robustpolish.validation import described, invalid, positive
 
 _conditions = options(
@@ -67,25 +75,29 @@ def tell_apart(
     amplitudes of DATA. The exit code is 0 whether one tells them apart or none does, and 2 for
     bad input.
     """
+    replace = force or replaceable(json_out, data, *machines)
+    check_json(json_out, replace)
+    if plot is not None:
+        check_new_file(plot, force, PICTURES)
     given = _machines(machines)
     model = given.model if isinstance(given, Diagnosis) else given[0]
     over_time(data)
     record = load_data(data, model, reading)
-    found = tell_machines_apart(
-        given,
-        record,
-        pair=pair - 1,
-        noise=_sizes("--noise", noises, "--noise x=2e-6"),
-        limits=_sizes("--limit", limits, "--limit F=50"),
-        fit=fit,
-        progress=lambda text: click.echo(f"... {text}", err=True),
-    )
+    with stages("Trying experiments") as tell:
+        found = tell_machines_apart(
+            given,
+            record,
+            pair=pair - 1,
+            noise=_sizes("--noise", noises, "--noise x=2e-6"),
+            limits=_sizes("--limit", limits, "--limit F=50"),
+            fit=fit,
+            progress=tell,
+        )
     content = found.to_dict()
     to_json(content)  # nothing is written if anything fails
     if plot is not None:
-        with new_file(plot, force, (".png", ".svg", ".pdf")) as draft:
+        with new_file(plot, force, PICTURES) as draft:
             found.plot_panels().savefig(draft, dpi=150)
-    replace = force or replaceable(json_out, data, *machines)
     show(content, repr(found), json_out, replace)
 
 

@@ -9,8 +9,12 @@ from typing import Any
 import numpy as np
 
 from robustpolish.errors import InvalidInputError
+from robustpolish.files import Wanted
 from robustpolish.measurements.headers import split_header
 from robustpolish.validation import described, invalid
+
+RECORD = Wanted("measurement", "a file", "Check the path.", 1_000_000_000)
+"""What a file with a record is, unpacked no larger than a gigabyte."""
 
 
 @dataclass

@@ -36,6 +36,7 @@ def read_measurement(
     between: tuple[float, float] | None = None,
     sampling_rate: float | None = None,
     table: str | None = None,
+    max_bytes: float | None = None,
 ) -> xr.Dataset:
     """Read a measurement, check it, and convert it to SI units.
 
@@ -62,6 +63,8 @@ def read_measurement(
         In Hz, for files without time.
     table : str, optional
         Matrix or group to read, in files that hold several.
+    max_bytes : float, optional
+        Largest size of a file in bytes, and of what it unpacks to; 1e9 by default.
 
     Returns
     -------
@@ -88,7 +91,7 @@ def read_measurement(
     >>> data["x"].values, data["x"].attrs["units"]
     (array([0.e+00, 2.e-06, 1.e-06]), 'm')
     """
-    raw = raw_table(source, table)
+    raw = raw_table(source, table, max_bytes)
     raw.rename(rename or {})
     raw.units.update(_known(units or {}, raw, "units"))
     name = find_time(raw, time) if raw.columns else None
@@ -101,7 +104,9 @@ def read_measurement(
     data: dict[str, Any] = {}
     doubts = []
     for column, whole in channels.items():
-        values, note = fill_gaps(column, whole[kept], taken, lines)
+        given = whole[kept]
+        check_finite(column, np.where(np.isnan(given), 0.0, given), taken)  # gaps may stay, so far
+        values, note = fill_gaps(column, given, taken, lines)
         check_finite(column, values, taken)
         check_moves(column, values)
         check_not_clipped(column, values)

@@ -10,7 +10,7 @@ import click
 
 import robustpolish
 from robustpolish.cli.any_machine.options import channel_options, machine_options, named_machine
-from robustpolish.cli.options import options, result_options, show, to_json
+from robustpolish.cli.options import check_json, options, result_options, show, stages, to_json
 from robustpolish.machine_design import design_machine, read_design_task
 from robustpolish.machine_design.task import METHODS
 from robustpolish.report import render_html
@@ -81,6 +81,7 @@ def machine_design(
     plant (JSON). What its sections [design] and [weights] say counts unless an option says
     otherwise. `robustpolish margins` and `export` read the design.json of the folder.
     """
+    check_json(json_out, force)
     if report == "" and out is None:
         out = DEFAULT_OUT
     machine = named_machine(model, plant)
@@ -93,10 +94,12 @@ def machine_design(
         page = places.enter_context(new_file(report, force, (".html",))) if report else None
         for note in task.notes:
             click.echo(f"... {note}", err=True)
+        tell = places.enter_context(stages("Designing"))
         found = design_machine(task)
         content = found.to_dict()
         to_json(content)  # nothing is written if anything fails
         if report is not None:
+            tell("writing the report")
             html = render_html(machine_design_report(found), robustpolish.__version__)
             target = page if page is not None or folder is None else folder / "report.html"
             assert target is not None, "a report without a file name goes to the folder"

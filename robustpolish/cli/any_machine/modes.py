@@ -8,7 +8,7 @@ import click
 
 from robustpolish.analysis import modes as modes_of
 from robustpolish.cli.any_machine.options import machine_options, named_machine
-from robustpolish.cli.options import result_options, show
+from robustpolish.cli.options import check_json, result_options, show
 from robustpolish.models import MechanicalModel
 
 
@@ -20,6 +20,7 @@ def machine_modes(model: str | None, plant: str | None, json_out: str | None, fo
 
     Effects of a mechanical model are linearised about the state of rest.
     """
+    check_json(json_out, force)
     machine = named_machine(model, plant)
     given = machine.linearize() if isinstance(machine, MechanicalModel) else machine
     found = modes_of(given.open_loop)

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustpolish.analysis import h2_norm, hinf_norm
 from robustpolish.cli.any_machine.options import channel_options, machine_options, named_machine
-from robustpolish.cli.options import result_options, show
+from robustpolish.cli.options import check_json, result_options, show
 from robustpolish.machine_design import machine_plant
 from robustpolish.measurements import ratio_unit
 from robustpolish.models import MechanicalModel
@@ -33,6 +33,7 @@ def machine_norms(
     Of a mechanical model all inputs disturb and all free coordinates are outputs, unless some are
     named; effects are linearised about the state of rest.
     """
+    check_json(json_out, force)
     machine = named_machine(model, plant)
     pushed = machine.free if isinstance(machine, MechanicalModel) else ()
     given = machine_plant(machine, pushed, (), performance, disturbance)

@@ -12,14 +12,18 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.errors import InvalidInputError
+from robustpolish.files import Wanted, size_of
 from robustpolish.measurements import readers
 from robustpolish.measurements.frequency.columns import is_frequency, responses_of
 from robustpolish.measurements.frequency.response import checked_response, labelled_response
 from robustpolish.measurements.headers import is_count, is_time, split_header
+from robustpolish.measurements.raw import RECORD
 from robustpolish.measurements.raw_response import RawResponse
 from robustpolish.measurements.sources import TEXT, UNIVERSAL
 from robustpolish.measurements.units import to_si
 from robustpolish.validation import described, invalid
+
+_FILE = Wanted("frequency response", "a file", "Check the path.", RECORD.largest)
 
 Names = Sequence[str] | Mapping[str, str]
 
@@ -30,6 +34,7 @@ def read_frequency_response(
     outputs: Names | None = None,
     inputs: Names | None = None,
     units: str | Mapping[str, str] | None = None,
+    max_bytes: float | None = None,
 ) -> xr.DataArray:
     """Read measured frequency responses, check them, and convert them to SI units.
 
@@ -45,6 +50,8 @@ def read_frequency_response(
         file calls them ``node_3_z`` unless it has names of its own.
     units : str or mapping of str to str, optional
         Unit of all responses, or by pair (``{"x/F": "um/N"}``) where the file has none.
+    max_bytes : float, optional
+        Largest size of a file in bytes, 1e9 by default.
 
     Returns
     -------
@@ -81,7 +88,7 @@ def read_frequency_response(
     """
     if isinstance(source, xr.DataArray):
         return _renamed(checked_response(source), outputs, inputs)
-    curves = _curves(source)
+    curves = _curves(source, max_bytes)
     if not any(curve.kind == "response" for curve in curves):
         raise _nothing(source)
     array = _assembled(_named(curves, outputs, inputs), units)
@@ -113,9 +120,13 @@ def holds_frequency_response(source: Any) -> bool:
         return True
     if isinstance(source, xr.DataArray):
         return "frequency" in source.dims
-    if not isinstance(source, str | Path) or not Path(source).is_file():
+    if not isinstance(source, str | Path):
         return False
     path = Path(source)
+    try:
+        size_of(path, _FILE)
+    except InvalidInputError:  # whoever reads it will say what is wrong
+        return False
     if path.suffix.casefold() in TEXT:
         return _begins_with_frequency(path)
     if path.suffix.casefold() in UNIVERSAL:
@@ -123,7 +134,7 @@ def holds_frequency_response(source: Any) -> bool:
     return False
 
 
-def _curves(source: Any) -> list[RawResponse]:
+def _curves(source: Any, max_bytes: float | None) -> list[RawResponse]:
     found = readers.read_frd(source)
     if found is not None:
         return found
@@ -133,14 +144,14 @@ def _curves(source: Any) -> list[RawResponse]:
     if not isinstance(source, str | Path):
         raise _nothing(source)
     path = Path(source)
-    if not path.is_file() or path.stat().st_size == 0:
-        shown = described(f"{path} (no such file, or empty)")
-        raise invalid("frequency response", shown, "a file", "Check the path.")
+    wanted = _FILE.limited(max_bytes)
+    if size_of(path, wanted) == 0:
+        raise wanted.refused(path, "empty")
     suffix = path.suffix.casefold()
     if suffix in UNIVERSAL:
-        return readers.read_uff_responses(path)
+        return readers.read_uff_responses(path, wanted)
     if suffix in TEXT:
-        return responses_of(readers.read_csv(path))
+        return responses_of(readers.read_csv(path, wanted))
     known = ", ".join((*TEXT, *UNIVERSAL))
     raise invalid("frequency response", path.name, f"one of the suffixes {known}", "Convert it.")
 
@@ -202,6 +213,9 @@ def _renames(argument: str, known: list[str], names: Names | None) -> dict[str, 
 def _assembled(curves: list[RawResponse], units: str | Mapping[str, str] | None) -> xr.DataArray:
     """Put the curves into one array over frequency, output and input."""
     first = _hertz(curves[0])
+    if not first.size:
+        shown = described("no frequencies")
+        raise invalid("frequency response", shown, "one or more", "Check that the file is whole.")
     outputs = list(dict.fromkeys(c.output for c in curves))
     inputs = list(dict.fromkeys(c.input for c in curves))
     size = (first.size, len(outputs), len(inputs))
@@ -214,6 +228,10 @@ def _assembled(curves: list[RawResponse], units: str | Mapping[str, str] | None)
         raise invalid("units", pair, "a pair of the file, as in 'x/F'", "Check the names.")
     for curve in curves:
         frequency, pair = _hertz(curve), f"{curve.output}/{curve.input}"
+        if curve.values.shape != frequency.shape:
+            shown = described(f"{pair} with {curve.values.size} values")
+            want = f"one for each of the {frequency.size} frequencies"
+            raise invalid("frequency response", shown, want, "Check that the file is whole.")
         if frequency.shape != first.shape or not np.allclose(frequency, first, rtol=1e-6):
             shown = described(f"{pair} over other frequencies than the first curve")
             raise invalid("frequency", shown, "one axis for all", "Export them together.")

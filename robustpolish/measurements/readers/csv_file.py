@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from robustpolish.measurements.raw import RawTable
+from robustpolish.files import Wanted, content, opened
+from robustpolish.measurements.raw import RECORD, RawTable
 from robustpolish.measurements.readers.text_layout import (
     Layout,
     Line,
@@ -25,7 +26,7 @@ from robustpolish.validation import described, invalid
 _BEGIN = 1 << 16
 
 
-def read_csv(path: Path) -> RawTable:
+def read_csv(path: Path, wanted: Wanted = RECORD) -> RawTable:
     """Read a text table.
 
     Columns are separated by comma, semicolon, tab or blanks (the rows decide); unless it is a
@@ -33,7 +34,7 @@ def read_csv(path: Path) -> RawTable:
     names all columns, with their units in it or in a line of their own below it; what stands above
     it is skipped, remarks and the heads of data loggers. Empty cells become NaN.
     """
-    lines = _lines(path.read_bytes())
+    lines = _lines(content(path, wanted))
     if not lines:
         raise invalid("measurement", described(f"{path}, empty"), "a table", "Export it again.")
     layout = find_layout(path, lines)
@@ -54,22 +55,22 @@ def read_csv(path: Path) -> RawTable:
 
 def csv_headers(path: Path) -> tuple[str, ...]:
     """Return the heads of the columns as they are written, from the beginning of a text table."""
-    with path.open("rb") as file:
+    with opened(path, RECORD) as file:
         begin = file.read(_BEGIN)
     if len(begin) == _BEGIN:  # the last line is not whole
         begin = begin[: max(begin.rfind(b"\n"), begin.rfind(b"\r")) + 1]
     return find_layout(path, _lines(begin)).headers
 
 
-def _lines(content: bytes) -> list[Line]:
+def _lines(whole: bytes) -> list[Line]:
     """Return the lines that are not blank; all kinds of line ends count."""
-    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        text = content.decode("utf-16", errors="replace")
+    if whole.startswith((b"\xff\xfe", b"\xfe\xff")):
+        text = whole.decode("utf-16", errors="replace")
     else:
         try:
-            text = content.decode("utf-8-sig")
+            text = whole.decode("utf-8-sig")
         except UnicodeDecodeError:
-            text = content.decode("latin-1")  # older instruments, for the micro sign
+            text = whole.decode("latin-1")  # older instruments, for the micro sign
     ends = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     return [(number, line) for number, line in enumerate(ends, 1) if line.strip()]
 

@@ -8,75 +8,116 @@ from typing import Any
 import h5py
 import numpy as np
 
+from robustpolish.errors import InvalidInputError
+from robustpolish.files import Wanted, opened
 from robustpolish.measurements.headers import split_header
-from robustpolish.measurements.raw import RawTable, unreadable
+from robustpolish.measurements.raw import RECORD, RawTable, unreadable
+from robustpolish.measurements.readers.hdf5_heaps import check_heaps
 from robustpolish.measurements.readers.named_arrays import table_of
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
-def read_hdf5(path: Path, table: str | None = None) -> RawTable:
+def read_hdf5(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> RawTable:
     """Read the vectors of an HDF5 file; the attribute ``units`` or ``unit`` gives their unit.
 
     Datasets in groups are named ``group/name``.
     """
-    arrays: dict[str, Any] = {}
-    units: dict[str, str] = {}
-    try:
-        with h5py.File(path, "r") as file:
-            file.visititems(lambda name, item: _collect(file, name, item, arrays, units))
-            for key in ("fs", "sampling_rate", "sample_rate", "dt"):
-                if key in file.attrs and key not in arrays:
-                    arrays[key] = file.attrs[key]
-    except Exception as error:  # h5py raises OSError, RuntimeError and KeyError on damage
-        raise unreadable(path, "HDF5", error) from None
-    result = table_of(arrays, table, str(path))
-    for name, unit in units.items():
+    found = _Found(path, wanted)
+    with opened(path, wanted) as stream:
+        try:
+            check_heaps(stream)
+            with h5py.File(stream, "r") as file:
+                found.collect(file)
+        except InvalidInputError:
+            raise
+        except Exception as error:  # h5py raises OSError, RuntimeError and KeyError on damage
+            raise unreadable(path, "HDF5", error) from None
+    result = table_of(found.arrays, table, str(path))
+    for name, unit in found.units.items():
         column = split_header(name.removeprefix(f"{table}/"))[0]
         if column in result.columns:
             result.units[column] = unit
     return result
 
 
-def _collect(
-    file: h5py.File, name: str, item: Any, arrays: dict[str, Any], units: dict[str, str]
-) -> None:
-    # MATLAB keeps what is in its cells under #refs#; they are reached from the cells.
-    if not isinstance(item, h5py.Dataset) or name.startswith("#"):
-        return
-    kind = item.dtype.kind
-    if h5py.check_ref_dtype(item.dtype) is h5py.Reference:
-        _cell(file, name, item, arrays)
-    elif kind == "O":
-        text = h5py.check_string_dtype(item.dtype) is not None
-        arrays[name] = np.atleast_1d(item.asstr()[()]).astype(str) if text else np.zeros(0)
-    elif kind in "fiubS" and "MATLAB_empty" not in item.attrs:
-        arrays[name] = _values(item)
-    for key in ("units", "unit"):
-        if key in item.attrs:
-            value = item.attrs[key]
-            units[name] = (
-                value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
-            )
-            break
+class _Found:
+    """What a file holds, read until the limit is reached."""
 
+    def __init__(self, path: Path, wanted: Wanted) -> None:
+        self.arrays: dict[str, Any] = {}
+        self.units: dict[str, str] = {}
+        self._path, self._wanted = path, wanted
+        self._size = self._room = wanted.largest
 
-def _values(item: Any) -> np.ndarray:
-    """Return numbers or text; MATLAB writes text as numbers of characters."""
-    values = np.asarray(item[()])
-    if values.dtype.kind == "S":
-        return values.astype(str)
-    if item.attrs.get("MATLAB_class") == b"char" and values.dtype.kind in "iu":
-        return np.array(["".join(map(chr, values.reshape(-1)))])
-    return values
+    def collect(self, file: h5py.File) -> None:
+        """Read all datasets, and a sampling rate among the attributes of the file."""
+        self._size = file.id.get_filesize()
+        file.visititems(lambda name, item: self._collect(file, name, item))
+        for key in ("fs", "sampling_rate", "sample_rate", "dt"):
+            if key in file.attrs and key not in self.arrays:
+                self.arrays[key] = file.attrs[key]
 
+    def _collect(self, file: h5py.File, name: str, item: Any) -> None:
+        # MATLAB keeps what is in its cells under #refs#; they are reached from the cells.
+        if not isinstance(item, h5py.Dataset) or name.startswith("#"):
+            return
+        kind = item.dtype.kind
+        if h5py.check_ref_dtype(item.dtype) is h5py.Reference:
+            self._cell(file, name, item)
+        elif kind == "O":
+            text = h5py.check_string_dtype(item.dtype) is not None
+            self.arrays[name] = self._texts(item) if text else np.zeros(0)
+        elif kind in "fiubS" and "MATLAB_empty" not in item.attrs:
+            self.arrays[name] = self._values(item)
+        for key in ("units", "unit"):
+            if key in item.attrs:
+                value = item.attrs[key]
+                self.units[name] = (
+                    value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+                )
+                break
 
-def _cell(file: h5py.File, name: str, item: Any, arrays: dict[str, Any]) -> None:
-    """Collect the parts of a MATLAB cell as ``name{1}`` and so on; texts alone as one array."""
-    parts = [file[reference] for reference in np.asarray(item[()]).reshape(-1) if reference]
-    values = [_values(part) for part in parts if isinstance(part, h5py.Dataset)]
-    if values and all(part.dtype.kind == "U" for part in values):
-        arrays[name] = np.concatenate(values)
-        return
-    for i, part in enumerate(values, 1):
-        arrays[f"{name}{{{i}}}"] = part
+    def _values(self, item: Any) -> np.ndarray:
+        """Return numbers or text; MATLAB writes text as numbers of characters."""
+        self._take(item, item.size * item.dtype.itemsize)
+        values = np.asarray(item[()])
+        if values.dtype.kind == "S":
+            return values.astype(str)
+        if item.attrs.get("MATLAB_class") == b"char" and values.dtype.kind in "iu":
+            return np.array(["".join(map(chr, values.reshape(-1)))])
+        return values
+
+    def _texts(self, item: Any) -> np.ndarray:
+        """Return texts of any length, which may all be the same long one in the file."""
+        self._take(item, item.size * item.dtype.itemsize)
+        if item.size > self._size:
+            raise self._wanted.refused(self._path, f"more texts in {item.name} than bytes")
+        if item.size * self._size <= self._room:
+            return np.atleast_1d(item.asstr()[()]).astype(str)
+        texts, longest = [], 0
+        for place in np.ndindex(item.shape):
+            texts.append(item.asstr()[place])
+            longest = max(longest, len(texts[-1]))
+            if 4 * item.size * longest > self._room:  # NumPy gives each the room of the longest
+                raise self._wanted.too_large(self._path, 4 * item.size * longest, packed=True)
+        return np.array(texts)
+
+    def _cell(self, file: h5py.File, name: str, item: Any) -> None:
+        """Collect the parts of a MATLAB cell as ``name{1}`` and so on; texts alone as one array."""
+        self._take(item, item.size * item.dtype.itemsize)
+        parts = [file[reference] for reference in np.asarray(item[()]).reshape(-1) if reference]
+        values = [self._values(part) for part in parts if isinstance(part, h5py.Dataset)]
+        if values and all(part.dtype.kind == "U" for part in values):
+            self.arrays[name] = np.concatenate(values)
+            return
+        for i, part in enumerate(values, 1):
+            self.arrays[f"{name}{{{i}}}"] = part
+
+    def _take(self, item: Any, size: int) -> None:
+        """Count what is about to be read, and refuse data that lie in other files."""
+        if item.external or item.is_virtual:
+            raise self._wanted.refused(self._path, f"{item.name} lies in another file")
+        self._room -= size
+        if self._room < 0:
+            raise self._wanted.too_large(self._path, self._wanted.largest - self._room, packed=True)

@@ -2,35 +2,40 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.io
+import scipy.sparse
 
-from robustpolish.measurements.raw import RawTable, unreadable
+from robustpolish.files import Wanted, content
+from robustpolish.measurements.raw import RECORD, RawTable, unreadable
 from robustpolish.measurements.readers.hdf5_file import SIGNATURE, read_hdf5
-from robustpolish.measurements.readers.mat_structure import readable_variables
+from robustpolish.measurements.readers.mat_structure import UnpacksTooFarError, readable_variables
 from robustpolish.measurements.readers.named_arrays import table_of
 
 
-def read_mat(path: Path, table: str | None = None) -> RawTable:
+def read_mat(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> RawTable:
     """Read the vectors of a MATLAB file.
 
     The fields of a struct are named ``struct/field``, those of several ``struct(1)/field``, and the
     parts of a cell ``cell{1}``.
     """
-    with path.open("rb") as stream:
-        # Version 7.3 puts 512 bytes of its own before the HDF5 signature.
-        start = stream.read(520)
-    if SIGNATURE in start:
-        return read_hdf5(path, table)
+    whole = content(path, wanted)
+    # Version 7.3 puts 512 bytes of its own before the HDF5 signature.
+    if SIGNATURE in whole[:520]:
+        return read_hdf5(path, table, wanted)
     try:
-        content = scipy.io.loadmat(path, variable_names=readable_variables(path.read_bytes()))
+        names = readable_variables(whole, wanted.largest)
+        found = scipy.io.loadmat(io.BytesIO(whole), variable_names=names)
+    except UnpacksTooFarError as error:
+        raise wanted.too_large(path, error.size, packed=True) from None
     except Exception as error:  # SciPy raises many kinds for a damaged file
         raise unreadable(path, "MATLAB", error) from None
     arrays: dict[str, Any] = {}
-    for name, value in content.items():
+    for name, value in found.items():
         if not name.startswith("__"):
             _flatten(name, value, arrays)
     return table_of(arrays, table, str(path))
@@ -38,6 +43,8 @@ def read_mat(path: Path, table: str | None = None) -> RawTable:
 
 def _flatten(name: str, value: Any, arrays: dict[str, Any]) -> None:
     """Collect the arrays in nested structs and cells, named as in ``s/field`` and ``c{2}``."""
+    if scipy.sparse.issparse(value):
+        return  # no signals; version 4 has them among its matrices
     array = np.asarray(value)
     items = array.reshape(-1, order="F")
     if array.dtype.names:

@@ -19,24 +19,34 @@ _CELL, _STRUCT, _OBJECT, _CHAR = 1, 2, 3, 4
 _NUMERIC = range(6, 16)
 _COMPLEX = 0x0800
 _DEEPEST = 20
-_LARGEST = 1 << 32
+_LARGEST = 1 << 32  # entries of a variable
 
 
 class DamagedFileError(ValueError):
     """The structure of the file contradicts itself."""
 
 
+class UnpacksTooFarError(Exception):
+    """The compressed variables are larger than allowed; `size` bytes are known of."""
+
+    def __init__(self, size: int) -> None:
+        super().__init__(size)
+        self.size = size
+
+
 class _NoSignalsError(Exception):
     """A variable of a kind that is no array, struct or text."""
 
 
-def readable_variables(content: bytes) -> list[str] | None:
+def readable_variables(content: bytes, largest: int = _LARGEST) -> list[str] | None:
     """Check that the parts of a MATLAB file fit together, and name the variables to read.
 
     Parameters
     ----------
     content : bytes
         The whole file.
+    largest : int, optional
+        Bytes that the compressed variables may have together.
 
     Returns
     -------
@@ -48,6 +58,8 @@ def readable_variables(content: bytes) -> list[str] | None:
     ------
     DamagedFileError
         If a part is larger than what holds it, or of an impossible kind.
+    UnpacksTooFarError
+        If the variables are larger than `largest`.
     """
     if len(content) < _HEADER or 0 in content[:4]:
         return None
@@ -55,12 +67,13 @@ def readable_variables(content: bytes) -> list[str] | None:
         raise DamagedFileError("no byte order in the header")
     order = "<" if content[126:128] == b"IM" else ">"
     names = []
-    place = _HEADER
+    place, unpacked = _HEADER, 0
     while place < len(content):
         kind, start, size, place = _tag(content, place, order, padded=False)
         part = content[start : start + size]
         if kind == _COMPRESSED:
-            part = _decompressed(part)
+            part = _decompressed(part, largest - unpacked)
+            unpacked += len(part)
             kind, start, size, _ = _tag(part, 0, order)
             part = part[start : start + size]
         if kind != _MATRIX:
@@ -88,12 +101,14 @@ def _tag(content: bytes, place: int, order: str, padded: bool = True) -> tuple[i
     return kind, start, size, start + size + (-size % 8 if padded else 0)
 
 
-def _decompressed(part: bytes) -> bytes:
+def _decompressed(part: bytes, room: int) -> bytes:
     try:
         engine = zlib.decompressobj()
-        content = engine.decompress(part, _LARGEST)
+        content = engine.decompress(part, room + 1)
     except zlib.error as error:
         raise DamagedFileError(f"a compressed element is damaged ({error})") from None
+    if len(content) > room:
+        raise UnpacksTooFarError(len(content))
     if not engine.eof:
         raise DamagedFileError("a compressed element is not complete")
     return content

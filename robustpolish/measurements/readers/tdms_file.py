@@ -8,31 +8,41 @@ from typing import Any
 
 import numpy as np
 
-from robustpolish.errors import MissingDependencyError
-from robustpolish.measurements.raw import RawTable, unreadable
+from robustpolish.errors import InvalidInputError, MissingDependencyError
+from robustpolish.files import Wanted, opened
+from robustpolish.measurements.raw import RECORD, RawTable, unreadable
 from robustpolish.validation import described, invalid
 
 
-def read_tdms(path: Path, table: str | None = None) -> RawTable:
+def read_tdms(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> RawTable:
     """Read the channels of a TDMS file, or of one group of it.
 
     The waveform properties give sampling rate and unit.
     """
     try:
         from nptdms import TdmsFile
+        from nptdms.log import log_manager
     except ImportError:
         raise MissingDependencyError(
             "TDMS files need npTDMS: pip install 'robustpolish[io]'."
         ) from None
-    # npTDMS writes whole damaged files to the log.
-    logging.getLogger("nptdms").setLevel(logging.CRITICAL)
-    try:
-        groups = {
-            group.name: [(c.name, np.asarray(c[:]), dict(c.properties)) for c in group.channels()]
-            for group in TdmsFile.read(path).groups()
-        }
-    except Exception as error:  # npTDMS raises ValueError, struct.error, KeyError on damage
-        raise unreadable(path, "TDMS", error) from None
+    log_manager.set_level(logging.CRITICAL)  # npTDMS writes whole damaged files to the log
+    with opened(path, wanted) as stream:
+        try:
+            file = TdmsFile.open(stream)
+            size = 8 * sum(len(c) for group in file.groups() for c in group.channels())
+            if size > wanted.largest:
+                raise wanted.too_large(path, size, packed=True)
+            groups = {
+                group.name: [
+                    (c.name, np.asarray(c[:]), dict(c.properties)) for c in group.channels()
+                ]
+                for group in file.groups()
+            }
+        except InvalidInputError:
+            raise
+        except Exception as error:  # npTDMS raises ValueError, struct.error, KeyError on damage
+            raise unreadable(path, "TDMS", error) from None
     filled = {name: channels for name, channels in groups.items() if channels}
     if table is not None and table not in filled:
         raise invalid("table", table, f"a group: {', '.join(filled)}", "Check its name.")

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from robustpolish.errors import MissingDependencyError
-from robustpolish.measurements.raw import RawTable, unreadable
+from robustpolish.files import Wanted, opened
+from robustpolish.measurements.raw import RECORD, RawTable, unreadable
 from robustpolish.measurements.raw_response import RawResponse
 from robustpolish.validation import described, invalid
 
@@ -17,9 +18,9 @@ _TIME_RESPONSE, _FREQUENCY_RESPONSE, _COHERENCE = 1, 4, 6
 _DIRECTIONS = {1: "x", 2: "y", 3: "z", -1: "-x", -2: "-y", -3: "-z"}
 
 
-def read_uff(path: Path) -> RawTable:
+def read_uff(path: Path, wanted: Wanted = RECORD) -> RawTable:
     """Read the time responses of a universal file; spectra in it are left out with a note."""
-    sets, count = _sets(path)
+    sets, count = _sets(path, wanted)
     responses = [item for item in sets if item.get("func_type") == _TIME_RESPONSE]
     if not responses:
         raise invalid(
@@ -46,9 +47,9 @@ def read_uff(path: Path) -> RawTable:
     return table
 
 
-def read_uff_responses(path: Path) -> list[RawResponse]:
+def read_uff_responses(path: Path, wanted: Wanted = RECORD) -> list[RawResponse]:
     """Read the frequency responses of a universal file, and their coherences."""
-    sets, _ = _sets(path)
+    sets, _ = _sets(path, wanted)
     found = []
     for item in sets:
         kind = item.get("func_type")
@@ -70,11 +71,11 @@ def read_uff_responses(path: Path) -> list[RawResponse]:
 
 def uff_holds_responses_only(path: Path) -> bool:
     """Return whether a universal file has frequency responses and no time records."""
-    kinds = {item.get("func_type") for item in _sets(path)[0]}
+    kinds = {item.get("func_type") for item in _sets(path, RECORD)[0]}
     return _FREQUENCY_RESPONSE in kinds and _TIME_RESPONSE not in kinds
 
 
-def _sets(path: Path) -> tuple[list[Any], int]:
+def _sets(path: Path, wanted: Wanted) -> tuple[list[Any], int]:
     """Return the data sets 58 of a file, and how many data sets it has in all."""
     try:
         import pyuff
@@ -82,12 +83,17 @@ def _sets(path: Path) -> tuple[list[Any], int]:
         raise MissingDependencyError(
             "Universal files need pyuff: pip install 'robustpolish[io]'."
         ) from None
+    with opened(path, wanted):  # pyuff opens it by its name once more
+        pass
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pyuff warns of every field that is blank
             file = pyuff.UFF(str(path))
             kinds = np.atleast_1d(file.get_set_types())
             sets: list[Any] = [file.read_sets(int(i)) for i in np.flatnonzero(kinds == 58)]
+        for item in sets:
+            if np.shape(item["x"]) != np.shape(item["data"]):
+                raise ValueError("a record that is shorter than its axis")
     except Exception as error:  # pyuff raises bare Exception
         raise unreadable(path, "universal (UFF)", error) from None
     return sets, len(kinds)

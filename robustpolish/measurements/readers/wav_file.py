@@ -8,18 +8,19 @@ from pathlib import Path
 import numpy as np
 import scipy.io.wavfile
 
-from robustpolish.measurements.raw import RawTable, unreadable
+from robustpolish.files import Wanted, opened
+from robustpolish.measurements.raw import RECORD, RawTable, unreadable
 
 
-def read_wav(path: Path) -> RawTable:
+def read_wav(path: Path, wanted: Wanted = RECORD) -> RawTable:
     """Read the channels ``channel_1``, ``channel_2``, ...; integers become shares of full scale."""
-    try:
-        with warnings.catch_warnings():
-            # SciPy warns of chunks that it skips; they hold remarks, no samples.
-            warnings.simplefilter("ignore", scipy.io.wavfile.WavFileWarning)
-            rate, samples = scipy.io.wavfile.read(path)
-    except Exception as error:  # struct.error, ValueError and more on damage
-        raise unreadable(path, "WAV", error) from None
+    with opened(path, wanted) as file, warnings.catch_warnings():
+        # SciPy warns of chunks that it skips; they hold remarks, no samples.
+        warnings.simplefilter("ignore", scipy.io.wavfile.WavFileWarning)
+        try:
+            rate, samples = scipy.io.wavfile.read(file)
+        except Exception as error:  # struct.error, ValueError and more on damage
+            raise unreadable(path, "WAV", error) from None
     table = RawTable(sampling_rate=float(rate))
     samples = np.atleast_2d(samples.T).T
     values = samples.astype(float)

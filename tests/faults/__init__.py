@@ -1,0 +1,1 @@
+"""Faults where results are written: kills, refusals, clocks that jump, slow disks."""

@@ -1,0 +1,43 @@
+"""What the system refuses to write becomes one error of the package."""
+
+import errno
+import pickle
+
+import pytest
+
+from robustpolish.errors import InvalidInputError, StorageError
+from robustpolish.files import is_refusal, refusal, told_of_disk
+from robustpolish.saving import new_file, new_folder
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EIO, errno.ENAMETOOLONG])
+def test_the_place_the_cause_and_the_remedy_are_told(code):
+    told = r"out: not written \(.+\)\. \w+ "
+    with pytest.raises(StorageError, match=told) as found, told_of_disk("out"):
+        raise OSError(code, "why")
+    assert found.value.errno == code
+    assert is_refusal(found.value)
+    assert str(pickle.loads(pickle.dumps(found.value))) == str(found.value)
+
+
+def test_other_errors_of_the_system_are_left_alone():
+    with pytest.raises(ConnectionResetError), told_of_disk("out"):
+        raise ConnectionResetError(errno.ECONNRESET, "reset")
+    with pytest.raises(FileNotFoundError), told_of_disk("out"):
+        raise FileNotFoundError(errno.ENOENT, "none")
+    with pytest.raises(InvalidInputError, match="NUL"), told_of_disk("a\0b"):
+        pass
+
+
+def test_long_names_are_shortened():
+    assert len(str(refusal("a" * 300, OSError(errno.ENOSPC, "full")))) < 200
+
+
+@pytest.mark.parametrize("manager", [new_file, new_folder])
+def test_nothing_stays_of_what_was_not_written(manager, tmp_path):
+    target, told = tmp_path / "results", "results: not written"
+    with pytest.raises(StorageError, match=told), manager(target):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(StorageError, match="name too long"), manager(tmp_path / ("a" * 300)):
+        pass
