@@ -15,6 +15,7 @@ import flint
 import numpy as np
 
 from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.deadline import look_at_the_clock
 
 Ball = Any  # flint.arb_mat; python-flint ships no stubs for it
 
@@ -119,6 +120,7 @@ def is_positive_definite(matrix: Ball) -> bool:
     scale = ball(np.diag(np.exp2(-np.round(np.log2(diagonal) / 2))))
     turned = scale * matrix * scale
     for _ in range(flint.ctx.prec // _BITS_PER_PASS + 1):
+        look_at_the_clock()
         centre = midpoint(turned)
         if not np.isfinite(centre).all():
             return False

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import control
 import numpy as np
-import scipy.linalg as sla
+from scipy.linalg import lapack
 
 from robustpolish.arrays import Matrix
+from robustpolish.exact.exponents import BeyondDoublesError, refuse_beyond, scaled, within_doubles
 from robustpolish.validation import state_space
+
+_lapack: Any = lapack
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +49,11 @@ class Realisation:
     def states(self) -> int:
         """Number of states."""
         return self.A.shape[0]
+
+    @property
+    def matrices(self) -> dict[str, Matrix]:
+        """A, B, C and D by name."""
+        return {"A": self.A, "B": self.B, "C": self.C, "D": self.D}
 
 
 def realisation(argument: str, system: Any) -> Realisation:
@@ -82,26 +91,38 @@ def named_like(
 
 def power_of_two(value: float) -> float:
     """Return the power of two nearest to a positive `value`; 1 for zero and infinity."""
-    if not (value > 0 and np.isfinite(value)):
+    if not (value > 0 and math.isfinite(value)):
         return 1.0
-    return float(np.exp2(np.clip(np.round(np.log2(value)), -1000, 1000)))
+    return 2.0 ** min(max(round(math.log2(value)), -1000), 1000)
+
+
+# Squares between these neither overflow nor lose digits.
+_LEAST, _MOST = 1e-260, 1e260
 
 
 def size(M: Matrix) -> float:
     """Return the Frobenius norm, without overflow."""
+    square = np.vdot(M, M)
+    if _LEAST < square < _MOST:
+        return math.sqrt(square)
     largest = float(np.abs(M).max(initial=0.0))
-    if largest == 0 or not np.isfinite(largest):
+    if largest == 0 or not math.isfinite(largest):
         return largest
     return largest * float(np.linalg.norm(M / largest))
 
 
 def _row_sizes(M: Matrix) -> Matrix:
+    squares = np.einsum("ij,ij->i", M, M)
+    if squares.size and squares.min() > _LEAST and squares.max() < _MOST:
+        return np.sqrt(squares)
     largest = float(np.abs(M).max(initial=0.0)) or 1.0
     return largest * np.linalg.norm(M / largest, axis=1)
 
 
-def state_scales(A: Matrix, B: Matrix, C: Matrix) -> tuple[Matrix, float]:
-    """Balance A together with B and C by powers of two.
+def state_scales(
+    A: Matrix, B: Matrix | None = None, C: Matrix | None = None
+) -> tuple[Matrix, float]:
+    """Balance A by powers of two, together with B and C if they are given.
 
     All inputs together, and all outputs together, are treated as one more
     state, because only a common factor of them may be traded for a gain.
@@ -116,11 +137,12 @@ def state_scales(A: Matrix, B: Matrix, C: Matrix) -> tuple[Matrix, float]:
     n = A.shape[0]
     bordered = np.zeros((n + 1, n + 1))
     bordered[:n, :n] = A
-    bordered[:n, n] = _row_sizes(B)
-    bordered[n, :n] = _row_sizes(C.T)
-    # SciPy casts permutation indices that were never set, and may complain about their values.
-    with np.errstate(invalid="ignore"):
-        _, (scales, _) = sla.matrix_balance(bordered, permute=False, separate=True)
+    if B is not None and C is not None:
+        bordered[:n, n] = _row_sizes(B)
+        bordered[n, :n] = _row_sizes(C.T)
+    if not np.isfinite(bordered).all():
+        raise BeyondDoublesError
+    scales = _lapack.dgebal(bordered, scale=1, permute=0, overwrite_a=1)[3]
     return scales[:n], float(scales[n])
 
 
@@ -128,10 +150,13 @@ def rescaled(system: Realisation) -> Realisation:
     """Balance the states, then choose units of time and gain that make the entries near one."""
     if system.states == 0:
         return system
-    # The largest entry of A comes first, so that squares neither overflow nor vanish.
-    tamed = _in_unit_of_rate(system, lambda A: float(np.abs(A).max()))
-    model = _in_unit_of_rate(_balanced(tamed, signals=False), typical_rate)
-    return _unit_gain(_balanced(_unit_gain(_balanced(_unit_gain(model)))))
+    with within_doubles("system", system.matrices):
+        # The largest entry of A comes first, so that squares neither overflow nor vanish.
+        tamed = _in_unit_of_rate(system, lambda A: float(np.abs(A).max()))
+        model = _in_unit_of_rate(_balanced(tamed, signals=False), typical_rate)
+        model = _unit_gain(_balanced(_unit_gain(_balanced(_unit_gain(model)))))
+        refuse_beyond(*model.matrices.values())
+    return model
 
 
 def _in_unit_of_rate(system: Realisation, rate: Callable[[Matrix], float]) -> Realisation:
@@ -139,35 +164,45 @@ def _in_unit_of_rate(system: Realisation, rate: Callable[[Matrix], float]) -> Re
     if system.discrete:
         return system
     time = power_of_two(rate(system.A))
-    return replace(system, A=system.A / time, B=system.B / time, time=system.time * time)
+    unit, total = 1 / time, system.time * time
+    if not (np.isfinite(total) and total >= np.finfo(float).tiny):
+        raise BeyondDoublesError
+    return replace(system, A=scaled(system.A, unit), B=scaled(system.B, unit), time=total)
 
 
 def _balanced(system: Realisation, signals: bool = True) -> Realisation:
-    B, C = (system.B, system.C) if signals else (0 * system.B, 0 * system.C)
-    scales, signal = state_scales(system.A, B, C)
+    signal_matrices = (system.B, system.C) if signals else ()
+    scales, signal = state_scales(system.A, *signal_matrices)
     return replace(
         system,
-        A=system.A * scales / scales[:, None],
-        B=system.B / scales[:, None] * signal,
-        C=system.C * scales / signal,
+        A=scaled(system.A, scales, 1 / scales[:, None]),
+        B=scaled(system.B, 1 / scales[:, None], signal),
+        C=scaled(system.C, scales, 1 / signal),
     )
 
 
 def _unit_gain(system: Realisation) -> Realisation:
     b, c = (power_of_two(size(M)) for M in (system.B, system.C))
     gain = b * c * system.gain
-    if not np.isfinite(gain) or gain == 0:  # beyond the exponents of double precision
-        return system
-    return replace(system, B=system.B / b, C=system.C / c, D=system.D / (b * c), gain=gain)
+    if not 0 < gain < np.inf:
+        raise BeyondDoublesError
+    return replace(
+        system,
+        B=scaled(system.B, 1 / b),
+        C=scaled(system.C, 1 / c),
+        D=scaled(system.D, 1 / b, 1 / c),
+        gain=gain,
+    )
 
 
 def typical_rate(A: Matrix) -> float:
     """Return the geometric mean of the magnitudes of the eigenvalues that are not zero."""
-    factorise: Any = sla.get_lapack_funcs("getrf", (A,))  # silent where A is singular
-    factors, _, _ = factorise(A)
+    if not A.size:
+        return 1.0
+    factors = _lapack.dgetrf(A)[0]  # silent where A is singular
     pivots = np.abs(np.diag(factors))
     if pivots.size and pivots.min() > 1e-6 * pivots.max():  # no eigenvalue is nearly zero
-        return float(np.exp(np.mean(np.log(pivots))))
+        return math.exp(np.log(pivots).sum() / pivots.size)
     rates = np.abs(np.linalg.eigvals(A))
     rates = rates[rates > np.finfo(float).eps * size(A)]
     return float(np.exp(np.mean(np.log(rates)))) if rates.size else 1.0

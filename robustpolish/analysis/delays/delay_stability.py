@@ -13,6 +13,7 @@ from robustpolish.analysis.delays.delayed_system import DelayedSystem
 from robustpolish.analysis.delays.roots import rightmost_roots
 from robustpolish.analysis.delays.winding import count_unstable
 from robustpolish.display import Card, Displayed, quantities
+from robustpolish.exact.exponents import refuse_extreme
 from robustpolish.plotting import plot_poles
 from robustpolish.validation import instance_of
 
@@ -133,6 +134,7 @@ def delay_stability(system: DelayedSystem) -> DelayStability:
     """
     remedy = "Use plant.delayed_loop(controller), or build a DelayedSystem."
     instance_of("system", system, DelayedSystem, "a DelayedSystem", remedy)
+    refuse_extreme("system", dict(zip("ABCD", system.matrices, strict=True)))
     ports = system.ports()
     if not system.lines:
         poles: Any = np.linalg.eigvals(ports[0]).astype(complex)

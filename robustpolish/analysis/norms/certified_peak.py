@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from flint import arb, fmpq
+from scipy.optimize import minimize_scalar
 
 from robustpolish.analysis.norms.crossings import crossings
 from robustpolish.analysis.norms.modal.modal_form import modal_form
-from robustpolish.analysis.norms.modal.modal_peak import modal_peak
 from robustpolish.analysis.norms.peak_search import bounds_gain, cayley, peak
 from robustpolish.analysis.poles.eigen import EPS, Eigensystem, eigensystem
+from robustpolish.deadline import look_at_the_clock
+from robustpolish.exact.exponents import bracket
 from robustpolish.exact.rational import ExactModel, fraction, transfer
 from robustpolish.exact.realisation import Realisation, rescaled
 
@@ -23,14 +26,17 @@ EXACT_ALWAYS = 40
 """Up to so many the bracket is as narrow as is asked for, which exact arithmetic grants."""
 EXACT_AT_MOST = 80
 """Up to so many exact arithmetic is used where nothing else proves a bound."""
-ESTIMATE_FIRST = 20
-"""Up to so many, estimates come from the Hamiltonian matrix, which is quicker there."""
 # Widths of brackets that are accepted from modal coordinates: beyond EXACT_ALWAYS, beyond
 # EXACT_AT_MOST where nothing else would prove any, and of estimates, which the Hamiltonian test
 # could narrow.
 _WIDE, _WIDEST, _ESTIMATED = 1e-6, 1e-2, 1e-6
 # Gains of so many signals per state are quicker by the Hamiltonian matrix.
 _SIGNALS = 4
+
+# Crossings whose frequencies differ by more than this factor are far apart.
+_FAR = 4
+_MOST_BETWEEN = 12
+_MOST_CLIMBING = 24
 
 
 @dataclass(frozen=True)
@@ -55,8 +61,8 @@ class Peak:
 
     def in_units(self, model: Realisation) -> Peak:
         """Come back from the scaled units of `model`."""
-        gain, lower, upper = (v * model.gain for v in (self.gain, self.lower, self.upper))
-        return Peak(self.frequency * model.time, gain, lower, upper, self.proof)
+        known = bracket(self.gain, self.lower, self.upper, model.gain)
+        return Peak(self.frequency * model.time, *known, self.proof)
 
 
 def certified_peak(
@@ -72,7 +78,7 @@ def certified_peak(
     doubles are rounded.
     """
     spectrum = spectrum or eigensystem(model.A)
-    if exact_model is None and model.states > (EXACT_FIRST if exact else ESTIMATE_FIRST):
+    if exact_model is None and model.states > (EXACT_FIRST if exact else 1):
         found = _modal(model, spectrum, tolerance, exact)
         if found is not None:
             return found
@@ -99,6 +105,9 @@ def _modal(model: Realisation, spectrum: Eigensystem, tolerance: float, exact: b
     form = modal_form(model, spectrum, exact)
     if form is None or not form.stable:
         return None
+    # Imports Numba, which takes as long as all the rest together.
+    from robustpolish.analysis.norms.modal.modal_peak import modal_peak
+
     widest = _WIDE if model.states <= EXACT_AT_MOST else _WIDEST
     if not exact:
         widest = _ESTIMATED
@@ -121,8 +130,10 @@ def _proven(model: ExactModel, start: float, tolerance: float) -> Peak:
         return Peak(0.0, 0.0, 0.0, 0.0, "the transfer function is zero")
     trial: list[fmpq | None] = [fmpq(0), None]
     touching: list[fmpq] = []
+    far = False
     trial += [fmpq(k, k + 2) for k in range(1, 2 * model.states + 3)] if gain == 0 else []
     for _ in range(100):  # every pass raises the gain by more than the tolerance; few are needed
+        look_at_the_clock()
         values = [_gain(model, x) for x in trial]
         best = int(np.argmax(values))
         if values[best] > gain:
@@ -133,10 +144,58 @@ def _proven(model: ExactModel, start: float, tolerance: float) -> Peak:
         upper = gain * (1 + tolerance)
         found = crossings(model, fraction(upper) ** 2)
         if not found:
+            for a, b in pairwise(touching):
+                if far and at is not None and a <= at <= b:
+                    at, gain = _higher(model, at, gain, _climbed(model, a, b))
             return _bracketed(model, at, gain, upper)
-        trial = [fmpq(0), None, *((a + b) / 2 for a, b in pairwise(found))]
+        spans = list(pairwise(found))
+        far = far or any(_far_apart(a, b) for a, b in spans)
+        trial = [fmpq(0), None, *(x for a, b in spans for x in _between(a, b))]
+        if model.states > EXACT_FIRST and len(spans) == 1:
+            trial.append(_climbed(model, *spans[0]))
         touching = found
     return replace(_bracketed(model, at, gain, math.inf), proof="the search did not settle")
+
+
+def _far_apart(low: fmpq, high: fmpq) -> bool:
+    return low > 0 and high > _FAR * low
+
+
+def _higher(model: ExactModel, at: fmpq, gain: float, other: fmpq) -> tuple[fmpq, float]:
+    """Return the frequency of the larger gain with it.
+
+    A search that began far away ends as soon as its bracket is narrow, not at the top of the peak.
+    """
+    there = _gain(model, other)
+    return (other, there) if there > gain else (at, gain)
+
+
+def _between(low: fmpq, high: fmpq) -> list[fmpq]:
+    """Return the middle of two crossings, and if they are far apart one frequency per octave.
+
+    The gain peaks somewhere between them. Halving an interval that spans decades comes near zero
+    by an octave per pass, and a pass costs a determinant per state.
+    """
+    middle = [(low + high) / 2]
+    if not _far_apart(low, high):
+        return middle
+    bottom, octaves = float(arb(low)), math.log2(float(arb(high)) / float(arb(low)))
+    count = min(math.ceil(octaves), _MOST_BETWEEN)
+    return middle + [
+        fraction(bottom * 2.0 ** (octaves * k / (count + 1))) for k in range(1, count + 1)
+    ]
+
+
+def _climbed(model: ExactModel, low: fmpq, high: fmpq) -> fmpq:
+    """Climb between two crossings, for gains take far less time than determinants."""
+    ends = [math.log(max(float(arb(end)), 1e-300)) for end in (low, high)]
+    found: Any = minimize_scalar(
+        lambda x: -_gain(model, fraction(math.exp(x))),
+        bounds=ends,
+        method="bounded",
+        options={"xatol": 1e-7 * (ends[1] - ends[0]), "maxiter": _MOST_CLIMBING},
+    )
+    return fraction(math.exp(found.x))
 
 
 def _bracketed(model: ExactModel, at: fmpq | None, gain: float, upper: float) -> Peak:

@@ -7,6 +7,7 @@ from math import isqrt, lcm
 from flint import fmpq, fmpq_mat, fmpq_poly, fmpz_mat, fmpz_poly
 
 from robustpolish.analysis.poles.exact_poles import positive_roots
+from robustpolish.deadline import look_at_the_clock
 from robustpolish.exact.rational import ExactModel, identity, joined
 
 
@@ -63,7 +64,10 @@ def _pencil_polynomial(model: ExactModel, square: fmpq) -> fmpz_poly:
     """Interpolate the determinant of the extended pencil from its values at s = 0, 1, 2, ..."""
     constant, slope = _pencil(model, square)
     n = model.states
-    values = [fmpq((constant + slope * k).det()) for k in range(n + 1)]
+    values = []
+    for k in range(n + 1):
+        look_at_the_clock()
+        values.append(fmpq((constant + slope * k).det()))
     nodes = [-k * k for k in range(n + 1)]  # x^2 = -s^2
     for level in range(1, n + 1):  # divided differences
         for i in range(n, level - 1, -1):

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from robustpolish.analysis.poles.eigen import EPS
 from robustpolish.arrays import Matrix
+from robustpolish.deadline import look_at_the_clock
 from robustpolish.exact.balls import precision
 from robustpolish.exact.rational import ExactModel, identity
 from robustpolish.exact.realisation import Realisation
@@ -127,6 +128,7 @@ def _energy_ball(model: ExactModel) -> arb:
     X, C = source, arb_mat(model.C)
     seen = (C * X * C.transpose()).trace() + direct
     for _ in range(20_000):
+        look_at_the_clock()
         gain = _square_size(M)
         if gain < 0.5:
             rest = _square_size(C) * gain * X.trace() / (1 - gain)

@@ -17,6 +17,7 @@ from robustpolish.analysis.poles.eigen import eigensystem
 from robustpolish.analysis.poles.stability import Stability, stability_of, stable_part
 from robustpolish.analysis.scaling.decoupled_blocks import parts
 from robustpolish.display import Card, Displayed, quantities
+from robustpolish.exact.exponents import bracket
 from robustpolish.exact.rational import EXACT_STATES, ExactModel
 from robustpolish.exact.realisation import Realisation, realisation, rescaled
 from robustpolish.long_calls import same_bits
@@ -211,9 +212,9 @@ def _part_norm(model: Realisation, tolerance: float) -> H2Norm:
 
 
 def _in_units(model: Realisation, found: Energy, reason: str) -> H2Norm:
-    factor = model.gain * math.sqrt(model.time)
-    value, lower, upper = (
-        math.sqrt(square) * factor for square in (found.square, found.lower, found.upper)
+    value, lower, upper = bracket(
+        *map(math.sqrt, (found.square, found.lower, found.upper)),
+        factor=model.gain * math.sqrt(model.time),
     )
     return H2Norm(value, lower, upper, True, reason)
 

@@ -103,7 +103,10 @@ class HinfNorm(Displayed):
         return Card("H-infinity norm", (quantities(*rows),), (self.reason,))
 
 
-@same_bits
+_ONE_THREAD_ANYWAY = 24
+"""Linear algebra of so many states is never shared among threads."""
+
+
 def hinf_norm(
     system: control.StateSpace, *, tolerance: float = 1e-9, exact: bool = True
 ) -> HinfNorm:
@@ -114,13 +117,12 @@ def hinf_norm(
     error; branch and bound over them finds the peak and proves that no gain lies above the upper
     bound. Extended precision encloses what the computed modes leave out of the system.
 
-    Few states, and systems whose poles nearly coincide or are damped too lightly for that, are
-    searched by the two-step Hamiltonian iteration [1]_, [2]_ and proven in exact arithmetic: the
-    characteristic polynomial of the Hamiltonian matrix (the symplectic
-    pencil in discrete time) at the upper bound, formed from the stored numbers
-    without rounding, has no root on the stability boundary. Where a root is left,
-    the search goes on from it. So the answer is right for any damping and any
-    units, and does not miss peaks.
+    One or two states, and systems whose poles nearly coincide or are damped too lightly for that,
+    are searched by the two-step Hamiltonian iteration [1]_, [2]_ and proven in exact arithmetic:
+    the characteristic polynomial of the Hamiltonian matrix (the symplectic pencil in discrete
+    time) at the upper bound, formed from the stored numbers without rounding, has no root on the
+    stability boundary. Where a root is left, the search goes on from it. So the answer is right for
+    any damping and any units, and does not miss peaks.
 
     Parameters
     ----------
@@ -152,10 +154,11 @@ def hinf_norm(
 
     Notes
     -----
-    Measured on one core by ``benchmarks/norms.py``: dense systems of 12 states 4 ms, 60 states
-    6 ms, 120 states 0.03 s, 400 states 0.25 s; SLICOT's AB13DD, which proves nothing, takes
-    0.2, 2, 12 and 820 ms. Where modal coordinates fail, 60 states take up to 2 s. Decoupled
-    parts are treated one by one.
+    Measured on one thread by ``benchmarks/norms.py``: dense systems of 12 states take 3.7 times
+    as long as SLICOT's AB13DD, which proves nothing, 24 states 2.2 times, 60 states 1.3 times, 120
+    states 1.6 times (21 ms) and 400 states 0.3 times (0.27 s); with ``exact=False`` 2.3, 1.4, 1.0,
+    0.8 and 0.1 times. Where modal coordinates fail, 60 states take up to 2 s. Decoupled parts are
+    treated one by one. The search is compiled at its first use, which takes some 20 s once.
 
     References
     ----------
@@ -178,15 +181,22 @@ def hinf_norm(
     if not 1e-12 <= tolerance <= 0.5:
         raise invalid("tolerance", tolerance, "1e-12 to 0.5", "The default is 1e-9.")
     model = realisation("system", system)
+    if model.states <= _ONE_THREAD_ANYWAY:
+        return replace(_norm(model, tolerance, exact), system=system)
+    return replace(same_bits(_norm)(model, tolerance, exact), system=system)
+
+
+def _norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
     found = [_part_norm(part, tolerance, exact) for part in parts(model)]
     if not found:
         nothing = "there are no states, inputs or outputs"
-        return HinfNorm(0.0, 0.0, 0.0, 0.0, True, nothing, system)
+        return HinfNorm(0.0, 0.0, 0.0, 0.0, True, nothing)
+    if len(found) == 1:
+        return found[0]
     largest = max(found, key=lambda norm: (norm.value, norm.upper))
     unsteady = next((norm.reason for norm in found if not norm.stable), largest.reason)
     return replace(
         largest,
-        system=system,
         lower=max(norm.lower for norm in found),
         upper=max(norm.upper for norm in found),
         stable=all(norm.stable for norm in found),

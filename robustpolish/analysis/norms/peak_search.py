@@ -104,7 +104,7 @@ def hamiltonian(model: Realisation, gamma: float) -> Array | None:
     A, B, C, D = model.A, model.B, model.C, model.D
     if not D.any():
         return np.block([[A, B @ B.T / gamma], [-(C.T @ C) / gamma, -A.T]])
-    R = gamma**2 * np.eye(B.shape[1]) - D.T @ D
+    R = gamma * gamma * np.eye(B.shape[1]) - D.T @ D
     try:
         X = np.linalg.solve(R, np.hstack([D.T @ C, B.T]))
     except np.linalg.LinAlgError:

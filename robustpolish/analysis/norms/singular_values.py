@@ -90,7 +90,7 @@ def _at(model: Realisation, angle: float) -> Vector:
     if 0 in model.D.shape:
         return np.zeros(0)
     response = model.D.astype(complex)
-    if model.states:
+    if model.states and math.isfinite(angle):
         try:
             inner = np.linalg.solve(point * np.eye(model.states) - model.A, model.B.astype(complex))
         except np.linalg.LinAlgError:

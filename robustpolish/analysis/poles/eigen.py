@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import scipy.linalg as sla
 from numpy.typing import NDArray
+from scipy.linalg import lapack as _lapack
 
+lapack: Any = _lapack
 EPS = float(np.finfo(float).eps)
 
 
@@ -24,18 +26,25 @@ class Eigensystem:
         Generous estimates of the rounding errors, by first-order perturbation theory: ten
         times the backward error of the QR algorithm over the cosine between left and
         right eigenvector. Large where eigenvalues are nearly multiple.
-    shares : ndarray of float, shape (n, n)
-        Part of each state (row) in each mode (column), whatever the units of the states;
-        rounded, so that the first of equal states leads.
     right, left : ndarray of complex, shape (n, n)
         Right and left eigenvectors in the columns.
     """
 
     values: NDArray[np.complex128]
     errors: NDArray[np.float64]
-    shares: NDArray[np.float64]
     right: NDArray[np.complex128]
     left: NDArray[np.complex128]
+
+    @property
+    def shares(self) -> NDArray[np.float64]:
+        """Part of each state (row) in each mode (column), whatever the units of the states.
+
+        It is rounded, so that the first of equal states leads.
+        """
+        shares = np.abs(self.left.conj() * self.right)
+        vanishing = shares.sum(axis=0) <= np.finfo(float).tiny  # defective: orthogonal vectors
+        shares[:, vanishing] = np.abs(self.right[:, vanishing])
+        return np.round(shares / shares.sum(axis=0), 3)
 
 
 def eigensystem(M: NDArray[np.float64]) -> Eigensystem:
@@ -43,17 +52,32 @@ def eigensystem(M: NDArray[np.float64]) -> Eigensystem:
     n = M.shape[0]
     if n == 0:
         none = np.empty((0, 0), complex)
-        return Eigensystem(np.empty(0, complex), np.empty(0), np.empty((0, 0)), none, none)
-    found: Any = sla.eig(M, left=True, right=True, check_finite=False)
-    values, left, right = found
-    shares = np.abs(left.conj() * right)
-    cosines = np.abs(np.sum(left.conj() * right, axis=0))
-    backward = 10 * EPS * math.sqrt(n) * np.linalg.norm(M)
+        return Eigensystem(np.empty(0, complex), np.empty(0), none, none)
+    real, imag, left, right, failed = lapack.dgeev(M, lwork=_room(n))
+    if failed:
+        raise np.linalg.LinAlgError("the eigenvalues did not converge")
+    upper = (imag > 0).nonzero()[0]
+    left, right = _complex_vectors(left, upper), _complex_vectors(right, upper)
+    cosines = np.abs(np.einsum("ij,ij->j", left.conj(), right))
+    backward = 10 * EPS * math.sqrt(n) * math.sqrt(np.vdot(M, M))
     with np.errstate(divide="ignore"):
         errors = backward / cosines
-    vanishing = shares.sum(axis=0) <= np.finfo(float).tiny  # defective: orthogonal vectors
-    shares[:, vanishing] = np.abs(right[:, vanishing])
-    return Eigensystem(values, errors, np.round(shares / shares.sum(axis=0), 3), right, left)
+    return Eigensystem(real + 1j * imag, errors, right, left)
+
+
+@lru_cache
+def _room(n: int) -> int:
+    """Return the working memory with which LAPACK is quickest."""
+    return int(lapack.dgeev_lwork(n)[0])
+
+
+def _complex_vectors(vectors: NDArray[np.float64], upper: NDArray[np.intp]) -> NDArray[Any]:
+    """Put real and imaginary parts, which LAPACK keeps in columns beside each other, together."""
+    whole: Any = vectors.astype(complex)
+    imag = vectors[:, upper + 1]
+    whole.imag[:, upper] = imag
+    whole[:, upper + 1] = whole[:, upper].conj()
+    return whole
 
 
 def pair_text(value: complex) -> str:

@@ -117,6 +117,10 @@ def parts_with_indices(model: Realisation) -> list[tuple[Realisation, tuple[int,
 
 def _is_one_part(model: Realisation) -> bool:
     """Say, sooner than by components, whether all states are coupled and no signal is idle."""
+    if not (model.B.any(axis=0).all() and model.C.any(axis=1).all()):
+        return False
+    if model.states and model.A.all():
+        return True
     joined = model.A != 0
     reached = np.zeros(model.states, bool)
     reached[:1] = True
@@ -124,9 +128,7 @@ def _is_one_part(model: Realisation) -> bool:
     while count < (found := int(np.count_nonzero(reached))):
         count = found
         reached |= joined[reached].any(axis=0) | joined[:, reached].any(axis=1)
-    return 0 < model.states == count and bool(
-        (model.B != 0).any(axis=0).all() and (model.C != 0).any(axis=1).all()
-    )
+    return 0 < model.states == count
 
 
 def _part(model: Realisation, block: Block) -> Realisation:

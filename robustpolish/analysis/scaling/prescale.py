@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike
 from robustpolish.analysis.poles.eigen import EPS
 from robustpolish.arrays import Vector
 from robustpolish.display import Card, Displayed, quantities
+from robustpolish.exact.exponents import BeyondDoublesError, refuse_extreme
 from robustpolish.exact.realisation import (
     Realisation,
     named_like,
@@ -161,6 +163,7 @@ def prescale(system: control.StateSpace, band: Sequence[float] | None = None) ->
     True
     """
     model = realisation("system", system)
+    refuse_extreme("system", model.matrices)
     frequency = _frequencies(model, band)
     try:
         responses = _Responses.of(model, frequency)
@@ -292,4 +295,7 @@ def _default_band(model: Realisation) -> tuple[float, float]:
     rates = rates[rates > 1e-12 * rates.max(initial=0.0)]
     if rates.size == 0:
         return 0.1 / model.step, 3.0 / model.step
-    return float(rates.min() / 3), float(3 * rates.max())
+    low, high = float(rates.min() / 3), float(3 * rates.max())
+    if not (low > 0 and math.isfinite(high)):
+        raise BeyondDoublesError
+    return low, high

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.arrays import Vector
 from robustpolish.display import Card, Displayed, Table
+from robustpolish.exact.exponents import refuse_beyond, scaled, within_doubles
 from robustpolish.exact.realisation import (
     Realisation,
     named_like,
@@ -264,13 +265,18 @@ def scale_system(
 
 def in_units(model: Realisation, scaling: Scaling) -> Realisation:
     """Return the matrices in scaled variables and time."""
+    with within_doubles("system", model.matrices):
+        return _in_units(model, scaling)
+
+
+def _in_units(model: Realisation, scaling: Scaling) -> Realisation:
     T, U, Y, time = scaling.state, scaling.inputs, scaling.outputs, scaling.time
     return replace(
         model,
-        A=model.A * T / T[:, None] / time,
-        B=model.B * U / T[:, None] / time,
-        C=model.C * T / Y[:, None],
-        D=model.D * U / Y[:, None],
+        A=scaled(model.A, T, 1 / T[:, None], 1 / time),
+        B=scaled(model.B, U, 1 / T[:, None], 1 / time),
+        C=scaled(model.C, T, 1 / Y[:, None]),
+        D=scaled(model.D, U, 1 / Y[:, None]),
         time=model.time * time,
     )
 
@@ -279,21 +285,32 @@ def even_scales(
     model: Realisation, columns: list[NDArray[np.intp]], rows: list[NDArray[np.intp]]
 ) -> Scaling:
     """Choose the scales for plain matrices and complete groups of signals."""
+    with within_doubles("system", model.matrices):
+        scaling = _even(model, columns, rows)
+        refuse_beyond(*_in_units(model, scaling).matrices.values())
+    return scaling
+
+
+def _even(
+    model: Realisation, columns: list[NDArray[np.intp]], rows: list[NDArray[np.intp]]
+) -> Scaling:
     A, B, C, D = model.A, model.B, model.C, model.D
     T, U, Y, time = np.ones(A.shape[0]), np.ones(B.shape[1]), np.ones(C.shape[0]), 1.0
     if T.size:
         unit = power_of_two(float(np.abs(A).max()))
-        T = _states(A / unit, 0 * B, 0 * C)
+        T = _states(scaled(A, 1 / unit), 0 * B, 0 * C)
         if not model.discrete:
-            time = power_of_two(typical_rate(A / unit * T / T[:, None])) * unit
+            time = power_of_two(typical_rate(scaled(A, 1 / unit, T, 1 / T[:, None]))) * unit
     for _ in range(4):
-        scaled_B, scaled_C = B / T[:, None] / time, C * T
+        scaled_B, scaled_C = scaled(B, 1 / T[:, None], 1 / time), scaled(C, T)
+        scaled_D = scaled(D, 1 / Y[:, None])
         for group in columns:
-            U[group] = 1 / power_of_two(_size(scaled_B[:, group], (D / Y[:, None])[:, group]))
+            U[group] = 1 / power_of_two(_size(scaled_B[:, group], scaled_D[:, group]))
+        scaled_D = scaled(D, U)
         for group in rows:
-            Y[group] = power_of_two(_size(scaled_C[group], (D * U)[group]))
+            Y[group] = power_of_two(_size(scaled_C[group], scaled_D[group]))
         if T.size:
-            T = _states(A / time, B * U / time, C / Y[:, None])
+            T = _states(scaled(A, 1 / time), scaled(B, U, 1 / time), scaled(C, 1 / Y[:, None]))
     return Scaling(T, U, Y, time)
 
 

@@ -44,3 +44,21 @@ def test_what_cancels_has_no_gain():
 def test_units_are_undone():
     scaled = Peak(2.0, 3.0, 2.5, 3.5, "p").in_units(replace(OSCILLATOR, time=10.0, gain=4.0))
     assert scaled == Peak(20.0, 12.0, 10.0, 14.0, "p")
+
+
+def test_crossings_decades_apart_take_few_passes(monkeypatch):
+    gammas = []
+    exact_crossings = module.crossings
+
+    def counted(model, square):
+        gammas.append(square)
+        return exact_crossings(model, square)
+
+    monkeypatch.setattr(module, "crossings", counted)
+    # A wide band-pass: 1 at the frequency 1, from a search that went astray by six decades.
+    monkeypatch.setattr(module, "peak", lambda *_: (1.1e6, 0.0))
+    band = realisation("s", control.ss([[0, 1], [-1, -3]], [[0], [1]], [[0, 3]], [[1e-9]]))
+    found = certified_peak(band, 1e-9, True)
+    assert found.gain == pytest.approx(1.0, rel=1e-8)
+    assert found.lower <= found.gain <= found.upper <= found.lower * (1 + 2e-9)
+    assert len(gammas) <= 7  # 24 by halving alone

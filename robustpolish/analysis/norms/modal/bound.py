@@ -16,141 +16,197 @@ a peak is settled in one step however near gamma is to it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
+from numba import njit
 
-from robustpolish.analysis.norms.modal.expansion import ORDER, Expansion
+from robustpolish.analysis.norms.modal.expansion import ORDER
+from robustpolish.analysis.norms.modal.small_hermitian import eigen
 from robustpolish.analysis.poles.eigen import EPS
-from robustpolish.arrays import AnyArray, Vector
-
-_ORDERS = np.add.outer(np.arange(ORDER), np.arange(ORDER))
-_LATE = (_ORDERS >= ORDER).astype(float)
-_OF_ORDER = (np.arange(ORDER)[:, None] == _ORDERS.ravel()).astype(complex)
 
 
-@dataclass(frozen=True, eq=False)
-class Squares:
-    """The terms of G* G on pieces, and what bounds all others.
+@njit(cache=True, error_model="numpy")
+def sizes(terms, norms):  # type: ignore[no-untyped-def]  # compiled
+    """Write down bounds of the terms' norms; return their sum."""
+    total = 0.0
+    for j in range(ORDER):
+        square = 0.0
+        for k in range(terms.shape[1]):
+            for q in range(terms.shape[2]):
+                square += terms[j, k, q].real ** 2 + terms[j, k, q].imag ** 2
+        norms[j] = np.sqrt(square) * (1.0 + 1e-12)
+        total += norms[j]
+    return total
 
-    Attributes
+
+@njit(cache=True, error_model="numpy")
+def squares(terms, norms, total, error, found):  # type: ignore[no-untyped-def]  # compiled
+    """Multiply a series by its adjoint.
+
+    Parameters
     ----------
-    terms : ndarray of complex, shape (3, k, m, m)
-    late : ndarray, shape (k,)
-        Bound of the sum of the terms from t^3 on.
-    error : ndarray, shape (k,)
-        What the error of G makes, rounding included.
-    """
-
-    terms: AnyArray
-    late: Vector
-    error: Vector
-
-
-def sizes(expansion: Expansion) -> Vector:
-    """Bound the gain on each piece by the sum of the terms' norms, roughly."""
-    return _norms(expansion.terms).sum(axis=0) + expansion.error
-
-
-def _norms(terms: AnyArray) -> Vector:
-    flat = terms.reshape(*terms.shape[:2], -1)
-    return np.sqrt(np.sum(np.real(flat) ** 2 + np.imag(flat) ** 2, axis=-1)) * (1 + 1e-12)
-
-
-def squares(expansion: Expansion) -> Squares:
-    """Multiply the series by their adjoints."""
-    _, k, p, m = expansion.terms.shape
-    side_by_side = expansion.terms.transpose(1, 2, 0, 3).reshape(k, p, ORDER * m)
-    products = np.conj(side_by_side.transpose(0, 2, 1)) @ side_by_side
-    pairs = products.reshape(k, ORDER, m, ORDER, m).transpose(1, 3, 0, 2, 4)
-    terms = (_OF_ORDER @ pairs.reshape(ORDER**2, -1)).reshape(ORDER, k, m, m)
-    norms = _norms(expansion.terms)
-    late = _norms(terms[3:]).sum(axis=0) + np.sum(norms * (_LATE @ norms), axis=0)
-    total = norms.sum(axis=0)
-    rounding = EPS * (8 * p + 4 * m + 64) * total**2
-    error = expansion.error * (2 * total + expansion.error) + rounding
-    return Squares(terms[:3], late, error * (1 + 1e-9))
-
-
-def below(found: Squares, level: float) -> tuple[NDArray[np.bool_], Vector]:
-    """Say on which pieces the gain is surely below `level`, and where each seems to be largest.
+    terms : ndarray of complex, shape (ORDER, p, m)
+    norms : ndarray, shape (ORDER,)
+    total, error : float
+        The sum of the norms, and the bound of what the series leaves out.
+    found : ndarray of complex, shape (4, m, m)
+        Overwritten by the terms of G* G up to t^2; the last one is room to work.
 
     Returns
     -------
-    proven : ndarray of bool
-    peak : ndarray
-        Estimates of t, from -1 to 1; 0 where the gain has no peak.
+    late : float
+        Bound of the sum of the terms from t^3 on.
+    error : float
+        What the error of G makes, rounding included.
     """
-    m = found.terms.shape[-1]
-    diagonal = np.arange(m)
-    F0 = level**2 * np.eye(m) - found.terms[0]
-    _, vectors = np.linalg.eigh(F0)
-    star = np.conj(np.swapaxes(vectors, -1, -2))
+    _, p, m = terms.shape
+    late = 0.0
+    for order in range(ORDER):
+        product = found[min(order, 3)]
+        for i in range(m):
+            for j in range(m):
+                product[i, j] = 0.0
+        for a in range(order // 2 + 1):
+            b = order - a
+            for i in range(m):
+                for j in range(m):
+                    entry = complex(0.0, 0.0)
+                    for k in range(p):
+                        entry += np.conj(terms[a, k, i]) * terms[b, k, j]
+                    product[i, j] += entry
+                    if a != b:
+                        product[j, i] += np.conj(entry)
+        if order > 2:
+            square = 0.0
+            for i in range(m):
+                for j in range(m):
+                    square += product[i, j].real ** 2 + product[i, j].imag ** 2
+            late += np.sqrt(square) * (1.0 + 1e-12)
+    for a in range(1, ORDER):
+        for b in range(ORDER - a, ORDER):
+            late += norms[a] * norms[b]
+    rounding = EPS * (8 * p + 4 * m + 64) * total * total
+    return late, (error * (2.0 * total + error) + rounding) * (1.0 + 1e-9)
+
+
+@njit(cache=True, error_model="numpy")
+def below(found, late, error, level):  # type: ignore[no-untyped-def]  # compiled
+    """Say whether the gain is surely below `level` on a piece, and where it seems to be largest.
+
+    Parameters
+    ----------
+    found, late, error
+        What :func:`squares` gave.
+    level : float
+
+    Returns
+    -------
+    proven : bool
+    peak : float
+        An estimate of t, from -1 to 1; 0 where the gain has no peak.
+    """
+    m = found.shape[1]
+    F0, F1, F2 = _less(found, 0, level), _less(found, 1, 0.0), _less(found, 2, 0.0)
+    V, room = np.empty((m, m), np.complex128), np.empty((m, m), np.complex128)
     # Coordinates in which F_0 is diagonal up to rounding; these need not be exact.
-    F0, F1, F2 = (
-        star @ F0 @ vectors,
-        star @ -found.terms[1] @ vectors,
-        star @ -found.terms[2] @ vectors,
-    )
-    values, slopes, bends = (F[:, diagonal, diagonal].real for F in (F0, F1, F2))
-    coupling = np.tril(F1)
-    coupling[:, diagonal, diagonal] *= 0.5
-    # What the later directions take from the bend of the earlier ones.
-    held = np.maximum(values, EPS * level**2)
-    lost = np.sum(np.abs(np.tril(F1, -1)) ** 2 / held[:, :, None], axis=1)
-    trace = (np.abs(values) + np.abs(bends)).sum(axis=1) + m * (found.late + found.error)
+    eigen(F0, V)
+    F0 = _less(found, 0, level)
+    _turn(F0, V, room)
+    _turn(F1, V, room)
+    _turn(F2, V, room)
+    trace = m * (late + error)
+    for i in range(m):
+        trace += abs(F0[i, i].real) + abs(F2[i, i].real)
     margin = 64 * (2 * m + 8) * EPS * trace
-    slack = _slack(np.maximum(values, 0.0), slopes, bends - found.late[:, None] - lost)
-    slack = np.maximum(slack, 4 * margin[:, None])  # for short pieces, whose other terms vanish
-    margin += 64 * (2 * m + 8) * EPS * slack.sum(axis=1)
-    M = np.zeros((values.shape[0], 2 * m, 2 * m), complex)
-    M[:, :m, :m] = F0
-    M[:, diagonal, diagonal] -= slack + (found.error + margin)[:, None]
-    M[:, m:, :m] = np.conj(np.swapaxes(coupling, -1, -2))
-    M[:, m:, m:] = F2
-    M[:, m + diagonal, m + diagonal] += slack - (found.late + margin)[:, None]
-    return _definite(M) & np.isfinite(trace), _peaks(values, F1, bends)
+    slack, added = np.empty(m), 0.0
+    for i in range(m):
+        bend = F2[i, i].real - late
+        for k in range(i + 1, m):  # what the later directions take from the bend
+            held = max(F0[k, k].real, EPS * level * level)
+            bend -= (F1[k, i].real ** 2 + F1[k, i].imag ** 2) / held
+        slack[i] = max(_slack(max(F0[i, i].real, 0.0), F1[i, i].real, bend), 4.0 * margin)
+        added += slack[i]  # at least the margin, for short pieces, whose other terms vanish
+    margin += 64 * (2 * m + 8) * EPS * added
+    M = np.empty((2 * m, 2 * m), np.complex128)
+    for i in range(m):
+        for j in range(m):
+            M[m + j, i] = 0.0
+        for j in range(i + 1):
+            M[i, j], M[m + i, m + j] = F0[i, j], F2[i, j]
+            M[m + j, i] = np.conj(F1[i, j]) * (0.5 if i == j else 1.0)
+        M[i, i] -= slack[i] + error + margin
+        M[m + i, m + i] += slack[i] - late - margin
+    return _definite(M) and np.isfinite(trace), _peak(F0, F1, F2)
 
 
-def _slack(values: Vector, slopes: Vector, bends: Vector) -> Vector:
-    """Return the diagonal of S: it lifts the bends well above zero and takes little elsewhere."""
-    lifted = np.sqrt(np.maximum(values * np.abs(bends), 0.25 * slopes**2)) - bends
-    return np.clip(lifted, 0.0, np.maximum(0.5 * (values - bends), 0.0))
+@njit(cache=True, error_model="numpy")
+def _less(found, order, level):  # type: ignore[no-untyped-def]  # compiled
+    """Return what a term leaves of the square of a level."""
+    m = found.shape[1]
+    F = np.empty((m, m), np.complex128)
+    for i in range(m):
+        for j in range(m):
+            F[i, j] = -found[order, i, j]
+        F[i, i] += level * level
+    return F
 
 
-def _definite(M: AnyArray) -> NDArray[np.bool_]:
-    """Say which Hermitian matrices have pivots above zero only, and overwrite them.
+@njit(cache=True, error_model="numpy")
+def _turn(F, V, room):  # type: ignore[no-untyped-def]  # compiled
+    """Overwrite F by V* F V."""
+    m = F.shape[0]
+    for i in range(m):
+        for j in range(m):
+            entry = complex(0.0, 0.0)
+            for k in range(m):
+                entry += F[i, k] * V[k, j]
+            room[i, j] = entry
+    for i in range(m):
+        for j in range(m):
+            entry = complex(0.0, 0.0)
+            for k in range(m):
+                entry += np.conj(V[k, i]) * room[k, j]
+            F[i, j] = entry
 
-    The margin that was taken from them covers the rounding of the elimination [1]_.
+
+@njit(cache=True, error_model="numpy")
+def _slack(value, slope, bend):  # type: ignore[no-untyped-def]  # compiled
+    """Return an entry of S: it lifts the bend well above zero and takes little elsewhere."""
+    lifted = np.sqrt(max(value * abs(bend), 0.25 * slope * slope)) - bend
+    return min(max(lifted, 0.0), max(0.5 * (value - bend), 0.0))
+
+
+@njit(cache=True, error_model="numpy")
+def _definite(M):  # type: ignore[no-untyped-def]  # compiled
+    """Say whether a Hermitian matrix has pivots above zero only; its lower triangle is overwritten.
+
+    The margin that was taken from it covers the rounding of the elimination [1]_.
 
     References
     ----------
     .. [1] S. M. Rump, "Verification of positive definiteness", BIT Numerical Mathematics 46
        (2006) 433-452.
     """
-    try:
-        np.linalg.cholesky(M)  # reads the lower triangles
-    except np.linalg.LinAlgError:
-        pass
-    else:
-        return np.ones(M.shape[0], bool)
-    good = np.ones(M.shape[0], bool)
-    for i in range(M.shape[-1]):
-        pivot = np.real(M[:, i, i])
-        good &= pivot > 0
-        column = M[:, i + 1 :, i]
-        divisor = np.where(pivot > 0, pivot, 1.0)[:, None, None]
-        M[:, i + 1 :, i + 1 :] -= column[:, :, None] * np.conj(column)[:, None, :] / divisor
-    return good
+    size = M.shape[0]
+    for i in range(size):
+        pivot = M[i, i].real
+        if not pivot > 0.0:
+            return False
+        for j in range(i + 1, size):
+            share = np.conj(M[j, i]) / pivot
+            for k in range(j, size):
+                M[k, j] -= M[k, i] * share
+    return True
 
 
-def _peaks(values: Vector, slope: AnyArray, curvature: Vector) -> Vector:
+@njit(cache=True, error_model="numpy")
+def _peak(F0, F1, F2):  # type: ignore[no-untyped-def]  # compiled
     """Return where the least eigenvalue is smallest, by perturbation to second order."""
-    first = np.real(slope[:, 0, 0])
-    apart = values[:, 1:] - values[:, :1]
-    mixed = np.abs(slope[:, 1:, 0]) ** 2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        second = curvature[:, 0] - np.nansum(np.where(apart > 0, mixed / apart, 0.0), axis=1)
-        t = -first / (2 * second)
-    return np.where((second > 0) & (np.abs(t) <= 1), t, 0.0)
+    second = F2[0, 0].real
+    for i in range(1, F0.shape[0]):
+        apart = F0[i, i].real - F0[0, 0].real
+        if apart > 0.0:
+            second -= (F1[i, 0].real ** 2 + F1[i, 0].imag ** 2) / apart
+    if not second > 0.0:
+        return 0.0
+    t = -0.5 * F1[0, 0].real / second
+    return t if abs(t) <= 1.0 else 0.0

@@ -13,6 +13,7 @@ Discrete systems are mapped to the imaginary axis by z = (1 + s)/(1 - s), mode b
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,8 +108,8 @@ def modal_form(model: Realisation, spectrum: Eigensystem, proven: bool) -> Modal
         A, B, C, D = model.A, model.B, model.C, model.D
         right, left = spectrum.right, spectrum.left
     turned = left.conj().T
-    cosines = np.sum(turned.T * right, axis=0)
-    if not (np.abs(cosines) > 1e-8).all():
+    cosines = np.einsum("ij,ji->i", turned, right)
+    if not np.abs(cosines).min() > 1e-8:
         return None
     X = turned / cosines[:, None]  # nearly the inverse of the right eigenvectors
     gap = _inverse_gap(X, right)
@@ -120,24 +121,36 @@ def modal_form(model: Realisation, spectrum: Eigensystem, proven: bool) -> Modal
         gap = _inverse_gap(X, right)
     if not gap < 0.1:
         return None
-    values = spectrum.values.astype(np.clongdouble)
-    if proven:
-        values, coupling = _remainder(A, right, X, values, gap)
-        rows = coupling.sum(axis=1) * _OUTWARD
-    else:
-        coupling = rows = spectrum.errors
-    b, b_error = _reached(B, right, X, gap)
-    c, c_error = _seen(C, right)
-    return _on_the_axis(model.discrete, values, coupling, rows, (b, b_error), (c, c_error), D)
+    if not proven:
+        signals = _estimated_signals(B, C, right, X)
+        return _on_the_axis(
+            model.discrete, spectrum.values, spectrum.errors, spectrum.errors, *signals, D
+        )
+    values, coupling = _remainder(A, right, X, spectrum.values.astype(np.clongdouble), gap)
+    rows = coupling.sum(axis=1) * _OUTWARD
+    signals = _reached(B, right, X, gap), _seen(C, right)
+    return _on_the_axis(model.discrete, values, coupling, rows, *signals, D)
+
+
+def _estimated_signals(
+    B: AnyArray, C: AnyArray, V: AnyArray, X: AnyArray
+) -> tuple[tuple[AnyArray, Vector], tuple[AnyArray, Vector]]:
+    """Return V^-1 B and C V with estimates of the errors of their rows and columns."""
+    b = X @ B
+    b = b + X @ (B - V @ b)
+    c = C @ V
+    few = 4 * EPS * math.sqrt(V.shape[0])
+    b_error = few * math.sqrt(np.vdot(B, B)) * _lengths(X)
+    return (b, b_error), (c, np.full(V.shape[0], few * math.sqrt(np.vdot(C, C))))
 
 
 def _inverse_gap(X: AnyArray, V: AnyArray) -> float:
     """Bound the row-sum norm of 1 - X V."""
     n = V.shape[0]
     product = X @ V
-    product[np.arange(n), np.arange(n)] -= 1
-    rounding = 4 * (n + 4) * EPS * (np.abs(X) @ np.abs(V))
-    return float((np.abs(product) + rounding).sum(axis=1).max(initial=0.0)) * _OUTWARD
+    product.flat[:: n + 1] -= 1
+    rounding = 4 * (n + 4) * EPS * (np.abs(X) @ np.abs(V).sum(axis=1))
+    return float((np.abs(product).sum(axis=1) + rounding).max(initial=0.0)) * _OUTWARD
 
 
 def _remainder(
@@ -197,7 +210,7 @@ def _on_the_axis(
 ) -> ModalForm | None:
     (b, b_error), (c, c_error) = reached, seen
     n = values.size
-    shown, moved = np.linalg.norm(c, axis=0), np.linalg.norm(b, axis=1)
+    shown, moved = _lengths(c.T), _lengths(b)
     residues = c.T[:, :, None] * b[:, None, :]
     direct, D_error = D.astype(complex), 0.0
     if discrete:
@@ -235,3 +248,8 @@ def _on_the_axis(
         discrete,
         stable,
     )
+
+
+def _lengths(rows: AnyArray) -> Vector:
+    """Return the lengths of complex rows."""
+    return np.sqrt(np.einsum("ij,ij->i", rows, rows.conj()).real)

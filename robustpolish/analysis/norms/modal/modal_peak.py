@@ -7,16 +7,28 @@ is left, the bound is proven up to the errors of the modal form.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numba import njit
 
 from robustpolish.analysis.norms.modal.bound import below, sizes, squares
 from robustpolish.analysis.norms.modal.cover import FAR, first_pieces, overlapping
-from robustpolish.analysis.norms.modal.expansion import Expansion, expand, expand_far
-from robustpolish.analysis.norms.modal.modal_form import ModalForm
-from robustpolish.arrays import AnyArray, Vector
+from robustpolish.analysis.norms.modal.expansion import (
+    ORDER,
+    expand,
+    expand_far,
+    expansion_error,
+)
+from robustpolish.analysis.norms.modal.modal_form import ModalForm, modal_form
+from robustpolish.analysis.norms.modal.modes import modes_of
+from robustpolish.analysis.norms.modal.small_hermitian import eigen, largest_gain
+from robustpolish.analysis.poles.eigen import EPS, eigensystem
+from robustpolish.deadline import look_at_the_clock
+from robustpolish.exact.realisation import Realisation
+from robustpolish.long_calls import working
 
 
 @dataclass(frozen=True)
@@ -51,149 +63,187 @@ def modal_peak(form: ModalForm, tolerance: float, widest: float) -> ModalPeak | 
     ModalPeak or None
         None if these errors, or too much work, leave it open.
     """
-    pieces = expand(form, *first_pieces(form))
-    best = _improved(form, pieces, _at_infinity(form))
-    end = FAR * _largest_pole(form)
-    pieces = _joined([_about(form, pieces, best.frequency), expand_far(form, end)])
-    done, most, level = 0, 100 + 60 * form.states, 0.0
-    while True:
-        width = _width(best, tolerance)
-        if not width <= widest or done > most or pieces.half.max() > 1e6 * end:
-            return None
-        level = max(level, best.gain * (1 + width))  # what is done stays so
-        pieces, hints = _open(pieces, level)
-        if not pieces.centre.size:
-            return replace(best, upper=level)
-        done += pieces.centre.size
-        pieces = _cut(form, pieces, hints)
-        best = _improved(form, pieces, best)
+    modes = modes_of(form)
+    by_height = np.argsort(modes.high)
+    centre, half, count = first_pieces(modes.real[by_height], modes.high[by_height])
+    search: Any = _search  # compiled, so that no types are known
+    look_at_the_clock()
+    given = modes, centre[:count], half[:count], float(tolerance), float(widest)
+    if search.signatures:
+        settled, *found = search(*given)
+    else:
+        with working("Compiling the search for peaks (once)"):
+            settled, *found = search(*given)
+    return ModalPeak(*found) if settled else None
 
 
-def _largest_pole(form: ModalForm) -> float:
-    return float(np.hypot(form.real, form.imag.astype(float)).max())
+@lru_cache
+def get_ready() -> None:
+    """Have the search compiled, or read from its file, before anyone counts seconds."""
+    one = np.ones((1, 1))
+    lag = Realisation(-one, one, one, 0 * one, False)
+    form = modal_form(lag, eigensystem(lag.A), False)
+    if form is not None:
+        modal_peak(form, 1e-3, 1.0)
 
 
-def _width(best: ModalPeak, tolerance: float) -> float:
-    """Return the width of the bracket that the errors of the form allow."""
-    if not best.lower > 0:
-        return math.inf
-    return max(tolerance, 4 * (best.gain - best.lower) / best.gain)
+@njit(cache=True, error_model="numpy")
+def _search(modes, centre, half, tolerance, widest):  # type: ignore[no-untyped-def]  # compiled
+    """Return whether the peak is settled, where it is, its gain, and both bounds."""
+    p, m = modes.D.shape
+    terms, norms = np.empty((ORDER, p, m), np.complex128), np.empty(ORDER)
+    found = np.empty((4, m, m), np.complex128)
+    end = 0.0
+    for i in range(modes.real.size):
+        bounds = modes.sizes[i] + modes.shown[i] + modes.moved[i] + modes.signal_errors[i]
+        if not np.isfinite(bounds + modes.rows[i] + modes.stretch[i]):
+            return False, np.nan, 0.0, 0.0, np.inf
+        end = max(end, FAR * np.hypot(modes.real[i], modes.high[i]))
+    gain = largest_gain(modes.D)
+    rounding = EPS * (8 * p + 8 * m + 32)
+    best = (np.inf, gain, max(0.0, gain * (1.0 - rounding) - 2.0 * modes.D_error))
+    best = _highest_middle(modes, centre, half, best, terms, found)
+    done, most, level = 0, 100 + 60 * modes.real.size, 0.0
+    open_pieces = np.empty((centre.size + 8 + 2 * most, 2))
+    open_pieces[0, 0], open_pieces[0, 1], left = np.inf, end, 1
+    for k in range(centre.size):
+        open_pieces[left, 0], open_pieces[left, 1] = centre[k], half[k]
+        left += 1
+        if abs(centre[k] - best[0]) <= half[k]:
+            left = _cut(open_pieces, left - 1, (best[0] - centre[k]) / half[k], 0.3)
+    while left > 0:
+        left -= 1
+        middle, reach = open_pieces[left, 0], open_pieces[left, 1]
+        far = np.isinf(middle)
+        if far:
+            error = expand_far(modes, reach, terms)
+        else:
+            error, most_gain = expansion_error(modes, middle, reach, best[1])
+            if most_gain < level:
+                continue
+            expand(modes, middle, reach, terms)
+            best = _climbed(modes, middle, reach, best, terms, found)
+        # Errors of the form keep the bracket from being narrower; what is done stays so.
+        width = max(tolerance, 4.0 * (best[1] - best[2]) / best[1]) if best[2] > 0.0 else np.inf
+        if not width <= widest or done > most or (far and reach > 1e6 * end):
+            return False, best[0], best[1], best[2], np.inf
+        level = max(level, best[1] * (1.0 + width))
+        hint = 0.0
+        if error < np.inf:
+            total = sizes(terms, norms)
+            if total + error < level:
+                continue
+            late, lost = squares(terms, norms, total, error, found)
+            proven, hint = below(found, late, lost, level)
+            if proven:
+                continue
+        done += 1
+        if far:
+            open_pieces[left, 1] = 2.0 * reach
+            open_pieces[left + 1, 0], open_pieces[left + 1, 1] = overlapping(reach, 2.0 * reach)
+            left += 2
+        else:
+            left = _cut(open_pieces, left, hint, 0.3 if error < np.inf else 0.1)
+    return True, best[0], best[1], best[2], level
 
 
-def _open(pieces: Expansion, level: float) -> tuple[Expansion, Vector]:
-    """Return the pieces on which the gain may reach a level, and where it seems to be largest."""
-    left = pieces.chosen(~(sizes(pieces) < level))
-    usable = np.isfinite(left.error)
-    hints = np.zeros(left.centre.size)
-    closed = np.zeros(left.centre.size, bool)
-    if usable.any():
-        closed[usable], hints[usable] = below(squares(left.chosen(usable)), level)
-    return left.chosen(~closed), hints[~closed]
+@njit(cache=True, error_model="numpy")
+def _cut(pieces, k, hint, share):  # type: ignore[no-untyped-def]  # compiled
+    """Put three pieces in the place of the last one, k; return how many there are then.
 
-
-def _about(form: ModalForm, pieces: Expansion, frequency: float) -> Expansion:
-    """Cut the piece that holds a frequency about it."""
-    holds = np.abs(pieces.centre - frequency) <= pieces.half
-    if not math.isfinite(frequency) or not holds.any():
-        return pieces
-    inside = pieces.chosen(holds)
-    cut = _cut(form, inside, (frequency - inside.centre) / inside.half)
-    return _joined([pieces.chosen(~holds), cut])
-
-
-def _cut(form: ModalForm, pieces: Expansion, hints: Vector) -> Expansion:
-    """Cut pieces in three, the middle part about the place that the hint tells.
-
-    The one that reaches to infinity is cut in two.
+    The one about the place that the hint tells comes last.
     """
-    last = np.isinf(pieces.centre)
-    if last.any():
-        start = pieces.half[last]
-        parts = [
-            expand(form, *overlapping(start, 2 * start)),
-            expand_far(form, 2 * float(start[0])),
-        ]
-        if not last.all():
-            parts.append(_cut(form, pieces.chosen(~last), hints[~last]))
-        return _joined(parts)
-    middle = np.clip(hints, -0.7, 0.7)
-    part = np.where(np.isfinite(pieces.error), 0.3, 0.1) * (1 - np.abs(middle))
-    marks = np.array([-np.ones_like(part), middle - part, middle + part, np.ones_like(part)])
-    edges = pieces.centre + pieces.half * marks
-    centre, half = overlapping(edges[:-1].ravel(), edges[1:].ravel())
-    k = part.size
-    centre[k : 2 * k] = pieces.centre + pieces.half * middle
-    half[k : 2 * k] = pieces.half * part * (1 + 1e-9) + 4e-16 * np.abs(centre[k : 2 * k])
-    return expand(form, centre, half)
+    centre, half = pieces[k, 0], pieces[k, 1]
+    middle = min(max(hint, -0.7), 0.7)
+    part = share * (1.0 - abs(middle))
+    left, right = centre + half * (middle - part), centre + half * (middle + part)
+    pieces[k, 0], pieces[k, 1] = overlapping(centre - half, left)
+    pieces[k + 1, 0], pieces[k + 1, 1] = overlapping(right, centre + half)
+    pieces[k + 2, 0] = centre + half * middle
+    pieces[k + 2, 1] = half * part * (1.0 + 1e-9) + 4e-16 * abs(pieces[k + 2, 0])
+    return k + 3
 
 
-def _joined(parts: list[Expansion]) -> Expansion:
-    return Expansion(
-        np.concatenate([part.centre for part in parts]),
-        np.concatenate([part.half for part in parts]),
-        np.concatenate([part.terms for part in parts], axis=1),
-        np.concatenate([part.error for part in parts]),
-    )
+@njit(cache=True, error_model="numpy")
+def _highest_middle(modes, centre, half, best, terms, found):  # type: ignore[no-untyped-def]  # compiled
+    """Climb from the highest of all middles."""
+    p, m = modes.D.shape
+    highest, which = -1.0, 0
+    G = np.empty((p, m), np.complex128)
+    for k in range(centre.size):
+        for i in range(p):
+            for j in range(m):
+                G[i, j] = modes.D[i, j]
+        for q in range(modes.real.size):
+            factor = 1.0 / complex(-modes.real[q], (centre[k] - modes.high[q]) - modes.low[q])
+            for i in range(p):
+                for j in range(m):
+                    G[i, j] += factor * modes.residues[q, i * m + j]
+        square = 0.0
+        for i in range(p):
+            for j in range(m):
+                square += G[i, j].real ** 2 + G[i, j].imag ** 2
+        if np.sqrt(square) >= highest:  # no singular value is larger than that
+            gain = largest_gain(G)
+            if gain > highest:
+                highest, which = gain, k
+    expand(modes, centre[which], half[which], terms)
+    return _climbed(modes, centre[which], half[which], best, terms, found)
 
 
-def _gains(G: AnyArray) -> Vector:
-    """Return the largest singular value of each matrix."""
-    if G.shape[-1] == 1:
-        return np.linalg.norm(G[..., 0], axis=-1)
-    return np.linalg.svd(G, compute_uv=False)[..., 0]
-
-
-def _improved(form: ModalForm, pieces: Expansion, best: ModalPeak) -> ModalPeak:
-    """Climb from the highest middle of all pieces if it is higher than what is known."""
-    whole = np.linalg.norm(pieces.terms[0], axis=(1, 2))
-    whole[np.isinf(pieces.centre)] = 0.0  # known from the start
-    hopeful = np.flatnonzero(whole * math.sqrt(form.D.shape[1]) >= max(whole.max(), best.gain))
-    if not hopeful.size:
+@njit(cache=True, error_model="numpy")
+def _climbed(modes, at, half, best, terms, found):  # type: ignore[no-untyped-def]  # compiled
+    """Climb by Newton's method from a middle whose gain is above the best one; keep `terms`."""
+    gain = largest_gain(terms[0])
+    if not gain > best[1] * (1.0 + 1e-14):
         return best
-    values = _gains(pieces.terms[0, hopeful])
-    highest = int(values.argmax())
-    if not values[highest] > best.gain * (1 + 1e-14):
-        return best
-    found = _climbed(form, pieces.chosen(hopeful[highest : highest + 1]), float(values[highest]))
-    return found if found.gain > best.gain else best
-
-
-def _climbed(form: ModalForm, here: Expansion, gain: float) -> ModalPeak:
-    """Climb to a top of the gain by Newton's method."""
-    at, half = here.centre, here.half
+    p, m = modes.D.shape
+    here = np.empty((ORDER, p, m), np.complex128)
+    expand(modes, at, half, here)
     for _ in range(12):
-        trial = at + half * _step(here)
+        trial = at + half * _step(here, found)
         if abs(trial - at) <= 1e-12 * half:
             break
-        here = expand(form, trial, half)
-        reached = float(_gains(here.terms[0])[0])
+        expand(modes, trial, half, here)
+        reached = largest_gain(here[0])
         if not reached > gain:
             break
         at, progress, gain = trial, reached - gain, reached
         if progress <= 1e-13 * gain:
             break
-    top = expand(form, at, 0 * half)
-    gain = float(_gains(top.terms[0])[0])
-    lower = max(0.0, gain * (1 - 1e-14) - float(top.error[0]))
-    return ModalPeak(abs(float(at[0])), gain, lower, math.inf)
+    error, _ = expansion_error(modes, at, 0.0, 0.0)
+    lower = max(0.0, gain * (1.0 - EPS * (8 * p + 8 * m + 32)) - error)
+    return abs(at), gain, lower
 
 
-def _at_infinity(form: ModalForm) -> ModalPeak:
-    gain = float(_gains(form.D[None])[0])
-    lower = max(0.0, gain * (1 - 1e-14) - 2 * form.D_error)
-    return ModalPeak(math.inf, gain, lower, math.inf)
-
-
-def _step(here: Expansion) -> float:
+@njit(cache=True, error_model="numpy")
+def _step(here, found):  # type: ignore[no-untyped-def]  # compiled
     """Return t of the top of the gain about a middle, at most 1 away."""
-    found = squares(here)
-    values, vectors = np.linalg.eigh(found.terms[0, 0])
-    turned = vectors.conj().T @ found.terms[1:, 0] @ vectors
-    first = float(turned[0, -1, -1].real)
-    second = float(turned[1, -1, -1].real)
-    apart = values[-1] - values[:-1]
-    mixed = np.abs(turned[0, :-1, -1]) ** 2
-    second += float(np.sum(mixed[apart > 0] / apart[apart > 0]))
-    if second < 0 and abs(first) < -2 * second:
-        return -first / (2 * second)
-    return float(np.sign(first))
+    _, p, m = here.shape
+    for order in range(3):
+        for i in range(m):
+            for j in range(m):
+                entry = complex(0.0, 0.0)
+                for a in range(order + 1):
+                    for k in range(p):
+                        entry += np.conj(here[a, k, i]) * here[order - a, k, j]
+                found[order, i, j] = entry
+    V = np.empty((m, m), np.complex128)
+    eigen(found[0], V)
+    first, second = 0.0, 0.0
+    for i in range(m - 1, -1, -1):  # the last vector is that of the largest gain
+        slope, bend = complex(0.0, 0.0), complex(0.0, 0.0)
+        for j in range(m):
+            for k in range(m):
+                pair = np.conj(V[j, i]) * V[k, m - 1]
+                slope += pair * found[1, j, k]
+                bend += pair * found[2, j, k]
+        if i == m - 1:
+            first, second = slope.real, bend.real
+        else:
+            apart = found[0, m - 1, m - 1].real - found[0, i, i].real
+            if apart > 0.0:
+                second += (slope.real**2 + slope.imag**2) / apart
+    if second < 0.0 and abs(first) < -2.0 * second:
+        return -0.5 * first / second
+    return 1.0 if first > 0.0 else -1.0

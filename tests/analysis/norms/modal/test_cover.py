@@ -19,7 +19,10 @@ def test_pieces_cover_the_axis_and_are_short_beside_poles(damping):
     A[6, 6] = -3.0
     G = realisation("system", control.ss(A, np.ones((7, 1)), np.ones((1, 7)), 0))
     form = modal_form(G, eigensystem(G.A), True)
-    centre, half = first_pieces(form)
+    by_height = np.argsort(form.imag)
+    imag = form.imag[by_height].astype(float)
+    centre, half, count = first_pieces(form.real[by_height], imag)
+    centre, half = centre[:count], half[:count]
     order = np.argsort(centre)
     left, right = (centre - half)[order], (centre + half)[order]
     assert left[0] < 0 < right[0]
@@ -35,7 +38,8 @@ def test_rounded_pieces_still_reach_their_ends():
     rng = np.random.default_rng(0)
     left = rng.uniform(1, 2, 1000)
     right = left * (1 + 10.0 ** rng.uniform(-15, 0, 1000))
-    centre, half = overlapping(left, right)
+    pieces = [overlapping(*ends) for ends in zip(left, right, strict=True)]
+    centre, half = np.array(pieces).T
     wide = np.longdouble
     assert (centre.astype(wide) - half.astype(wide) <= left).all()
     assert (centre.astype(wide) + half.astype(wide) >= right).all()

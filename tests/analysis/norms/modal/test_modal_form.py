@@ -37,7 +37,6 @@ def test_the_true_poles_lie_within_the_bounds():
     spoilt = type(spectrum)(
         spectrum.values * (1 + 1e-9),
         spectrum.errors,
-        spectrum.shares,
         spectrum.right * (1 + rough),
         spectrum.left,
     )
