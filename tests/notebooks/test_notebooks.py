@@ -9,6 +9,8 @@ import pytest
 
 NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.md"))
 LONG = (
+    "03_state_feedback",
+    "04_output_feedback",
     "05_find_the_hidden_effect",
     "06_measured_data",
     "07_the_bridge",
@@ -17,6 +19,8 @@ LONG = (
     "10_polishing_a_mould",
     "11_the_spindle_as_a_beam",
     "12_brush_and_machine_together",
+    "13_your_own_machine",
+    "14_a_classical_design",
 )
 """Half a minute to a minute each; the documentation executes them as well."""
 
