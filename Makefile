@@ -8,7 +8,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint structure docs linkcheck notebooks lab figure validation browser bench hidden-effects clean clean-cache
+.PHONY: help demo test test-slow lint structure docs linkcheck notebooks lab figure validation browser bench hidden-effects fuzz clean clean-cache
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 18
@@ -77,6 +77,13 @@ bench: $(READY) ## Compare all synthesis methods on the benchmark plants, and no
 
 hidden-effects: $(READY) ## Examine the diagnosis on all hidden cases (hours); goes on where it stopped
 	$(BIN)/python -m tests.hidden_effects.run --keep .hidden_effects_rows.jsonl
+
+SEED ?= 1
+FILES ?= 100000
+PLANTS ?= 10000
+fuzz: $(READY) ## Try damaged files and random plants on everything (an hour); FILES, PLANTS and SEED
+	$(BIN)/python -m tests.fuzz.files --count $(FILES) --seed $(SEED) --keep .fuzz_crashes
+	$(BIN)/python -m tests.fuzz.plants --count $(PLANTS) --seed $(SEED)
 
 clean-cache: ## Forget compiled functions
 	find robustpolish tests -name '*.nb?' -delete

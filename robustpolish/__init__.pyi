@@ -79,6 +79,7 @@ from .errors import (
     RobustPolishError,
     RobustPolishWarning,
     SolverError,
+    StorageError,
 )
 from .identification import (
     AmplitudeDependence,
@@ -182,6 +183,7 @@ from .robust import (
     structured_singular_value,
     worst_case_gain,
 )
+from .sweeps import sweep
 from .synthesis import (
     Certificate,
     Design,
@@ -313,6 +315,7 @@ __all__ = [
     "Spring",
     "Stability",
     "StepRun",
+    "StorageError",
     "StructuredSingularValue",
     "Surface",
     "ToldApart",
@@ -425,6 +428,7 @@ __all__ = [
     "step_runs",
     "structured_output_feedback",
     "structured_singular_value",
+    "sweep",
     "tell_apart",
     "tunable",
     "uncertain_complex",

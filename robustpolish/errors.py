@@ -38,6 +38,13 @@ class SolverError(RobustPolishError, RuntimeError):
     """No certified answer was found, though none was ruled out either."""
 
 
+class StorageError(RobustPolishError, OSError):
+    """The disk took no result: it is full, broken or not to be written to.
+
+    What stood at the place before is as it was. `errno` is that of the system.
+    """
+
+
 class InfeasibleError(RobustPolishError):
     """No controller of the requested kind exists; the message names the cause.
 

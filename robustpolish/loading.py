@@ -26,7 +26,7 @@ _READERS: Mapping[str, Callable[[Fields], Any]] = {
 
 
 def load(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str], *, max_bytes: float | None = None
 ) -> Design | SampledDesign | Diagnosis | GeneralizedPlant | MechanicalModel:
     """Read what was saved: a design, sampled or not, a diagnosis, a plant or a mechanical model.
 
@@ -34,6 +34,8 @@ def load(
     ----------
     path : path
         A JSON file, or the TOML file of a mechanical model.
+    max_bytes : float, optional
+        Largest size of the file in bytes: by default 2e8, of a model 1e7.
 
     Returns
     -------
@@ -54,9 +56,9 @@ def load(
     ...     rp.load(os.path.join(folder, "plant.json")).nu
     6
     """
-    if Path(path).suffix == ".toml":
-        return MechanicalModel.from_toml(Path(path))
-    fields = read_saved(path)
+    if isinstance(path, str | os.PathLike) and Path(path).suffix == ".toml":
+        return MechanicalModel.from_toml(Path(path), max_bytes=max_bytes)
+    fields = read_saved(path, max_bytes=max_bytes)
     if fields.kind not in _READERS:
         shown = described(f"a {fields.kind}")
         raise invalid("path", shown, f"one of {', '.join(_READERS)}", "Update robustpolish.")

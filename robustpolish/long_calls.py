@@ -14,7 +14,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any, ParamSpec, TypeVar
 
@@ -57,6 +57,8 @@ class Budget:
         Steps, each weighted by :func:`step_cost`; infinite for no limit.
     seconds : float
         The safety net; infinite for none.
+    kept : float
+        Seconds of it that are kept for what follows the search.
 
     Examples
     --------
@@ -69,6 +71,7 @@ class Budget:
 
     work: float = math.inf
     seconds: float = math.inf
+    kept: float = 0.0
     spent: float = field(default=0.0, init=False)
     _parent: Budget | None = field(default=None, init=False, repr=False)
     _start: float = field(default_factory=lambda: time.monotonic(), init=False, repr=False)
@@ -82,9 +85,14 @@ class Budget:
 
     def share(self, part: float) -> Budget:
         """Return a budget for a part of the work that is left, under the same safety net."""
-        own = Budget(part * self.work_left, self.seconds)
+        own = Budget(part * self.work_left, self.seconds, self.kept)
         own._parent, own._start = self, self._start
         return own
+
+    @classmethod
+    def before_a_proof(cls, work: float, seconds: float) -> Budget:
+        """Return a budget that keeps a quarter of the time, at most 5 s, for the certificate."""
+        return cls(work, seconds, min(5.0, seconds / 4))
 
     @property
     def work_left(self) -> float:
@@ -106,7 +114,7 @@ class Budget:
     def look(self) -> None:
         """Look at the clock, after a call that ends with the safety net by itself."""
         reached: Budget | None = self
-        if not self._late and self.elapsed >= self.seconds:
+        if not self._late and self.elapsed >= self.seconds - self.kept:
             while reached is not None:
                 reached._late, reached = True, reached._parent
 
@@ -128,7 +136,7 @@ class Budget:
     @property
     def seconds_left(self) -> float:
         """Seconds until the safety net, at least zero."""
-        return max(0.0, self.seconds - self.elapsed)
+        return max(0.0, self.seconds - self.kept - self.elapsed)
 
 
 def same_bits(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
@@ -178,10 +186,14 @@ PATIENCE = 2.0
 
 _REFRESH = 0.5
 _busy = threading.Lock()
+_told: list[_Bar] = []
+"""The bar of a block that names its stages, if there is one."""
 
 
 @contextmanager
-def working(what: str, total: int | None = None) -> Iterator[Callable[[str], None]]:
+def working(
+    what: str, total: int | None = None, stages: bool = False
+) -> Iterator[Callable[[str], None]]:
     """Show a bar on standard error while the block takes longer than two seconds.
 
     Parameters
@@ -190,6 +202,8 @@ def working(what: str, total: int | None = None) -> Iterator[Callable[[str], Non
         What is being done.
     total : int, optional
         Number of steps, if it is known; each is to be told. Otherwise the bar shows the time.
+    stages : bool, optional
+        Whether what blocks inside are doing is shown as stages of this one; not by default.
 
     Yields
     ------
@@ -207,14 +221,19 @@ def working(what: str, total: int | None = None) -> Iterator[Callable[[str], Non
     ...     for i in range(3):
     ...         tell(f"number {i}")
     """
-    if not someone_looks() or not _busy.acquire(blocking=False):
+    if not someone_looks():
         yield lambda _: None
-        return
-    try:
-        with _Bar(what, total) as bar:
-            yield bar.tell
-    finally:
-        _busy.release()
+    elif not _busy.acquire(blocking=False):
+        with _told[0].stage(what) if _told else nullcontext(lambda _: None) as tell:
+            yield tell
+    else:
+        try:
+            with _Bar(what, total) as bar:
+                _told[:] = [bar] if stages else []
+                yield bar.tell
+        finally:
+            _told.clear()
+            _busy.release()
 
 
 def someone_looks() -> bool:
@@ -256,11 +275,25 @@ class _Bar:
         """Count a step and show a remark."""
         self._steps, self._remark = self._steps + 1, remark
 
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Callable[[str], None]]:
+        """Show a name while a block inside runs, with what it has to say."""
+        before, self._remark = self._remark, name
+
+        def tell(remark: str) -> None:
+            self._remark = f"{name}: {remark}" if remark else name
+
+        try:
+            yield tell
+        finally:
+            self._remark = before
+
     def _run(self) -> None:
         if self._over.wait(PATIENCE):
             return
         form = None if self._total else "{desc} {elapsed}{postfix}"
         bar: Any = self._make(total=self._total, desc=self._what, bar_format=form, leave=False)
+        bar.start_t -= PATIENCE  # the time that is shown is that of the work
         while True:
             if self._total:
                 bar.n = min(max(self._steps - 1, 0), self._total)

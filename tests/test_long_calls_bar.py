@@ -61,6 +61,19 @@ def test_only_the_outermost_has_a_bar(terminal):
     assert "Inner" not in stream.getvalue()
 
 
+def test_blocks_inside_are_stages_where_that_is_asked_for(terminal):
+    stream = terminal()
+    with long_calls.working("Outer", stages=True) as tell:
+        tell("by itself")
+        with long_calls.working("Inner") as tell_inner:
+            tell_inner("heard")
+            time.sleep(0.8)
+        time.sleep(0.6)
+    shown = stream.getvalue()
+    assert "Inner: heard" in shown
+    assert shown.index("Inner: heard") < shown.rindex("by itself")
+
+
 def test_pipes_stay_silent(monkeypatch):
     stream = io.StringIO()
     monkeypatch.setattr(sys, "stderr", stream)

@@ -1,9 +1,12 @@
 """Results appear whole or not at all."""
 
+import threading
+
 import pytest
 
+from robustpolish.drafts import renames
 from robustpolish.errors import InvalidInputError
-from robustpolish.saving import new_folder, write_file
+from robustpolish.saving import check_new_file, new_file, new_folder, write_file
 
 
 def test_a_folder_appears_at_the_end(tmp_path):
@@ -55,3 +58,46 @@ def test_files(tmp_path):
     with pytest.raises(InvalidInputError, match="existing folder"):
         write_file(tmp_path / "none" / "a.json", "1")
     assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
+
+
+@pytest.mark.parametrize("exchanging", [True, False])
+def test_of_writers_with_force_the_last_one_wins(tmp_path, monkeypatch, exchanging):
+    if not exchanging:
+        monkeypatch.setattr(renames, "_system_call", lambda: None)
+    target, errors = tmp_path / "results", []
+
+    def write(text):
+        try:
+            for _ in range(20):
+                with new_folder(target, force=True) as folder:
+                    (folder / "a.txt").write_text(text)
+                    (folder / "b.txt").write_text(text)
+        except BaseException as error:
+            errors.append(error)
+
+    writers = [threading.Thread(target=write, args=(text,)) for text in "123"]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+    assert errors == []
+    assert (target / "a.txt").read_text() == (target / "b.txt").read_text()
+    assert [path.name for path in tmp_path.iterdir()] == ["results"]
+
+
+def test_what_appears_meanwhile_is_not_replaced_without_force(tmp_path):
+    with pytest.raises(InvalidInputError, match="--force"), new_folder(tmp_path / "a"):
+        (tmp_path / "a").mkdir()
+    with pytest.raises(InvalidInputError, match="--force"), new_file(tmp_path / "b") as draft:
+        draft.write_text("late")
+        (tmp_path / "b").write_text("early")
+    assert (tmp_path / "b").read_text() == "early"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
+
+
+def test_a_refused_place_is_swept_too(tmp_path):
+    (tmp_path / "a.txt").write_text("mine")
+    (tmp_path / ".robustpolish-deadbeef").mkdir()
+    with pytest.raises(InvalidInputError, match="--force"):
+        check_new_file(tmp_path / "a.txt")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]

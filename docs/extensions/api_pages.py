@@ -36,6 +36,7 @@ ROOMS = {
     "datasets": "Measured records",
     "identification": "Identification",
     "simulation": "Simulation",
+    "sweeps": "Sweeps over many points",
     "plotting": "Plotting",
     "report": "Reports",
 }

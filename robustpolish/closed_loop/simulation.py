@@ -78,7 +78,9 @@ def simulate(
         )
     inputs = [_column(disturbance, name, units.get(name)) for name in system.input_labels]
     time = disturbance["time"].to_numpy()
-    outputs, _ = linear_response(system, time, np.column_stack(inputs))
+    outputs, _ = linear_response(
+        system, time, np.column_stack(inputs) if inputs else np.zeros((time.size, 0))
+    )
     names = system.output_labels
     return xr.Dataset(
         {

@@ -229,6 +229,8 @@ def _time_scales(system: control.StateSpace) -> list[Vector]:
         count = _SETTLED / -math.log(slowest) if 0 < slowest < 1 else len(poles) + 1
         whole: Any = np.arange(int(min(count + len(poles), _MOST_SAMPLES)) + 2) * step
         return [whole]
+    if not np.abs(poles).any():
+        return []  # integrators that nothing reaches, or of which nothing is seen
     step = _FINEST / float(np.abs(poles).max())
     least = float(np.abs(poles.real).min())
     last = _SETTLED / least if least > 0 else math.inf

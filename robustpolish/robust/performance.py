@@ -30,7 +30,7 @@ from robustpolish.robust.reached import (
 from robustpolish.robust.search import GAP, bounds
 from robustpolish.robust.stability import checked, robust_stability
 from robustpolish.robust.structure import DeltaBlock
-from robustpolish.validation import positive
+from robustpolish.validation import described, invalid, positive
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -292,6 +292,9 @@ def worst_case_gain(system: UncertainSystem, *, gap: float = GAP) -> WorstCaseGa
 def _performance(system: UncertainSystem) -> DeltaBlock:
     """Return the block from the outputs back to the inputs that stands for a bound on the gain."""
     ny, nu = system.shape
+    if not (ny and nu):
+        shown = described(f"{ny} outputs and {nu} inputs")
+        raise invalid("system", shown, "at least one of each", "Choose the signals to be judged.")
     return DeltaBlock("complex" if ny == nu == 1 else "full", 1, nu, ny, "performance")
 
 

@@ -181,7 +181,7 @@ def test_columns_can_be_renamed_and_parts_read(folder):
 
 
 BAD = {
-    "no data": ({"data": "none.csv"}, (), "no such file"),
+    "no data": ({"data": "none.csv"}, (), "No such file"),
     "no model": ({"model": "none.toml"}, (), "No such file"),
     "window": ({}, ("--window", 100), "window"),
     "both": ({}, ("--window", 0.1, "--horizon", 0.1), "either"),

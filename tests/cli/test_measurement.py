@@ -74,3 +74,10 @@ def test_only_json_of_an_earlier_run_is_replaced(tmp_path):
     assert not replaceable(data, data)
     assert not replaceable(str(tmp_path / "sub" / ".." / "data.json"), data)
     assert not replaceable(str(tmp_path / "out.csv"), data)
+
+
+def test_the_limit_of_size_can_be_said(path):
+    with pytest.raises(InvalidInputError, match="max_bytes"):
+        load_data(path, MODEL, Reading(sampling_rate=100.0, max_bytes=10.0))
+    reading = Reading(sampling_rate=100.0, units=("F=kN", "x=mm"), max_bytes=1e6)
+    assert set(load_data(path, MODEL, reading)) == {"F", "x"}

@@ -1,4 +1,7 @@
-"""The documentation builds without a warning; the notebooks have tests of their own."""
+"""The documentation builds without a warning, and fits desks and phones.
+
+The notebooks have tests of their own and are not executed here.
+"""
 
 import subprocess
 import sys
@@ -6,20 +9,50 @@ from pathlib import Path
 
 import pytest
 
+from tests import browser as chromium
+
 ROOT = Path(__file__).parents[2]
+pytestmark = pytest.mark.slow
 
 
-@pytest.mark.slow
-def test_the_pages_build_without_a_warning(tmp_path):
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("html")
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-D", "nb_execution_mode=off"]
-    built = subprocess.run(
-        [*command, "-b", "html", str(ROOT / "docs"), str(tmp_path)],
+    told = subprocess.run(
+        [*command, "-b", "html", str(ROOT / "docs"), str(folder)],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert built.returncode == 0, built.stderr
-    assert (tmp_path / "notebooks" / "01_the_machine.html").exists()
-    page = (tmp_path / "theory_certificates.html").read_text(encoding="utf-8")
+    return told, folder
+
+
+def test_the_pages_build_without_a_warning(built):
+    told, folder = built
+    assert told.returncode == 0, told.stderr
+    assert (folder / "notebooks" / "01_the_machine.html").exists()
+    page = (folder / "theory_certificates.html").read_text(encoding="utf-8")
     assert "<math" in page
     assert "succ" not in page.split("<article")[1].split("</article>")[0]
+
+
+class TestInABrowser:
+    pytestmark = chromium.marks
+
+    @pytest.fixture(scope="class")
+    def browser(self, tmp_path_factory):
+        with chromium.open_browser(tmp_path_factory.mktemp("profile")) as driver:
+            yield driver
+
+    @pytest.mark.parametrize("width", chromium.WIDTHS)
+    def test_nothing_is_wider_than_its_page(self, built, browser, width):
+        _, folder = built
+        pages = [p for p in sorted(folder.rglob("*.html")) if "_static" not in p.parts]
+        assert len(pages) > 100
+        found = {}
+        for page in pages:
+            chromium.show(browser, page, width)
+            if wide := chromium.too_wide(browser, width):
+                found[str(page.relative_to(folder))] = wide[:3]
+        assert found == {}

@@ -1,8 +1,5 @@
 """Reports in a browser: no error, all visible, sortable, legible on a desk and on a phone."""
 
-import os
-import shutil
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -12,38 +9,17 @@ from robustpolish.report import render_html
 from robustpolish.report.brush_design import brush_design_report
 from robustpolish.report.diagnosis import diagnosis_report
 from robustpolish.simulation.run import simulate
+from tests import browser as chromium
 from tests import made_up
 
-webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
-CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
-pytestmark = [
-    pytest.mark.filterwarnings("ignore::ResourceWarning"),  # sockets of the driver
-    pytest.mark.skipif(
-        not (CHROMIUM and DRIVER),
-        reason="needs chromium and chromedriver: apt-get install chromium chromium-driver",
-    ),
-]
-WIDTHS = (1280, 390)
+pytestmark = chromium.marks
+WIDTHS = chromium.WIDTHS
 
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory):
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for argument in (
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--no-first-run",
-        "--disable-background-networking",
-        f"--user-data-dir={tmp_path_factory.mktemp('profile')}",
-    ):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    service = webdriver.ChromeService(DRIVER, log_output=os.devnull)
-    driver = webdriver.Chrome(options=options, service=service)
-    yield driver
-    driver.quit()
+    with chromium.open_browser(tmp_path_factory.mktemp("profile")) as driver:
+        yield driver
 
 
 def diagnosis():
@@ -70,9 +46,7 @@ def pages(tmp_path_factory, buildable_job):
 @pytest.fixture(params=["design", "diagnosis"])
 def show(request, pages, browser):
     def at(width):
-        metrics = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
-        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-        browser.get((pages / f"{request.param}.html").as_uri())
+        chromium.show(browser, pages / f"{request.param}.html", width)
         return browser
 
     return at
@@ -82,8 +56,7 @@ def show(request, pages, browser):
 def test_no_error_and_no_overflow(show, width):
     browser = show(width)
     assert browser.get_log("browser") == []
-    wide = browser.execute_script("return document.documentElement.scrollWidth")
-    assert wide <= width
+    assert chromium.too_wide(browser, width) == []
 
 
 @pytest.mark.parametrize("width", WIDTHS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from pathlib import Path
 from typing import Literal
 
@@ -10,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from robustpolish.brush.surfaces.grid import scale_of
+from robustpolish.brush.surfaces.grid import FILE, scale_of
 from robustpolish.brush.surfaces.polished_surface import Floats
+from robustpolish.files import Wanted, text
 from robustpolish.validation import described, invalid
 
 Unit = Literal["m", "mm", "um"]
@@ -31,12 +33,12 @@ def checked_places(places: ArrayLike) -> Floats:
     return corners[moved]
 
 
-def read_csv(path: Path, unit: str) -> tuple[Floats, Floats | None]:
+def read_csv(path: str | Path, unit: str, file: Wanted = FILE) -> tuple[Floats, Floats | None]:
     """Return x and y [m], shape (n, 2), and the times [s] if the file has a column t."""
+    lines, path = io.StringIO(text(path, file, "utf-8-sig"), newline=""), Path(path)
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(file, skipinitialspace=True))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        rows = list(csv.DictReader(lines, skipinitialspace=True))
+    except csv.Error as error:
         shown = described(f"{path} ({error})")
         raise invalid("path", shown, "a CSV file that can be read", "Check it.") from None
     names = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
@@ -61,9 +63,10 @@ def at_even_times(places: Floats, time: Floats) -> tuple[Floats, float]:
     if len(time) < 4 or not np.isfinite(places).all() or not np.all(steps > 0):
         shown = described("times that do not rise, numbers missing, or fewer than 4 places")
         raise invalid("path", shown, "rising times with a place each", "Correct the file.")
-    count = int(np.ceil((time[-1] - time[0]) / steps.min())) * _FINER + 1
-    if count > _MOST:
+    with np.errstate(over="ignore"):
+        shortest = (time[-1] - time[0]) / steps.min()
+    if not shortest * _FINER < _MOST:
         shown = described(f"times between {steps.min():g} and {steps.max():g} s apart")
         raise invalid("path", shown, "times of about equal distance", "Resample the path.")
-    even = np.linspace(time[0], time[-1], count)
+    even = np.linspace(time[0], time[-1], int(np.ceil(shortest)) * _FINER + 1)
     return CubicSpline(time, places)(even), float(even[1] - even[0])

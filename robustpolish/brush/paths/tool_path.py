@@ -218,6 +218,7 @@ class ToolPath:
         unit: points.Unit = "m",
         speed: float | None = None,
         over: PolishedSurface | None = None,
+        max_bytes: float | None = None,
     ) -> ToolPath:
         """Return the path of a file.
 
@@ -232,6 +233,8 @@ class ToolPath:
             smoothly through the places at their times.
         over : PolishedSurface, optional
             As in `raster`.
+        max_bytes : float, optional
+            Largest size of the file in bytes, 1e8 by default.
 
         Returns
         -------
@@ -242,7 +245,7 @@ class ToolPath:
         InvalidInputError
             If the file cannot be read as that, times do not rise, or the speed is told twice.
         """
-        places, time = points.read_csv(Path(path), unit)
+        places, time = points.read_csv(path, unit, points.FILE.limited(max_bytes))
         name = Path(path).name
         if time is None:
             if speed is None:

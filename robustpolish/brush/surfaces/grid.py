@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from pathlib import Path
 
@@ -11,15 +12,29 @@ from numpy.typing import ArrayLike
 
 from robustpolish.brush.surfaces.polished_surface import Floats
 from robustpolish.brush.surfaces.uniform_spline import FEWEST
+from robustpolish.files import Wanted, text
 from robustpolish.validation import described, invalid, one_of, positive
 
 _METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
+FILE = Wanted("path", "a file that can be read", "Check the path.", 100_000_000)
+"""What the files of this room are."""
+
+_ATOM, _TOWN = 1e-10, 1e4  # m; squares and their ratios stay far from the ends of doubles
 _EVEN = 1e-4  # steps may differ by this share: files round their numbers
 
 
 def scale_of(unit: str) -> float:
     """Return how many metres a unit is."""
     return _METRES[one_of("unit", unit, _METRES)]
+
+
+def check_size(argument: str, places: Floats) -> None:
+    """Refuse what is no mould's size: smaller than an atom, larger or further away than a town."""
+    largest, wide = float(np.max(np.abs(places))), float(np.max(np.ptp(places, axis=0)))
+    if not (largest < _TOWN and wide > _ATOM):
+        shown = described(f"places up to {largest:.3g} m, over {wide:.3g} m")
+        want = f"a size in metres from {_ATOM:g} to {_TOWN:g}"
+        raise invalid(argument, shown, want, "Check the unit.")
 
 
 def checked(heights: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats, Floats]:
@@ -57,12 +72,15 @@ def _places(name: str, values: ArrayLike) -> Floats:
     return np.linspace(places[0], places[-1], places.size)
 
 
-def read_csv(path: Path, spacing: float | None) -> tuple[Floats, Floats, Floats]:
+def read_csv(
+    path: str | Path, spacing: float | None, wanted: Wanted = FILE
+) -> tuple[Floats, Floats, Floats]:
     """Return heights, x and y of a file; with a spacing, the file holds heights alone."""
+    lines = io.StringIO(text(path, wanted, "utf-8-sig"), newline="")
+    path = Path(path)
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
+    except csv.Error as error:
         shown = described(f"{path} ({error})")
         raise invalid("path", shown, "a CSV file that can be read", "Check it.") from None
     if len({len(row) for row in rows}) != 1:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,12 +14,15 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from robustpolish.arrays import AnyArray as Array
+from robustpolish.brush.surfaces.grid import FILE, check_size
 from robustpolish.brush.surfaces.polished_surface import Floats
-from robustpolish.validation import described, invalid
+from robustpolish.files import Wanted, content
+from robustpolish.validation import described, invalid, one_of
 
 _STEEPEST = 0.05  # upward part of a face's normal: 87 degrees
 _MOST_CELLS = 200  # along the longer side, unless a spacing is given
 _MOST_GIVEN = 600
+_FORMATS = (".stl", ".obj", ".off", ".ply")
 _REMEDY = "Cut the polished side out of the model as one open sheet, z up."
 
 
@@ -37,18 +42,26 @@ class Sheet:
     faces: Array
 
 
-def read_mesh(path: Path, scale: float) -> Sheet:
+def read_mesh(path: str | Path, scale: float, wanted: Wanted = FILE) -> Sheet:
     """Read a mesh in metres, or say what is wrong with it."""
+    whole = content(path, wanted)
+    kind = one_of("path", Path(path).suffix.casefold(), _FORMATS, "Convert the file.")
     import trimesh  # takes a second to import, and few need it
 
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # it logs tracebacks of damaged files
     try:
-        loaded: Any = trimesh.load_mesh(path, process=False)
+        # As bytes alone it can name no other file that would be read too.
+        loaded: Any = trimesh.load_mesh(io.BytesIO(whole), file_type=kind[1:], process=False)
         vertices, faces = np.array(loaded.vertices, dtype=float), np.array(loaded.faces)
     except Exception as error:  # the reader raises whatever its formats do
         shown = described(f"{path} ({error or type(error).__name__})")
         raise invalid(
             "path", shown, "a mesh that can be read, such as an STL file", "Check it."
         ) from None
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+        raise _refused("no triangles in space", "a mesh of triangles", "Check the file.")
+    if faces.size and not (faces.min() >= 0 and faces.max() < len(vertices)):
+        raise _refused("faces between corners that are not there", "a mesh", "Export it anew.")
     if not np.all(np.isfinite(vertices)):
         count = int(np.sum(~np.isfinite(vertices).all(axis=1)))
         raise _refused(
@@ -62,6 +75,7 @@ def checked(vertices: Floats, faces: Array) -> Sheet:
     size = float(np.max(np.ptp(vertices, axis=0))) if len(vertices) else 0.0
     if len(faces) < 2 or not size > 0:
         raise _refused(f"{len(faces)} faces", "a mesh of triangles", "Check the file.")
+    check_size("path", vertices)
     # An STL file repeats every corner for every face that has it.
     _, kept, joined = np.unique(
         np.rint(vertices / (1e-7 * size)), axis=0, return_index=True, return_inverse=True

@@ -118,7 +118,14 @@ class Mould(PolishedSurface):
         return cls._through(scale * found, scale * places, scale * others, "a map of heights")
 
     @classmethod
-    def from_csv(cls, path: str | Path, *, unit: Unit = "m", spacing: float | None = None) -> Mould:
+    def from_csv(
+        cls,
+        path: str | Path,
+        *,
+        unit: Unit = "m",
+        spacing: float | None = None,
+        max_bytes: float | None = None,
+    ) -> Mould:
         """Return the mould of a grid of heights in a file.
 
         Parameters
@@ -130,6 +137,8 @@ class Mould(PolishedSurface):
             Of everything in the file, and of `spacing`.
         spacing : float, optional
             Distance of rows, and of columns, of a file with heights alone.
+        max_bytes : float, optional
+            Largest size of the file in bytes, 1e8 by default.
 
         Returns
         -------
@@ -141,11 +150,19 @@ class Mould(PolishedSurface):
             If the file cannot be read as that, or as in `from_array`.
         """
         scale = grid.scale_of(unit)
-        places, others, found = grid.checked(*grid.read_csv(Path(path), spacing))
+        wanted = grid.FILE.limited(max_bytes)
+        places, others, found = grid.checked(*grid.read_csv(path, spacing, wanted))
         return cls._through(scale * found, scale * places, scale * others, Path(path).name)
 
     @classmethod
-    def from_stl(cls, path: str | Path, *, unit: Unit, spacing: float | None = None) -> Mould:
+    def from_stl(
+        cls,
+        path: str | Path,
+        *,
+        unit: Unit,
+        spacing: float | None = None,
+        max_bytes: float | None = None,
+    ) -> Mould:
         """Return the smooth mould through the vertices of a mesh.
 
         Vertices of a mesh lie on the surface, its flat faces do not: the spline of least bending
@@ -154,11 +171,13 @@ class Mould(PolishedSurface):
         Parameters
         ----------
         path : str or Path
-            An STL file (any format that trimesh reads without help will do), seen from above, z up.
+            An STL file, or a mesh in OBJ, OFF or PLY; seen from above, z up.
         unit : {"m", "mm", "um"}
             Of the file, which does not say it.
         spacing : float, optional
             Of the grid, in the unit of the file; about as far as vertices are apart.
+        max_bytes : float, optional
+            Largest size of the file in bytes, 1e8 by default.
 
         Returns
         -------
@@ -171,7 +190,7 @@ class Mould(PolishedSurface):
             several pieces, or if no smooth surface comes near its vertices.
         """
         scale = grid.scale_of(unit)
-        shape = mesh.read_mesh(Path(path), scale)
+        shape = mesh.read_mesh(path, scale, grid.FILE.limited(max_bytes))
         step = None if spacing is None else scale * positive("spacing", spacing, unit)
         x, y, faces = mesh.covered(shape, step)
         found, error = scattered.fitted(shape, x, y, faces)

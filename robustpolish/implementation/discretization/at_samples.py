@@ -13,7 +13,7 @@ from robustpolish.implementation.sampled.anti_aliasing import (
     filter_system,
     with_filter,
 )
-from robustpolish.implementation.sampled.period_map import split_delay
+from robustpolish.implementation.sampled.period_map import beyond_a_period, split_delay
 from robustpolish.models import GeneralizedPlant
 from robustpolish.models.plant.blocks import named_system
 from robustpolish.validation import positive
@@ -107,4 +107,6 @@ def _flow(plant: GeneralizedPlant, length: float) -> tuple[Matrix, Matrix]:
     generator = np.zeros((n + nu, n + nu))
     generator[:n] = np.hstack([plant.A, plant.B2])
     exponential: Matrix = np.asarray(expm(generator * length), dtype=float)
+    if not np.isfinite(exponential).all():
+        raise beyond_a_period(length)
     return exponential[:n, :n], exponential[:n, n:]

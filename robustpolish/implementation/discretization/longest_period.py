@@ -69,7 +69,8 @@ def longest_period(
             return False
         late = delay + delay_periods * period
         A = scaled(period_map(plant, K, period, late)).transition()
-        return bool(np.abs(np.linalg.eigvals(A)).max(initial=0.0) < 1)
+        grows = not np.isfinite(A).all()  # beyond doubles within a period
+        return not grows and bool(np.abs(np.linalg.eigvals(A)).max(initial=0.0) < 1)
 
     rates = np.abs(np.linalg.eigvals(np.asarray(plant.closed_loop(controller).A)))
     rates = rates[rates > rates.max(initial=0.0) * 1e-12]

@@ -135,13 +135,15 @@ class SampledDesign(Displayed):
         write_saved(path, "sampled design", sampled_content(self), force)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> SampledDesign:
+    def load(cls, path: str | os.PathLike[str], *, max_bytes: float | None = None) -> SampledDesign:
         """Read a sampled design from a file, and certify it again: the file is not believed.
 
         Parameters
         ----------
         path : path
             A file that :meth:`save` wrote.
+        max_bytes : float, optional
+            Largest size of the file in bytes, 2e8 by default.
 
         Returns
         -------
@@ -164,7 +166,7 @@ class SampledDesign(Displayed):
         ...
         robustpolish.errors.InvalidInputError: path: got missing.json (No such file or directory)...
         """
-        return sampled_from(read_saved(path, "sampled design"))
+        return sampled_from(read_saved(path, "sampled design", max_bytes))
 
     def realization(self, form: str = "balanced") -> SampledDesign:
         """Return the same controller in other coordinates, and say what single precision costs it.

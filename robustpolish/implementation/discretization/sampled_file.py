@@ -19,7 +19,12 @@ from robustpolish.implementation.discretization.certify_sampled import (
 )
 from robustpolish.implementation.realization.forms import FORMS
 from robustpolish.implementation.sampled.anti_aliasing import filter_system
-from robustpolish.models.plant.file import plant_content, system_content, system_from
+from robustpolish.models.plant.file import (
+    check_size,
+    plant_content,
+    system_content,
+    system_from,
+)
 from robustpolish.models.plant.plant import plant_from
 from robustpolish.saved_file import Fields, confirm_norm
 from robustpolish.validation import invalid
@@ -55,11 +60,13 @@ def sampled_fields(fields: Fields) -> dict[str, Any]:
         loop has another norm than the file says.
     """
     plant = checked_plant(plant_from(fields.table("plant")))
+    given = system_from(fields.table("controller"))
+    check_size(fields, plant.system, given)
     period, delay = fields.number("period"), fields.number("delay")
     if not (math.isfinite(period) and period > 0):
         raise invalid(f"{fields.where}: period", period, "a time above 0 s", _REMEDY)
     delay = checked_delay(delay, period)
-    controller = discrete_controller(plant, system_from(fields.table("controller")), period)
+    controller = discrete_controller(plant, given, period)
     analogue = None
     if fields.raw("anti_aliasing") is not None:
         analogue = filter_system(system_from(fields.table("anti_aliasing")), plant.ny)

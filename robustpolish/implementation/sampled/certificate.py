@@ -17,7 +17,7 @@ from robustpolish.implementation.sampled.induced_norm import GainTest, bracket, 
 from robustpolish.implementation.sampled.loop_delays import loop_delay_taken_out
 from robustpolish.implementation.sampled.norm_proof import prove_above, prove_below
 from robustpolish.implementation.sampled.peak import peak_frequency
-from robustpolish.implementation.sampled.period_map import period_map
+from robustpolish.implementation.sampled.period_map import beyond_a_period, period_map
 from robustpolish.implementation.sampled.scaled_map import ScaledMap, scaled
 from robustpolish.long_calls import same_bits
 from robustpolish.models import GeneralizedPlant
@@ -153,7 +153,11 @@ def certificate_of(
     plant, own = loop_delay_taken_out(plant)
     found = period_map(plant, controller, period, delay + own)
     loop = scaled(found)
-    poles: Any = np.linalg.eigvals(loop.transition()).astype(complex)
+    with np.errstate(over="ignore", invalid="ignore"):
+        transition = loop.transition()
+    if not np.isfinite(transition).all():
+        raise beyond_a_period(period)
+    poles: Any = np.linalg.eigvals(transition).astype(complex)
     poles = poles[np.argsort(-np.abs(poles), kind="stable")]
     notes = (*_delay_note(given, plant, own), *_noise_note(plant, found.noisy))
     size = float(np.abs(poles).max(initial=0.0))

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustpolish.arrays import Matrix
+from robustpolish.exact.exponents import BeyondDoublesError
 from robustpolish.implementation.sampled.period_map import Phase
 
 SMALL_STEP = 0.25
@@ -90,6 +91,8 @@ def hamiltonian(phase: Phase, gamma: float) -> Matrix | None:
 def halvings(H: Matrix, length: float) -> int:
     """Return how often to halve a stretch until its first step is small."""
     size = float(np.linalg.norm(H, 1)) * length / SMALL_STEP
+    if not math.isfinite(size):
+        raise BeyondDoublesError
     return max(0, math.ceil(math.log2(size))) if size > 1 else 0
 
 

@@ -16,8 +16,10 @@ import control
 import numpy as np
 
 from robustpolish.arrays import Matrix
+from robustpolish.errors import InvalidInputError
 from robustpolish.models import GeneralizedPlant
 from robustpolish.models.plant.blocks import matrices_of
+from robustpolish.validation import described, invalid
 
 SAME_INSTANT = 1e-9
 """Instants nearer to each other than this part of a period are one: clocks are not better."""
@@ -78,6 +80,16 @@ class PeriodMap:
         start = matrix(self.L0) + times(matrix(self.Lu), u)
         kept = matrix(self.N0) + times(matrix(self.Nu), u)
         return start, kept + times(matrix(self.Ny), matrix(self.Y))
+
+
+def beyond_a_period(period: float) -> InvalidInputError:
+    """Build the error about states that grow beyond doubles in a period; the caller raises it."""
+    return invalid(
+        "period",
+        described(f"{period:.6g} s, in which states grow beyond 1e308"),
+        "a period that suits the poles of the plant",
+        "Take a shorter one, and check the unit of time of the plant.",
+    )
 
 
 def split_delay(period: float, delay: float) -> tuple[int, float]:

@@ -208,7 +208,8 @@ def _delay(response: Response, crossovers: tuple[Crossing, ...]) -> float:
 
 
 def _modulus(loop: Loop, place: Place, signal: int) -> float:
-    return 1 / loop.peak(loop.at(place, [signal])).value
+    largest = loop.peak(loop.at(place, [signal])).value
+    return 1 / largest if largest > 0 else math.inf
 
 
 def _unstable(response: Response) -> int:

@@ -12,6 +12,7 @@ import xarray as xr
 
 from robustpolish.analysis.norms.frequency_grid import frequency_grid
 from robustpolish.arrays import AnyArray, Vector
+from robustpolish.exact.exponents import refuse_extreme
 from robustpolish.models.plant.given_system import as_state_space
 from robustpolish.models.plant.measured import finite
 from robustpolish.validation import described, invalid
@@ -79,6 +80,8 @@ def read_family(plants: Any, nominal: Any) -> Family:
     if any(item is not None for item in measured):
         return _of_responses([item for item in measured if item], len(given), centre)
     models = tuple(as_state_space(f"plants[{i}]", item) for i, item in enumerate(given))
+    for i, model in enumerate(models):
+        refuse_extreme(f"plants[{i}]", {name: np.asarray(getattr(model, name)) for name in "ABCD"})
     return _of_models(models, centre)
 
 
@@ -187,6 +190,9 @@ def _of_models(models: tuple[control.StateSpace, ...], centre: Any) -> Family:
 
 def _same_shape(shapes: Sequence[tuple[int, ...]], centre: control.StateSpace) -> None:
     own = (centre.noutputs, centre.ninputs)
+    if 0 in own:
+        shown = described(f"{own[0]} outputs and {own[1]} inputs")
+        raise invalid("plants", shown, "at least one of each", "Select signals.")
     for i, shape in enumerate(shapes):
         if tuple(shape) != own:
             shown = described(f"{shape[0]} x {shape[1]}")

@@ -391,12 +391,14 @@ class MechanicalModel(MechanicalData, Displayed):
         return cls._of(air_bearing_data(parameters, dissipation))
 
     @classmethod
-    def from_toml(cls, source: str | Path) -> MechanicalModel:
+    def from_toml(cls, source: str | Path, *, max_bytes: float | None = None) -> MechanicalModel:
         """Read a model from a TOML file, or from its text if `source` has a line break.
 
         Parameters
         ----------
         source : path or str
+        max_bytes : float, optional
+            Largest size of the file in bytes, 1e7 by default.
 
         Returns
         -------
@@ -407,7 +409,7 @@ class MechanicalModel(MechanicalData, Displayed):
         InvalidInputError
             If the file cannot be read or is no model; the message names the line or key.
         """
-        return cls._of(read_model(source))
+        return cls._of(read_model(source, max_bytes))
 
     def to_toml(self, path: str | Path | None = None) -> str:
         """Return the model as TOML text, and write it to `path` if one is given.

@@ -12,6 +12,8 @@ from typing import Any
 
 from robustpolish.effects import GROUND, OWN_KEYS, Effect, own_kind, own_table
 from robustpolish.errors import InvalidInputError
+from robustpolish.files import Wanted, check_tree
+from robustpolish.files import text as read_text
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import (
     DISPLACEMENT,
@@ -26,10 +28,14 @@ from robustpolish.models.mechanical.parts import (
 )
 from robustpolish.models.mechanical.toml_lines import line_of
 from robustpolish.saving import write_file
-from robustpolish.validation import Key, described, invalid, known_keys, one_of
+from robustpolish.validation import Key, described, instance_of, invalid, known_keys, one_of
 from robustpolish.versions import __version__
 
 Table = Mapping[str, Any]
+
+_FILE = Wanted(
+    "model", "a TOML file with a mechanical model", "Check the path and the file.", 10_000_000
+)
 
 _TOP = (
     "name", "spin_frequency", "dof", "coupled_inertia", "spring", "damper", "input", "output",
@@ -37,20 +43,22 @@ _TOP = (
 )  # fmt: skip
 
 
-def read_model(source: str | Path) -> MechanicalData:
+def read_model(source: str | Path, max_bytes: float | None = None) -> MechanicalData:
     """Read a model from a file, or from TOML text if `source` has a line break."""
-    with located(source) as table:
+    with located(source, max_bytes) as table:
         return _model(table)
 
 
 @contextmanager
-def located(source: str | Path) -> Iterator[Table]:
+def located(source: str | Path, max_bytes: float | None = None) -> Iterator[Table]:
     """Read a TOML file, or text; what is complained about inside gets the number of its line.
 
     Parameters
     ----------
     source : path or str
         A file, or TOML text if it has a line break.
+    max_bytes : float, optional
+        Largest size of a file.
 
     Yields
     ------
@@ -60,30 +68,24 @@ def located(source: str | Path) -> Iterator[Table]:
     if isinstance(source, str) and "\n" in source:
         text, where = source, "model"
     else:
-        text, where = _read(source), str(source)
+        text, where = read_text(source, _FILE.limited(max_bytes)), str(source)
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InvalidInputError(f"{where}: not valid TOML: {error}.") from None
+    except ValueError:  # Python reads no integers of thousands of digits
+        raise InvalidInputError(
+            f"{where}: not a model: an integer of thousands of digits."
+        ) from None
     except RecursionError:
         raise InvalidInputError(f"{where}: not a model: tables nested too deeply.") from None
     try:
+        check_tree(table)
         yield table
     except InvalidInputError as error:
         line = line_of(text, error.key)
         at = f"{where}, line {line}" if line else where
         raise InvalidInputError(f"{at}: {error}", error.key) from None
-
-
-def _read(source: str | Path) -> str:
-    expected, remedy = "a TOML file with a mechanical model", "Check the path and the file."
-    try:
-        return Path(source).read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise invalid("model", str(source), "text in UTF-8", remedy) from None
-    except (OSError, TypeError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise invalid("model", described(f"{source} ({reason})"), expected, remedy) from None
 
 
 def _model(table: Table) -> MechanicalData:
@@ -219,6 +221,8 @@ def _output(where: Key, item: Table) -> Output:
     if QUANTITIES[quantity] == FORCE:
         known_keys(where, item, ("name", "quantity", "of", "unit"), ("of",))
         of = item["of"]
+        remedy = "Write of = 'F', or of = ['x', 'ground']."
+        instance_of((*where, "of"), of, (str, list), "the name of an input, or two places", remedy)
         return Output(item["name"], of, quantity, isinstance(of, str) or len(of) == 1, unit)
     known_keys(where, item, ("name", "measures", "quantity", "relative_to", "unit"), ("measures",))
     measures = item["measures"]

@@ -186,7 +186,17 @@ def named_system(
     control.StateSpace
     """
     names = {"inputs": list(inputs), "outputs": list(outputs), "states": list(states)}
-    return control.StateSpace(*matrices, dt, remove_useless_states=False, **names)
+    A, B, C, D = matrices
+    if not names["inputs"]:
+        # python-control loses a single row without columns: an input stands in for it.
+        n, p = len(names["states"]), len(names["outputs"])
+        padded = (A, np.zeros((n, 1)), C, np.zeros((p, 1)))
+        names["inputs"] = ["none"]
+        system = control.StateSpace(*padded, dt, remove_useless_states=False, **names)
+        system.set_inputs([])
+        system.B, system.D = np.zeros((n, 0)), np.zeros((p, 0))
+        return system
+    return control.StateSpace(A, B, C, D, dt, remove_useless_states=False, **names)
 
 
 def closed_loop(
@@ -196,10 +206,11 @@ def closed_loop(
     K = _checked(plant, controller)
     Ak, Bk, Ck, Dk = (np.asarray(M) for M in (K.A, K.B, K.C, K.D))
     loop = np.eye(plant.nu) - Dk @ plant.D22
-    if np.linalg.cond(loop) > 1 / np.finfo(float).eps:
+    condition = np.linalg.cond(loop) if loop.size and np.isfinite(loop).all() else 1.0
+    if condition > 1 / np.finfo(float).eps:
         raise invalid(
             "controller",
-            described(f"a loop matrix I - Dk D22 with condition {np.linalg.cond(loop):.1e}"),
+            described(f"a loop matrix I - Dk D22 with condition {condition:.1e}"),
             "a well-posed loop",
             "Change the controller's feedthrough or the plant's D22.",
         )
@@ -216,6 +227,13 @@ def closed_loop(
     B = np.vstack([plant.B1 + plant.B2 @ on_w, Bk @ (plant.D21 + plant.D22 @ on_w)])
     C = np.hstack([plant.C1 + plant.D12 @ on_x, plant.D12 @ on_k])
     D = plant.D11 + plant.D12 @ on_w
+    if not all(np.isfinite(M).all() for M in (loop, A, B, C, D)):
+        raise invalid(
+            "controller",
+            described("a loop with entries beyond 1e308"),
+            "products of plant and controller that double precision can hold",
+            "Choose other units for the signals.",
+        )
     taken = set(plant.states)
     extra = [f"{'controller_' if name in taken else ''}{name}" for name in K.state_labels]
     names = (plant.disturbance_names, plant.performance_names, [*plant.states, *extra])

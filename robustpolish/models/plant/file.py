@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import control
@@ -12,7 +13,7 @@ from robustpolish.models.plant.blocks import named_system
 from robustpolish.models.plant.wired import WiredPlant
 from robustpolish.models.plant.wiring import Wiring
 from robustpolish.saved_file import Fields
-from robustpolish.validation import described, invalid
+from robustpolish.validation import described, invalid, matrix
 
 
 def plant_content(plant: WiredPlant) -> dict[str, Any]:
@@ -72,5 +73,34 @@ def system_from(fields: Fields) -> control.StateSpace:
     n, m, p = len(states), len(inputs), len(outputs)
     shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
     matrices = [fields.array(name, *shape) for name, shape in shapes.items()]
+    for name, entries in zip(shapes, matrices, strict=True):
+        matrix(f"{fields.where}: {name}", entries)
+    for key, names in (("inputs", inputs), ("outputs", outputs), ("states", states)):
+        dotted = key != "states" and any("." in name for name in names)
+        if dotted or len(set(names)) < len(names):
+            want, remedy = "different names, of signals without dots", "The file was edited."
+            raise invalid(f"{fields.where}: {key}", names, want, remedy)
     dt = True if fields.raw("dt") is True else fields.number("dt")
+    if not 0 <= dt < math.inf:
+        raise invalid(f"{fields.where}: dt", dt, "0, or a sampling time in s", "Correct it.")
     return named_system(matrices, dt, inputs, outputs, states)
+
+
+_SQUARED = 1e150
+"""Entries whose squares doubles do not hold."""
+
+
+def check_size(fields: Fields, *systems: control.StateSpace) -> None:
+    """Refuse entries with which no loop can be computed, so that no design had them either.
+
+    Raises
+    ------
+    InvalidInputError
+        With the largest of them.
+    """
+    largest = max(
+        float(np.abs(np.asarray(M)).max(initial=0.0)) for s in systems for M in (s.A, s.B, s.C, s.D)
+    )
+    if largest > _SQUARED:
+        shown, remedy = described(f"an entry of size {largest:g}"), "The file was edited."
+        raise invalid(fields.where, shown, "entries whose squares are finite", remedy)

@@ -59,6 +59,9 @@ def as_state_space(
         raise invalid(argument, value, _KINDS, "Pass one of these.")
     gain = matrix(argument, value)
     rows, columns = gain.shape
+    if (rows == 0) != (columns == 0):
+        shown = described(f"shape {gain.shape}")
+        raise invalid(argument, shown, "a gain with entries", "Give a row per output.")
     return named_system(
         ([], [], [], gain),
         0 if dt is None else dt,

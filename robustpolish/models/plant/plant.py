@@ -655,12 +655,16 @@ class GeneralizedPlant(WiredPlant, Displayed):
         write_saved(path, "plant", plant_content(self), force)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> GeneralizedPlant:
+    def load(
+        cls, path: str | os.PathLike[str], *, max_bytes: float | None = None
+    ) -> GeneralizedPlant:
         """Read a plant from a file that :meth:`save` wrote.
 
         Parameters
         ----------
         path : path
+        max_bytes : float, optional
+            Largest size of the file in bytes, 2e8 by default.
 
         Returns
         -------
@@ -679,7 +683,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
         ...
         robustpolish.errors.InvalidInputError: path: got missing.json (No such file or directory)...
         """
-        return plant_from(read_saved(path, "plant"))
+        return plant_from(read_saved(path, "plant", max_bytes))
 
     def _card(self) -> Card:
         time = f"discrete time, step {self.dt}" if self.is_discrete else "continuous time"

@@ -248,7 +248,7 @@ class UncertainSystem(Displayed):
             raise invalid("sign", sign, "-1 or 1", "Choose one of these.")
         ny, nu = self.shape
         back = as_uncertain("other", other).matrices
-        if back.shape == (1, 1) != (nu, ny) and nu == ny:
+        if back.shape == (1, 1) != (nu, ny) and nu == ny > 0:
             back = appended([back] * ny)
         if back.shape != (nu, ny):
             shown = described(f"{back.shape[0]} x {back.shape[1]}")

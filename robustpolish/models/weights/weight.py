@@ -13,6 +13,8 @@ from robustpolish.models.plant.elements import bilinear
 from robustpolish.validation import described, invalid, positive
 
 MOST_ORDER = 10
+# Gains and frequencies beyond it, or below its inverse, have squares that no double holds.
+_LARGEST = 1e100
 
 
 def weight(
@@ -86,6 +88,9 @@ def weight(
         shown = described("an infinite gain at high frequencies")
         raise invalid("high", shown, "a finite one", "Such a weight is no state-space system.")
     hertz = positive("crossover_hz", crossover_hz, "Hz")
+    if not 1 / _LARGEST <= hertz <= _LARGEST:
+        want = f"a frequency from {1 / _LARGEST:g} to {_LARGEST:g} Hz"
+        raise invalid("crossover_hz", crossover_hz, want, "Check its unit.")
     whole = isinstance(order, int | np.integer) and not isinstance(order, bool)
     if not whole or not 1 <= order <= MOST_ORDER:
         raise invalid("order", order, f"a whole number from 1 to {MOST_ORDER}", "Take fewer.")
@@ -133,4 +138,7 @@ def _gain(argument: str, value: Any) -> float:
         number = math.nan
     if not number >= 0:
         raise invalid(argument, value, "a gain of at least 0", "Pass a ratio, not decibels.")
+    if number not in (0.0, math.inf) and not 1 / _LARGEST <= number <= _LARGEST:
+        want = f"0, a gain from {1 / _LARGEST:g} to {_LARGEST:g}, or infinity"
+        raise invalid(argument, value, want, "Pass a ratio, not decibels.")
     return number

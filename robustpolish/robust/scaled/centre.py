@@ -138,7 +138,7 @@ def centre(inequality: Inequality, square: float, x: Vector) -> Vector:
         units = np.sqrt(np.maximum(np.diagonal(curvature), 1e-300))
         try:
             factor = cho_factor(curvature / np.outer(units, units) + 1e-13 * np.eye(len(x)))
-        except np.linalg.LinAlgError:
+        except (np.linalg.LinAlgError, ValueError):  # not definite, or not even finite
             return x
         step = -cho_solve(factor, slope / units) / units
         decrement = np.sqrt(max(-(slope @ step), 0.0))

@@ -8,6 +8,8 @@ the loop.
 
 from __future__ import annotations
 
+import contextlib
+import os
 import pickle
 import subprocess
 import sys
@@ -78,19 +80,30 @@ def synthesise(
     }
     if time_limit <= 0:
         return SlycotAnswer(None, None, f"no time was left for {routine}")
+    worker = subprocess.Popen(
+        [sys.executable, str(_WORKER), str(os.getpid())],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    out, complaints = b"", b""
+    life, worker.stdin = worker.stdin, None  # stays open: its end would be ours for the worker
+    assert life is not None
     try:
-        done = subprocess.run(
-            [sys.executable, str(_WORKER)],
-            input=pickle.dumps(task),
-            capture_output=True,
-            timeout=time_limit,
-            check=False,
-        )
+        with contextlib.suppress(BrokenPipeError):  # a worker that cannot start says why
+            life.write(pickle.dumps(task))
+            life.flush()
+        out, complaints = worker.communicate(timeout=time_limit)
     except subprocess.TimeoutExpired:
         return SlycotAnswer(None, None, f"{routine} was ended after {time_limit:.3g} s")
-    if done.returncode != 0:
-        lines = done.stderr.decode(errors="replace").strip().splitlines() or ["it crashed"]
+    finally:
+        worker.kill()
+        worker.communicate()
+        with contextlib.suppress(BrokenPipeError):
+            life.close()
+    if worker.returncode != 0 or not out:
+        lines = complaints.decode(errors="replace").strip().splitlines() or ["it crashed"]
         return SlycotAnswer(None, None, f"{routine} refused: {lines[-1][:200]}")
-    answer = pickle.loads(done.stdout)
+    answer = pickle.loads(out)
     gamma = None if answer["gamma"] is None else float(answer["gamma"])
     return SlycotAnswer(tuple(map(np.atleast_2d, answer["controller"])), gamma, "")

@@ -1,7 +1,8 @@
 """Runs one SLICOT synthesis routine. A program of its own: it imports nothing of the package.
 
 It reads a pickled dictionary from its standard input and writes one to its standard output, so that
-a routine that hangs or crashes takes nothing with it.
+a routine that hangs or crashes takes nothing with it. Given the number of the process that
+started it, which holds that input open, it ends when that does.
 """
 
 import pickle
@@ -13,6 +14,10 @@ def main() -> None:
     import slycot
 
     task = pickle.load(sys.stdin.buffer)
+    if __name__ == "__main__" and len(sys.argv) > 1:
+        from parent_watch import end_with  # beside this file; the package imports for a second
+
+        end_with(int(sys.argv[1]), sys.stdin.fileno())
     n, m, outputs, controls, measurements = task["sizes"]
     A, B, C, D = task["matrices"]
     if task["routine"] == "SB10AD":

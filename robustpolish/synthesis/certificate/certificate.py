@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from robustpolish.analysis import stability
 from robustpolish.display import Card, Displayed, quantities
+from robustpolish.exact.exponents import refuse_extreme
 from robustpolish.long_calls import same_bits
 from robustpolish.models import GeneralizedPlant
+from robustpolish.models.plant.blocks import named_system
 from robustpolish.models.plant.given_controller import GivenController, controller_system
 from robustpolish.plotting import plot_poles
 from robustpolish.synthesis.certificate.achieved_norm import achieved_h2, achieved_hinf
@@ -234,6 +236,7 @@ def certify(
     instance_of("plant", plant, GeneralizedPlant, "a GeneralizedPlant", remedy)
     K = controller_system(plant, controller)
     rounded = plant.closed_loop(K)  # checks shapes, times and that the loop is well posed
+    refuse_extreme("plant", {name: getattr(rounded, name) for name in "ABCD"})
     reasons: list[str] = []
     try:
         loop = enclose_loop(plant, K)
@@ -244,7 +247,8 @@ def certify(
             "a well-posed loop",
             "Change the controller's feedthrough.",
         ) from None
-    system = control.StateSpace(*loop.doubles, plant.dt)
+    names = (rounded.input_labels, rounded.output_labels, rounded.state_labels)
+    system = named_system(loop.doubles, plant.dt, *names)
     poles, damping, hertz = _poles(system, plant.dt)
     step = (1.0 if plant.dt is True else float(plant.dt)) if plant.is_discrete else None
     level = rounding_level(loop)

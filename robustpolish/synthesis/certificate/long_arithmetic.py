@@ -11,6 +11,7 @@ from typing import Any
 import flint
 import numpy as np
 
+from robustpolish.deadline import look_at_the_clock
 from robustpolish.exact import balls
 from robustpolish.exact.balls import Ball
 from robustpolish.exact.realisation import size
@@ -21,6 +22,8 @@ _TOLERANCE = 1e-5
 # Eigenvalues of the Hamiltonian nearer to the axis than this, relative, count as crossings: the
 # bits resolve far less, and a peak as narrow as double precision can hold keeps farther away.
 _ON_AXIS = 1e-28
+# Seconds that eigenvalues of a matrix with one row take; they grow with the cube.
+_EIGENVALUES = 2e-6
 # Each step of the doubling algorithm looks twice as far ahead: it takes as many as the ratio of
 # fastest and slowest rate has bits, and more where the bound is near the norm and for the accuracy.
 _MORE_STEPS = 20
@@ -65,6 +68,7 @@ def _crossings(loop: LoopBalls, gamma: float) -> list[float]:
     g = flint.arb(gamma)
     A, R, Q = replace(loop, B=loop.B / g, D=loop.D / g).riccati_terms()
     hamiltonian = balls.block([[A, R], [-Q, -A.transpose()]])
+    look_at_the_clock(_EIGENVALUES * hamiltonian.nrows() ** 3)
     values = flint.acb_mat(hamiltonian.mid()).eig(algorithm="approx")
     near = [value for value in values if abs(value.real.mid()) <= abs(value).mid() * _ON_AXIS]
     return sorted({abs(float(value.imag.mid())) for value in near})
@@ -97,6 +101,7 @@ def precise_candidate(loop: LoopBalls) -> Ball | None:
         R = (resolvent * R * core.transpose() * (rate * 2)).mid()
         Q = (core.transpose() * Q * resolvent * (rate * 2)).mid()
         for _ in range(math.ceil(math.log2(fastest / damping)) + _MORE_STEPS):
+            look_at_the_clock()
             W = (one - R * Q).mid().inv().mid()
             EW = (E * W).mid()
             more = (E.transpose() * Q * (W * E)).mid()

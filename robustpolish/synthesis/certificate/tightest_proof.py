@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import Literal
 
+from robustpolish.deadline import look_at_the_clock
 from robustpolish.synthesis.certificate.long_arithmetic import precise_peak
 from robustpolish.synthesis.certificate.loop_balls import (
     BITS,
@@ -93,7 +94,11 @@ def tightest_proof(
 
 
 def _first(proofs: Iterable[NormProof | None]) -> NormProof | None:
-    return next((proof for proof in proofs if proof is not None), None)
+    for proof in proofs:
+        if proof is not None:
+            return proof
+        look_at_the_clock()
+    return None
 
 
 def _precisions(states: int) -> Iterator[int]:

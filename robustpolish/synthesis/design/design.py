@@ -132,13 +132,15 @@ class Design(Displayed):
         write_saved(path, "design", design_content(self), force)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Design:
+    def load(cls, path: str | os.PathLike[str], *, max_bytes: float | None = None) -> Design:
         """Read a design from a file, and certify it again: the file is not believed.
 
         Parameters
         ----------
         path : path
             A file that :meth:`save` wrote.
+        max_bytes : float, optional
+            Largest size of the file in bytes, 2e8 by default.
 
         Returns
         -------
@@ -162,7 +164,7 @@ class Design(Displayed):
         ...
         robustpolish.errors.InvalidInputError: path: got missing.json (No such file or directory)...
         """
-        return design_from(read_saved(path, "design"))
+        return design_from(read_saved(path, "design", max_bytes))
 
     def reduce(self, order: int | None = None, tolerance: float | None = None) -> Design:
         """Shorten the controller, and certify its loop anew.

@@ -12,7 +12,12 @@ from typing import Any, get_args
 import control
 import numpy as np
 
-from robustpolish.models.plant.file import plant_content, system_content, system_from
+from robustpolish.models.plant.file import (
+    check_size,
+    plant_content,
+    system_content,
+    system_from,
+)
 from robustpolish.models.plant.plant import plant_from
 from robustpolish.saved_file import SAME_NORM, Fields, confirm_norm, plain
 from robustpolish.synthesis.blocks.tuned import TunedBlocks
@@ -56,6 +61,7 @@ def design_fields(fields: Fields) -> dict[str, Any]:
     """
     plant = plant_from(fields.table("plant"))
     controller = system_from(fields.table("controller"))
+    check_size(fields, plant.system, controller)
     norm = fields.text("norm", ("hinf", "h2"))
     claimed = None if fields.raw("claimed") is None else fields.number("claimed")
     certificate = certify(plant, controller, "h2" if norm == "h2" else "hinf", claimed)
@@ -135,7 +141,9 @@ def _read(table: Fields, key: str, value: Any) -> Any:
         return float(value)
     if not isinstance(value, dict):
         return value
-    (kind, body), own = next(iter(value.items())), Fields(value, f"{table.where}: {key}")
+    own = Fields(value, f"{table.where}: {key}")
+    body: Any
+    kind, body = next(iter(value.items()), ("nothing", None))
     try:
         if kind == "array":
             return np.array(body, dtype=float)

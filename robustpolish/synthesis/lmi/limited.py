@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from robustpolish.errors import RobustPolishError
+from robustpolish.synthesis.backends.parent_watch import end_with
 
 # Longer waits may exceed what the system's clock can hold.
 _A_DAY = 86400.0
@@ -22,7 +23,7 @@ def run_limited(call: Callable[[], Any], seconds: float) -> Any:
     """Run `call` in a process of its own and end it after some seconds.
 
     Solvers look at the clock between iterations at best, and one iteration on a large
-    problem can take minutes.
+    problem can take minutes. The process ends with this one, too, whatever ends it.
 
     Parameters
     ----------
@@ -49,20 +50,30 @@ def run_limited(call: Callable[[], Any], seconds: float) -> Any:
     if not hasattr(os, "fork"):
         return call()
     reader, writer = os.pipe()
+    watched, life = os.pipe()
+    parent = os.getpid()
     with warnings.catch_warnings():
         # Python warns of threads that hold locks; the child computes, answers and ends.
         warnings.simplefilter("ignore", DeprecationWarning)
         child = os.fork()
     if child == 0:
         os.close(reader)
+        os.close(life)
         os.setpgid(0, 0)
-        _answer(call, writer)
+
+        def watched_call() -> Any:
+            end_with(parent, watched)
+            return call()
+
+        _answer(watched_call, writer)
     os.close(writer)
+    os.close(watched)
     try:
         answer = _read(reader, time.monotonic() + seconds)
     finally:
         os.close(reader)
         _end(child)
+        os.close(life)
     if isinstance(answer, RobustPolishError):
         raise answer
     return answer

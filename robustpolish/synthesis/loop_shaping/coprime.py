@@ -10,6 +10,7 @@ from scipy import linalg
 
 from robustpolish.arrays import AnyMatrix as Matrix
 from robustpolish.errors import SolverError
+from robustpolish.exact.exponents import refuse_extreme
 from robustpolish.models import GeneralizedPlant
 from robustpolish.models.plant.blocks import matrices_of
 from robustpolish.models.plant.given_system import as_state_space
@@ -115,6 +116,11 @@ def coprime(plant: GeneralizedPlant) -> Coprime:
     t = scale[:-1] / scale[-1]
     A, B, C = A * t / t[:, None], B / t[:, None], C * t
     S, R = np.eye(B.shape[1]) + D.T @ D, np.eye(len(C)) + D @ D.T
+    if max(np.linalg.cond(S), np.linalg.cond(R)) > 1 / np.finfo(float).eps:
+        raise SolverError(
+            "The normalised coprime factors are lost in rounding: the plant passes its inputs on "
+            f"directly with gains up to {np.abs(D).max():.3g}. Choose other units for the signals."
+        )
     own = A - B @ np.linalg.solve(S, D.T @ C)
     into, out = B @ np.linalg.solve(S, B.T), C.T @ np.linalg.solve(R, C)
     X, Z = solve_riccati(own, -into, out), solve_riccati(own.T, -out, into)
@@ -149,10 +155,11 @@ def loop_plant(argument: str, plant: Any) -> GeneralizedPlant:
     """Return a plant whose part from u to y is meant, whatever was given."""
     if not isinstance(plant, GeneralizedPlant):
         G = as_state_space(argument, plant)
-        return GeneralizedPlant(G, measurements=G.noutputs or 0, controls=G.ninputs or 0)
+        plant = GeneralizedPlant(G, measurements=G.noutputs or 0, controls=G.ninputs or 0)
     if not (plant.nu and plant.ny):
         shown = described(f"{plant.nu} controls and {plant.ny} measurements")
         raise invalid(argument, shown, "at least one of each", "Check controls=, measurements=.")
+    refuse_extreme(argument, {name: getattr(plant, name) for name in ("A", "B2", "C2", "D22")})
     return plant
 
 

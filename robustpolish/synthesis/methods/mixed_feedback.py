@@ -64,8 +64,8 @@ def mixed_output_feedback(
     backend, solver : str, optional
         Who solves the linear matrix inequalities; "cvxpy" (with Clarabel) or "picos".
     time_limit : float
-        Safety net in s for the search, whose work is limited otherwise; the status says if it
-        was reached.
+        Safety net in s for search and certificate; the work of the search is limited otherwise. The
+        status says if it was reached, an error if no certificate was complete in time.
     seed : int
         Of the random starts.
 
@@ -167,8 +167,8 @@ def mixed_state_feedback(
     backend, solver : str, optional
         Who solves the linear matrix inequalities; "cvxpy" (with Clarabel) or "picos".
     time_limit : float
-        Safety net in s for the search, whose work is limited otherwise; the status says if it
-        was reached.
+        Safety net in s for search and certificate; the work of the search is limited otherwise. The
+        status says if it was reached, an error if no certificate was complete in time.
     seed : int
         Of the random starts.
 

@@ -50,8 +50,8 @@ def observer_feedback(
     norm : {"hinf", "h2"}
         The norm from w to z; "h2" gives the LQG controller.
     time_limit : float
-        Safety net in s for the search, whose work is limited otherwise; the status says if it
-        was reached.
+        Safety net in s for search and certificate; the work of the search is limited otherwise. The
+        status says if it was reached, an error if no certificate was complete in time.
     seed : int
         Of the random starts.
     gain_bound : float, optional

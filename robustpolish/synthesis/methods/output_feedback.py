@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robustpolish.analysis import h2_norm, hinf_norm
+from robustpolish.deadline import ends_with
 from robustpolish.errors import SolverError
-from robustpolish.long_calls import Budget, same_bits, working
+from robustpolish.long_calls import Budget, same_bits, step_cost, working
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.certificate.certificate import Certificate, Norm, certify
 from robustpolish.synthesis.design.design import Design
@@ -117,7 +118,8 @@ def output_feedback(
     time_limit : float, optional
         A safety net, in seconds; 60 s, and 300 s with `order`. If it is reached the status is
         "time_limit", and another machine may find something else; otherwise it changes nothing.
-        The certificate, up to about 2 s for 60 states, is computed in any case.
+        It covers the certificate, for which the search leaves a quarter of the time, at most 5 s;
+        where its proof is not complete half a second after the limit, there is no design.
     split : bool
         Whether to solve parts of the plant that share no signal one by one, which is quicker and
         gives the same norm.
@@ -190,7 +192,13 @@ def output_feedback(
         whole = noisy(priced(plant, control_weight), measurement_noise)
         try:
             full = output_feedback(
-                whole, norm, backend=backend, solver=solver, tolerance=tolerance, effort=effort
+                whole,
+                norm,
+                backend=backend,
+                solver=solver,
+                tolerance=tolerance,
+                effort=effort,
+                time_limit=min(60.0, seconds / 2),
             )
         except SolverError:
             full = None  # nothing proven: few states may do where this found nothing
@@ -199,14 +207,19 @@ def output_feedback(
     if control_weight is not None or measurement_noise is not None:
         plant = noisy(priced(plant, control_weight), measurement_noise)
     settings = Settings(norm, method, backend, solver, tolerance, wanted)
-    budget = Budget(effort * POLICY.work, seconds)
+    if plant.nx > POLICY.costly_states or plant.is_discrete:
+        from robustpolish.analysis.norms.modal.modal_peak import get_ready  # imports Numba
+
+        get_ready()
+    work = max(POLICY.work, POLICY.attempts * step_cost(plant.nx))
+    budget = Budget.before_a_proof(effort * work, seconds)
     diagnosis = diagnose(plant)
     exact = [mode for mode in diagnosis.fixed_modes if mode.exact]
     if exact:
         raise refuse(exact)
     # Delays are approximated in the parts; the whole is certified with them as they are.
     parts = decoupled_parts(plant) if split else (undivided(plant.without_delays()),)
-    with working("Designing an output feedback"):
+    with working("Designing an output feedback"), ends_with(budget):
         chosen = _solve_parts(parts, settings, diagnosis, budget)
         controller = joined_controller(plant, parts, [c.controller if c else None for c in chosen])
         idle = _idle_norms(parts, chosen, norm)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from robustpolish.analysis import controllability, h2_norm, hinf_norm
 from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.deadline import ends_with
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.long_calls import Budget, same_bits, working
 from robustpolish.models import GeneralizedPlant
@@ -90,8 +91,9 @@ def state_feedback(
         Relative. A fifth of it is given away for a smaller gain, because the gain often
         grows without limit towards the optimum.
     time_limit : float, optional
-        Seconds: a safety net for the search, which normally ends with its work long before, so
-        that every machine finds the same gain. That it was reached is said in status and message.
+        Seconds: a safety net for search and certificate; the search normally ends with its work
+        long before, so that every machine finds the same gain. That it was reached is said in
+        status and message, or by an error where no certificate was complete in time.
 
     Returns
     -------
@@ -144,14 +146,14 @@ def state_feedback(
     """
     regions = _checked(plant, norm, method, backend, gain_bound, pole_region)
     tolerance, time_limit = positive("tolerance", tolerance), positive("time_limit", time_limit)
-    budget = Budget(POLICY.work, time_limit)
+    budget = Budget.before_a_proof(POLICY.work, time_limit)
     wanted = WantedNorm.checked(gamma)
     whole = priced(plant, control_weight).with_full_state()
     _refuse_infeasible(whole, norm)
     together = not split or (wanted.asks and norm == "h2")
     pieces = (undivided(whole),) if together else decoupled_parts(whole)
     engine = ENGINES[method](norm, tolerance, regions, backend, solver)
-    with working("Designing a state feedback"):
+    with working("Designing a state feedback"), ends_with(budget):
         found = _certified(whole, pieces, engine, gain_bound, budget, wanted)
     _keep(wanted, found)
     size = float(np.linalg.norm(found.F, 2))
@@ -278,7 +280,7 @@ def _certified(
         least = together(*(gain.lower_bound for gain in gains), 0.0)
         lower_bound = min(least, certificate.achieved)
         reasons = certificate.reasons + _broken(F, certificate, engine.regions, gain_bound)
-        slip = -POLICY.rounding * engine.tolerance
+        slip = -POLICY.rounding * relaxed.tolerance
         if not reasons and certificate.gap is not None and certificate.gap < slip:
             reasons = ("the gain is so large that rounding changes the norm",)
         if not reasons:

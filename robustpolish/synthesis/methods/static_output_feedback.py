@@ -61,8 +61,8 @@ def static_output_feedback(
         :func:`robustpolish.output_feedback` with ``order=`` is the way: it also starts from what
         full order reaches and says how far from it the result is.
     time_limit : float
-        Safety net in s for the search, whose work is limited otherwise; the status says if it
-        was reached.
+        Safety net in s for search and certificate; the work of the search is limited otherwise. The
+        status says if it was reached, an error if no certificate was complete in time.
     initial : array_like or control.StateSpace, optional
         A controller to start from, stabilising or not: F, or a system of the given order.
     seed : int

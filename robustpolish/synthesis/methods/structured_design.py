@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from robustpolish.analysis import h2_norm, hinf_norm
+from robustpolish.deadline import ends_with
 from robustpolish.errors import SolverError
 from robustpolish.long_calls import Budget, working
 from robustpolish.models import GeneralizedPlant
@@ -54,7 +55,9 @@ class Orders:
     ) -> Orders:
         """Check the arguments that all methods share, and start the clock of the safety net."""
         one_of("norm", norm, ("hinf", "h2"))
-        budget = Budget(effort * POLICY.work, positive("time_limit", time_limit, "s"))
+        budget = Budget.before_a_proof(
+            effort * POLICY.work, positive("time_limit", time_limit, "s")
+        )
         return cls(budget, seed, positive("target", target, zero=True))
 
 
@@ -96,12 +99,13 @@ def design_structured(
     for part, problem in zip(parts, problems, strict=True):
         if problem is None:
             refuse_unstable(part.plant)
-    with working("Searching a controller"):
+    with working("Searching a controller"), ends_with(orders.budget):
         designs = _design_parts(problems, orders)
     late = orders.budget.late
     controller, details = structure.join(whole, parts, designs)
     found = [design for design in designs if design is not None]
-    certificate = certify(whole, controller, norm)
+    with ends_with(orders.budget):
+        certificate = certify(whole, controller, norm)
     if not certificate.valid:
         raise SolverError(
             "The controller that was found could not be certified: "

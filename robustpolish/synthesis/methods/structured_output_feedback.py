@@ -67,8 +67,8 @@ def structured_output_feedback(
         Numbers to start from by name, as ``details["blocks"].numbers`` of a design lists them, or
         such a design. They may be unstable. Others start where their block says.
     time_limit : float
-        Safety net in s for the search, whose work is limited otherwise; the status says if it
-        was reached.
+        Safety net in s for search and certificate; the work of the search is limited otherwise. The
+        status says if it was reached, an error if no certificate was complete in time.
     seed : int
         Of the random starts; the same seed gives the same result unless time runs out.
     gain_bound : float, optional

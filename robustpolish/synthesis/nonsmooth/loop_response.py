@@ -128,6 +128,8 @@ def _largest(values: Complex) -> Vector:
     if not np.isfinite(values).all():
         return np.full(len(values), np.inf)
     found = np.linalg.norm(values, axis=(1, 2))
+    if not np.isfinite(found).all():  # its squares overflow
+        return np.full(len(values), np.inf)
     if min(values.shape[1:]) == 1:
         return found
     near = np.flatnonzero(found >= _FAR * np.linalg.norm(values[int(np.argmax(found))], 2))

@@ -10,6 +10,7 @@ import control
 import numpy as np
 from scipy import linalg
 
+from robustpolish.deadline import OutOfTimeError, for_a_part
 from robustpolish.long_calls import Budget, step_cost
 from robustpolish.synthesis.certificate.certificate import Certificate, certify
 from robustpolish.synthesis.design.status import Status
@@ -77,7 +78,13 @@ def choose(
         short = _simplified(problem, candidate, _given_away(problem, candidate, limit), budget)
         for each in (short, candidate) if short is not candidate else (candidate,):
             budget.spend(POLICY.certificate_work * step_cost(problem.plant.nx + each.order))
-            found = _certified(part, each, problem, reasons)
+            try:
+                with for_a_part(1.0 if last else POLICY.first_proof):
+                    found = _certified(part, each, problem, reasons)
+            except OutOfTimeError:
+                reasons.append("the time was over before its certificate was complete")
+                budget.look()
+                continue
             if found is None:
                 continue
             claim = part.norm(candidate.promise, problem.norm)
@@ -86,12 +93,18 @@ def choose(
             kept = found[1].bound <= problem.wanted.below * unit
             if achieved <= each.achieved * (1 + 1e-3) and kept:
                 status = _status(problem, searches, achieved)
-                return Chosen(*found, claim, owner, status, bound), reasons
+                done = Chosen(*found, claim, owner, status, bound)
+                # The gentlest controller is no better than one that misses what was seen of it.
+                return _best([done, *spare]) if last else done, reasons
             # Its loop is worse in the plant's own units than the search saw in scaled ones.
             spare.append(Chosen(*found, claim, owner, "suboptimal", bound))
         if last:
             break
-    return min(spare, key=lambda c: c.certificate.achieved, default=None), reasons
+    return _best(spare), reasons
+
+
+def _best(certified: Sequence[Chosen]) -> Chosen | None:
+    return min(certified, key=lambda c: c.certificate.achieved, default=None)
 
 
 def _limit(problem: Task, best: float) -> float:

@@ -184,7 +184,9 @@ def examine(
     if not all(np.isfinite(M).all() for M in K):
         return None
     K = balanced(K)
-    budget.spend(step_cost(problem.plant.nx + len(K.A)))
+    states = problem.plant.nx + len(K.A)
+    modal = states > POLICY.modal_loop_states and problem.norm == "hinf"
+    budget.spend(step_cost(problem.plant.nx if modal else states))
     achieved = _loop_norm(problem.plant, K, problem.norm)
     return Candidate(K, achieved, claimed, origin) if np.isfinite(achieved) else None
 

@@ -14,6 +14,9 @@ class SearchPolicy:
     work : float
         Steps that one call may spend before `effort` is applied: about ten times what the
         slowest of 24 COMPleib plants needs, and a few seconds.
+    attempts : float
+        Steps on the size of the plant that a call may spend at least: a search over gamma of a
+        plant of 120 states takes 40, where `work` would leave one of 250 states seven.
     search_share : float
         Share of the work that engines may spend; the rest shortens controllers.
     bound_accuracy : float
@@ -49,6 +52,9 @@ class SearchPolicy:
         Where checks are costly, none is made on rungs where gamma falls by more than this.
     lmi_states : int
         Inequalities for more states take longer than a call of "auto" is expected to.
+    modal_loop_states : int
+        Beyond so many states of a loop its norm comes from its modes, at the expense of a step on
+        the plant.
     exact_loop_states : int
         Up to so many states of a loop an exact norm is quick where doubles cannot tell.
     zero_states : int
@@ -66,11 +72,14 @@ class SearchPolicy:
         How much of the H2 norm may be given away: the optimum is known exactly, so little.
     certificate_work : float
         Work of one certificate, in steps on the loop's size.
+    first_proof : float
+        Share of the time left that a certificate may take while a gentler controller could follow.
     slycot_epsilon : float
         Regularisation for SLICOT's routines, which refuse singular plants.
     """
 
     work: float = 20_000.0
+    attempts: float = 80.0
     search_share: float = 0.7
     bound_accuracy: float = 0.03
     spoilt: float = 1e-5
@@ -86,6 +95,7 @@ class SearchPolicy:
     costly_states: int = 24
     quick_drop: float = 0.03
     lmi_states: int = 14
+    modal_loop_states: int = 100
     exact_loop_states: int = 16
     zero_states: int = 30
     as_good_as_zero: float = 1e-6
@@ -94,6 +104,7 @@ class SearchPolicy:
     h2_settled: float = 1e-6
     h2_tolerance: float = 2e-5
     certificate_work: float = 20.0
+    first_proof: float = 2 / 3
     slycot_epsilon: float = 1e-4
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robustpolish.arrays import Matrix
+from robustpolish.exact import exponents
 from robustpolish.models import GeneralizedPlant
 from robustpolish.models.plant.blocks import named_system
 from robustpolish.synthesis.problem.bilinear import to_continuous, to_discrete
@@ -17,6 +18,7 @@ from robustpolish.synthesis.problem.decoupling import named_controller
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, balanced, shift
 
 _SWEEPS = 20
+_NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,18 +126,24 @@ def scale_plant(plant: GeneralizedPlant) -> ScaledPlant:
     >>> bool(abs(scale_plant(plant).plant.A).max() < 10)
     True
     """
+    with exponents.within_doubles("plant", {name: getattr(plant, name) for name in _NAMES}):
+        return _scaled_plant(plant)
+
+
+def _scaled_plant(plant: GeneralizedPlant) -> ScaledPlant:
     nx, nw, nu, nz, ny = plant.nx, plant.nw, plant.nu, plant.nz, plant.ny
     time = 1.0 if plant.is_discrete else _unit_of_time(plant.A)
     S = np.block(
         [
-            [time * plant.A, time * plant.B1, time * plant.B2],
+            [exponents.scaled(M, time) for M in (plant.A, plant.B1, plant.B2)],
             [plant.C1, plant.D11, plant.D12],
             [plant.C2, plant.D21, plant.D22],
         ]
     )
     left, right = _balance(S, nx, nw, nz)
-    scaled = S * left[:, None] * right
-    matrices = (scaled[:nx, :nx], scaled[:nx, nx:], scaled[nx:, :nx], scaled[nx:, nx:])
+    S = exponents.scaled(S, left[:, None], right)
+    exponents.refuse_beyond(S)
+    matrices = (S[:nx, :nx], S[:nx, nx:], S[nx:, :nx], S[nx:, nx:])
     whole = plant.system
     names = (whole.input_labels, whole.output_labels, whole.state_labels)
     system = named_system(matrices, plant.dt, *names)
@@ -248,12 +256,12 @@ def _unit_of_time(A: Matrix) -> float:
     size = size[size > size.max(initial=0.0) * math.sqrt(np.finfo(float).eps)]
     if not size.size:
         largest = float(np.abs(A).max(initial=0.0))
-        return float(_power_of_two(1 / largest)) if largest > 0 else 1.0
-    return float(_power_of_two(math.exp(-np.log(size).mean())))
+        return 1 / float(_power_of_two(largest)) if largest > 0 else 1.0
+    return float(np.exp2(np.clip(np.round(-np.log2(size).mean()), -1000, 1000)))
 
 
 def _power_of_two(size: ArrayLike) -> Matrix:
     """Return the next power of two of every number; 1 for zeros."""
     array = np.asarray(size, dtype=float)
     safe = np.where(array > 0, array, 1.0)
-    return np.exp2(np.round(np.log2(safe)))
+    return np.exp2(np.clip(np.round(np.log2(safe)), -1000, 1000))

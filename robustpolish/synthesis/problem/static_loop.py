@@ -60,10 +60,11 @@ def close_static(plant: PlantMatrices, K: Matrix) -> StaticLoop | None:
     """Connect u = K y with a constant K; None if the loop is not well posed."""
     if not plant.has_d22:
         return _closed(plant, K, K, None, None)
-    left = np.eye(len(K)) - K @ plant.D22
-    right = np.eye(K.shape[1]) - plant.D22 @ K
-    if not np.isfinite(left).all() or np.linalg.cond(left) > 1 / np.finfo(float).eps:
-        return None
+    left, right = np.eye(len(K)) - K @ plant.D22, np.eye(K.shape[1]) - plant.D22 @ K
+    # Both are singular for the same K, but rounding may show it in one of them only.
+    for end in (left, right):
+        if not np.isfinite(end).all() or np.linalg.cond(end) > 1 / np.finfo(float).eps:
+            return None
     T = np.linalg.solve(left, K)
     return _closed(plant, K, T, np.linalg.inv(left), np.linalg.inv(right))
 

@@ -99,7 +99,9 @@ def test_example_of_skogestad_and_postlethwaite():
     assert abs(complex((1 / (1 - control.tf(G) * control.ss(design.controller)))(1e-4j))) < 1e-3
 
 
-@pytest.mark.parametrize("kind", range(6))
+@pytest.mark.parametrize(
+    "kind", [kind if kind < 2 else pytest.param(kind, marks=pytest.mark.slow) for kind in range(6)]
+)
 def test_gamma_is_that_of_python_control(kind):
     rng = np.random.default_rng(kind)
     np.random.seed(kind)  # noqa: NPY002, which is what control.rss draws from

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.exact import balls
+from robustpolish.synthesis.certificate.loop_balls import BITS, enclosed
 
 
 def plant(signals=1, dt=0):
@@ -73,3 +75,16 @@ def test_other_controllers_are_refused_with_the_right_hint(controller, told):
 def test_a_plant_has_to_name_its_signals():
     with pytest.raises(rp.InvalidInputError, match=r"plant: got TransferFunction.*measurements="):
         rp.certify(control.tf([1], [1, 1]), [[-3.0]])
+
+
+@pytest.mark.parametrize("damping", [1e-1, 1e-13])
+def test_the_gain_of_many_states_is_right_to_the_last_digit(damping):
+    """Light damping makes doubles useless, so that balls solve it all."""
+    A = np.zeros((64, 64))
+    for k in range(32):
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[0.0, 1.0], [-1.0, -damping]]
+    B, C = np.tile([[0.0], [1.0]], (32, 1)), np.tile([[1.0, 0.0]], (1, 32))
+    loop = enclosed(control.StateSpace(A, B, C, 0))
+    with balls.precision(BITS):
+        assert loop.gain_at(1.0) == pytest.approx(32 / damping, rel=1e-15)
+        assert loop.gain_at(np.inf) == 0.0

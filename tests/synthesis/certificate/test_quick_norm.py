@@ -63,3 +63,16 @@ def test_scales_even_out_units_and_are_powers_of_two():
     assert (np.exp2(np.round(np.log2(scale))) == scale).all()
     even = A * scale / scale[:, None]
     assert np.abs(even).max() < 16 * np.abs(even).min()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_many_states_have_the_norm_of_the_proven_bracket(seed):
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((60, 60))
+    A -= (np.linalg.eigvals(A).real.max() + 0.1) * np.eye(60)
+    B, C, D = rng.standard_normal((60, 2)), rng.standard_normal((3, 60)), np.ones((3, 2))
+    found = quick_norm(A, B, C, D)
+    proven = rp.hinf_norm(control.StateSpace(A, B, C, D))
+    assert found.settled
+    assert found.value == pytest.approx(proven.value, rel=1e-9)
+    assert found.frequency == pytest.approx(proven.frequency, rel=1e-4)

@@ -42,7 +42,14 @@ def test_channels_are_minimised_and_bounded_apart():
 
 
 @pytest.mark.parametrize(
-    "region", [HalfPlane(-0.6), Disk(-2.0, 1.8), Sector(0.8), [HalfPlane(-0.4), Sector(0.6)]]
+    "region",
+    [
+        *(
+            pytest.param(region, marks=pytest.mark.slow)
+            for region in (HalfPlane(-0.6), Disk(-2.0, 1.8), Sector(0.8))
+        ),
+        [HalfPlane(-0.4), Sector(0.6)],
+    ],
 )
 def test_poles_stay_in_their_region(region):
     design = mixed_output_feedback(oscillator(), pole_region=region, time_limit=8)

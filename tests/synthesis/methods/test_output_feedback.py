@@ -288,10 +288,13 @@ def test_a_plant_without_controls_is_refused():
     [
         lambda: flexible_structure(8),
         lambda: heat_rod(16),
-        lambda: mass_chain(6, priced=True),
-        lambda: random_plant(16, 0),
-        pytest.param(
-            lambda: random_plant(20, 5, unstable=4, singular=False), marks=pytest.mark.slow
+        *(
+            pytest.param(make, marks=pytest.mark.slow)
+            for make in (
+                lambda: mass_chain(6, priced=True),
+                lambda: random_plant(16, 0),
+                lambda: random_plant(20, 5, unstable=4, singular=False),
+            )
         ),
     ],
 )

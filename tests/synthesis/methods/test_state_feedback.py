@@ -33,7 +33,9 @@ def axis_plant(plant, number):
 
 
 @pytest.mark.parametrize("norm", NORMS)
-@pytest.mark.parametrize("actuation", ACTUATIONS)
+@pytest.mark.parametrize(
+    "actuation", [pytest.param("displacement", marks=pytest.mark.slow), "force"]
+)
 @pytest.mark.parametrize("weight", WEIGHTS)
 def test_methods_and_backends_agree(actuation, norm, weight):
     plant = rp.air_bearing(actuation=actuation)
@@ -74,10 +76,9 @@ def test_whole_solve_by_inequalities_agrees_with_the_axes():
     assert whole.certificate.achieved == pytest.approx(split.certificate.achieved, rel=1e-6)
 
 
-@pytest.mark.parametrize("method", [pytest.param("lmi", marks=pytest.mark.slow), "riccati"])
-@pytest.mark.parametrize(
-    "actuation", ["force", pytest.param("displacement", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["lmi", "riccati"])
+@pytest.mark.parametrize("actuation", ACTUATIONS)
 def test_gain_no_larger_than_the_printed_one_does_no_worse(actuation, method):
     bound, printed_norm = PRINTED[actuation]
     plant = rp.air_bearing(actuation=actuation)
@@ -91,6 +92,7 @@ def test_gain_no_larger_than_the_printed_one_does_no_worse(actuation, method):
     )
 
 
+@pytest.mark.slow
 def test_gain_bound_for_the_h2_norm():
     plant = rp.air_bearing(actuation="force")
     bounded = state_feedback(plant, "h2", gain_bound=100.0)
