@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -64,8 +63,6 @@ class DampingLaws:
         Which of them the model has.
     lost : float
         What these take from the motion, in W.
-    alike : tuple of Effect
-        What could as well stand for one that was found, as it was fitted.
     """
 
     model: MechanicalModel
@@ -74,7 +71,6 @@ class DampingLaws:
     laws: list[Law]
     found: Laws
     lost: float
-    alike: tuple[Effect, ...] = ()
 
     @property
     def first(self) -> int:
@@ -153,12 +149,7 @@ def damped_places(model: MechanicalModel, known: int) -> list[tuple[str, ...]]:
 
 
 def damping_laws(
-    model: MechanicalModel,
-    known: int,
-    at: tuple[str, ...],
-    motion: Smoothed,
-    record: Record,
-    alike: Sequence[Effect] = (),
+    model: MechanicalModel, known: int, at: tuple[str, ...], motion: Smoothed, record: Record
 ) -> DampingLaws:
     """Return the laws of damping that a place of a model has or could have.
 
@@ -171,9 +162,6 @@ def damping_laws(
     motion : Smoothed
         Of the model along the record.
     record : Record
-    alike : sequence of Effect, optional
-        What could as well stand for one that was found there, as it was fitted: beside the right
-        kind of friction no other law may be needed.
     """
     there = [i for i, e in enumerate(model.effects) if _damps(e) and set(e.at) == set(at)]
     places = tuple(i for i in there if i >= known)
@@ -181,10 +169,9 @@ def damping_laws(
     taken = {model.effects[i].kind for i in there}
     dry = any(model.effects[i].definition.family == _DRY for i in there if i < known)
     others = [kind for kind in _SIZES if kind not in taken and not (dry and kinds()[kind].family)]
-    told = [e for e in alike if _damps(e) and set(e.at) == set(at) and e.kind not in _SIZES]
     laws: list[Law] = []
     lost = 0.0
-    for effect in [*here, *(Effect(kind, at) for kind in others), *told]:
+    for effect in [*here, *(Effect(kind, at) for kind in others)]:
         size = _SIZES.get(effect.kind, "")
         unit = effect.with_values({**effect.parameters, size: 1.0}) if size else effect
         power = _power(model, unit, motion, record)
@@ -200,7 +187,7 @@ def damping_laws(
             laws.append(Law(None, f"damper[{i}].damping", power))
             lost += power * damper.damping
             break
-    return DampingLaws(model, at, places, laws, frozenset(found), lost, tuple(alike))
+    return DampingLaws(model, at, places, laws, frozenset(found), lost)
 
 
 def _damps(effect: Effect) -> bool:
