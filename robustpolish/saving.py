@@ -77,10 +77,26 @@ def _check(target: Path, force: bool) -> None:
     if not force:
         remedy = "Choose another one, or replace it with --force."
         raise _refused(target, "a folder that does not exist yet", remedy)
-    empty = target.is_dir() and not any(target.iterdir())
-    if not empty and not (target / _MARK).is_file():
+    if not _may_be_replaced(target):
         remedy = "It holds something else and is left alone; choose another folder."
         raise _refused(target, "a folder of results made by robustpolish", remedy)
+
+
+def _may_be_replaced(target: Path) -> bool:
+    """Whether a place is free, an empty folder or one of results, while others may replace it."""
+    while True:
+        try:
+            before = target.stat()
+            names = os.listdir(target)
+            if not names or _MARK in names:
+                return True
+            # Another writer may have taken the folder away, and half of it, while it was read.
+            if os.path.samestat(before, target.stat()):
+                return False
+        except FileNotFoundError:
+            return True
+        except NotADirectoryError:
+            return False
 
 
 def _refused(target: Path, expected: str, remedy: str) -> InvalidInputError:

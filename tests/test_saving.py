@@ -1,5 +1,6 @@
 """Results appear whole or not at all."""
 
+import sys
 import threading
 
 import pytest
@@ -76,10 +77,15 @@ def test_of_writers_with_force_the_last_one_wins(tmp_path, monkeypatch, exchangi
             errors.append(error)
 
     writers = [threading.Thread(target=write, args=(text,)) for text in "123"]
-    for writer in writers:
-        writer.start()
-    for writer in writers:
-        writer.join()
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)  # writers meet more often
+    try:
+        for writer in writers:
+            writer.start()
+        for writer in writers:
+            writer.join()
+    finally:
+        sys.setswitchinterval(interval)
     assert errors == []
     assert (target / "a.txt").read_text() == (target / "b.txt").read_text()
     assert [path.name for path in tmp_path.iterdir()] == ["results"]
