@@ -94,6 +94,10 @@ def put_instead(draft: Path, target: Path) -> None:
         raise
     try:
         rename_new(draft, target)
+    except FileExistsError:
+        _finish(home)
+        if draft.exists():  # otherwise the place was free again, and the draft has taken it
+            raise
     finally:
         _finish(home)
 
