@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,6 +64,8 @@ class DampingLaws:
         Which of them the model has.
     lost : float
         What these take from the motion, in W.
+    alike : tuple of Effect
+        What could as well stand for one that was found, as it was fitted.
     """
 
     model: MechanicalModel
@@ -71,6 +74,7 @@ class DampingLaws:
     laws: list[Law]
     found: Laws
     lost: float
+    alike: tuple[Effect, ...] = ()
 
     @property
     def first(self) -> int:
@@ -149,7 +153,12 @@ def damped_places(model: MechanicalModel, known: int) -> list[tuple[str, ...]]:
 
 
 def damping_laws(
-    model: MechanicalModel, known: int, at: tuple[str, ...], motion: Smoothed, record: Record
+    model: MechanicalModel,
+    known: int,
+    at: tuple[str, ...],
+    motion: Smoothed,
+    record: Record,
+    alike: Sequence[Effect] = (),
 ) -> DampingLaws:
     """Return the laws of damping that a place of a model has or could have.
 
@@ -162,6 +171,9 @@ def damping_laws(
     motion : Smoothed
         Of the model along the record.
     record : Record
+    alike : sequence of Effect, optional
+        What could as well stand for one that was found there, as it was fitted: beside the right
+        kind of friction no other law may be needed.
     """
     there = [i for i, e in enumerate(model.effects) if _damps(e) and set(e.at) == set(at)]
     places = tuple(i for i in there if i >= known)
@@ -169,9 +181,10 @@ def damping_laws(
     taken = {model.effects[i].kind for i in there}
     dry = any(model.effects[i].definition.family == _DRY for i in there if i < known)
     others = [kind for kind in _SIZES if kind not in taken and not (dry and kinds()[kind].family)]
+    told = [e for e in alike if _damps(e) and set(e.at) == set(at) and e.kind not in _SIZES]
     laws: list[Law] = []
     lost = 0.0
-    for effect in [*here, *(Effect(kind, at) for kind in others)]:
+    for effect in [*here, *(Effect(kind, at) for kind in others), *told]:
         size = _SIZES.get(effect.kind, "")
         unit = effect.with_values({**effect.parameters, size: 1.0}) if size else effect
         power = _power(model, unit, motion, record)
@@ -187,7 +200,7 @@ def damping_laws(
             laws.append(Law(None, f"damper[{i}].damping", power))
             lost += power * damper.damping
             break
-    return DampingLaws(model, at, places, laws, frozenset(found), lost)
+    return DampingLaws(model, at, places, laws, frozenset(found), lost, tuple(alike))
 
 
 def _damps(effect: Effect) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 from robustpolish.arrays import Array
 from robustpolish.identification.decays.cut import Cut
 from robustpolish.identification.decays.laws import DampingLaws, Laws
-from robustpolish.identification.fit.homotopy import free_rms, homotopy
+from robustpolish.identification.fit.homotopy import homotopy, rms_over
 from robustpolish.identification.fit.least_squares import Fit
 from robustpolish.identification.fit.polished import polished, rounded, speeds_of_turns
 from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
@@ -64,7 +64,7 @@ class Trials:
             self.ahead[laws] = np.inf
             if fitted is not None:
                 late = self._pieces(fitted.model, self.cut.late)
-                self.ahead[laws] = _log(free_rms(fitted.model, self.prepared, late)[0])
+                self.ahead[laws] = _log(rms_over(fitted.model, self.prepared, late))
         return self.ahead[laws]
 
     def possible(self, sound: Callable[[Laws], bool] = lambda laws: True) -> list[Laws]:

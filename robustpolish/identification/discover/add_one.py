@@ -113,12 +113,12 @@ def _refits(search: Search, start: MechanicalModel, found: Hopeful) -> list[Refi
     """Refit the candidates that deserve it, as long as it can change anything."""
     refits: list[RefittedEffect] = []
     for candidate in [*found.first, *found.further]:
-        explained = any(search.at_floor(item.fitted) for item in refits)
+        # one that explains all with absurd numbers leaves its place to others
+        sound = [r for r in refits if not objection(search.stage, r.fitted, search.prepared)]
+        explained = any(search.at_floor(item.fitted) for item in sound)
         if explained and candidate.score < search.policy.near_score * found.first[0].score:
             continue
-        if candidate in found.further and any(
-            not objection(search.stage, item.fitted, search.prepared) for item in refits
-        ):
+        if candidate in found.further and sound:
             break
         search.say(f"refit with {candidate.effect}")
         fitted = search.fitted_with(start, candidate.effect)

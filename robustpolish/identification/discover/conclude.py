@@ -17,7 +17,7 @@ from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.findings.findings import Confusion, FoundEffect, Value
 from robustpolish.identification.findings.ledger import Entry, Ledger
-from robustpolish.identification.fit.homotopy import JudgedFit, free_rms, homotopy
+from robustpolish.identification.fit.homotopy import JudgedFit, free_rms, homotopy, rms_over
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import (
     turns_over_gently,
@@ -241,7 +241,7 @@ def _whole_error(model: MechanicalModel, search: Search, calm: bool) -> Array:
     A model whose long runs are not reproducible is run in windows.
     """
     prepared = search.prepared
-    return free_rms(model, prepared, prepared.everything if calm else prepared.windows)[0]
+    return rms_over(model, prepared, prepared.everything if calm else prepared.windows)
 
 
 def _final_fit(search: Search, stage: JudgedFit, calm: bool) -> tuple[Fit, Array]:

@@ -7,6 +7,7 @@ came first. Here all sets of laws at a place compete at once, the own damper bei
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -21,6 +22,7 @@ from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.findings.findings import Confusion
 from robustpolish.identification.fit.homotopy import homotopy, judged
+from robustpolish.identification.fit.least_squares import inflation
 from robustpolish.identification.fit.polished import sharpened
 from robustpolish.identification.fit.prepared import with_rest
 from robustpolish.models.mechanical import MechanicalModel
@@ -46,7 +48,15 @@ def settle_damping(search: Search) -> Search:
         return search
     for at in damped_places(search.stage.model, known):
         search.say(f"laws of damping at {', '.join(at)}")
-        trials = _trials(search, search.stage.model, at, cut)
+        here = [(e.kind, e.at) for e in search.stage.model.effects[known:]]
+        # of one family: what looks like something else, beside a damper, damps nothing here
+        alike = [
+            p.second
+            for p in search.confusions
+            if (p.first.kind, p.first.at) in here
+            and p.first.definition.family == p.second.definition.family
+        ]
+        trials = _trials(search, search.stage.model, at, cut, alike)
         good = trials.possible(partial(_sound, trials))
         if not all(trials.found.effects(laws) for laws in good):
             continue  # a damper alone does about as well, and nothing else was found
@@ -70,10 +80,16 @@ def _not_worse(before: Search, after: Search) -> Search:
     return before if more and worse > -np.log(1 - before.policy.together) else after
 
 
-def _trials(search: Search, model: MechanicalModel, at: tuple[str, ...], cut: Cut) -> Trials:
-    prepared = search.prepared
+def _trials(
+    search: Search,
+    model: MechanicalModel,
+    at: tuple[str, ...],
+    cut: Cut,
+    alike: Sequence[Effect],
+) -> Trials:
+    prepared, known = search.prepared, len(search.reference.effects)
     motion = prepared.motion(model, prepared.record)
-    laws = damping_laws(model, len(search.reference.effects), at, motion, prepared.record)
+    laws = damping_laws(model, known, at, motion, prepared.record, alike)
     return Trials(prepared, search.reference, laws, cut)
 
 
@@ -133,7 +149,7 @@ def _without_idle(search: Search, trials: Trials, chosen: Laws) -> Trials:
             continue  # a gain stands for numbers that the fit would bend again
         model = trials.found.model
         rest = replace(model, effects=tuple(e for e in model.effects if e is not effect))
-        without = _trials(search, rest, trials.found.at, trials.cut)
+        without = _trials(search, rest, trials.found.at, trials.cut, trials.found.alike)
         worse = without.error(chosen) - trials.error(chosen)
         if not np.isfinite(worse) or (worse > near and effect.definition.family != CONSTANT):
             continue
@@ -163,12 +179,27 @@ def _alike(search: Search, trials: Trials, chosen: Laws, good: list[Laws]) -> li
     gone = {(e.kind, e.at) for e in trials.found.here} - kept
     pairs = [p for p in search.confusions if (p.first.kind, p.first.at) not in gone]
     for laws in good:
-        if abs(trials.error_ahead(laws) - trials.error_ahead(chosen)) < trials.same:
+        near = abs(trials.error_ahead(laws) - trials.error_ahead(chosen)) < trials.same
+        if near or _another_friction(trials, chosen, laws):
             mine = _fitted(trials, chosen, but=laws)
             pairs += [
                 confused(one, other) for one in mine for other in _fitted(trials, laws, chosen)
             ]
     return list({(p.first.kind, p.first.at, p.second.kind, p.second.at): p for p in pairs}.values())
+
+
+def _another_friction(trials: Trials, chosen: Laws, other: Laws) -> bool:
+    """Return whether two sets differ in the kind of friction alone, and fit all as well.
+
+    How a decay goes on says little there: its beginning may leave more numbers of one kind open.
+    """
+    kinds = [trials.found.laws[i].effect for i in chosen ^ other]
+    if len(kinds) != 2 or any(e is None or not e.definition.family for e in kinds):
+        return False
+    one, two = trials.fits[chosen], trials.fits[other]
+    told = np.array([len(one.errors) / inflation(error) for error in one.errors.T])
+    odds = float(np.sum(told * np.log(two.rmse / one.rmse)))
+    return abs(odds) < trials.prepared.policy.strong_odds
 
 
 def _fitted(trials: Trials, laws: Laws, but: Laws) -> list[Effect]:

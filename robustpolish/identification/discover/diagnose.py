@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from robustpolish.identification.discover.add_one import add_one
 from robustpolish.identification.discover.conclude import conclude
 from robustpolish.identification.discover.dampings import settle_damping
@@ -116,7 +118,7 @@ def _diagnose(
                 return anew[holds].copy()
         return search
 
-    search = grown(_begun(model, held, prepared, say))
+    search = grown(_first(model, held, prepared, say))
     told = any(effect.kind == "input_hold" for effect in model.effects)
     if search.added and not (told or fewer.thinned):
         say("how inputs act between their samples, beside what was found")
@@ -133,6 +135,25 @@ def _diagnose(
     found = conclude(search, model)
     notes = (*fewer.notes, *warned(model, found.model, prepared))
     return replace(found, model=fewer.as_given(found.model), notes=notes)
+
+
+def _first(
+    model: MechanicalModel,
+    held: MechanicalModel,
+    prepared: PreparedRecord,
+    say: Callable[[str], None],
+) -> Search:
+    """Return the search with the holds that innovations ask for, unless free runs speak against it.
+
+    An innovation is what a sample tells beyond those before it, and there a missing jump of a force
+    may look like a late input. Over many swings it does not.
+    """
+    search = _begun(model, held, prepared, say)
+    if held is model or search.at_floor(search.stage):
+        return search
+    linear = _begun(model, model, prepared, say)
+    less = np.log(linear.stage.error) - np.log(search.stage.error)
+    return linear if np.mean(less) < np.log(1 - search.policy.visible_fall) else search
 
 
 def _begun(

@@ -153,6 +153,9 @@ def rivals_of(
     kind = effect.definition
     others = [k for k in kinds().values() if k.kind != kind.kind and rivals(k, kind)]
     entries = [c for k in others for c in columns_at(model, k, effect.at, motion, record)]
-    found = [e for span in _spans(prepared) for e in evidence(stage, prepared, entries, span)[0]]
+    # among its like a kind needs no evidence of each of its parts: they show once it is refitted
+    found = [
+        e for span in _spans(prepared) for e in evidence(stage, prepared, entries, span, True)[0]
+    ]
     best = {e.places[0]: e for e in sorted(found, key=lambda e: e.fall)}
     return [_screened(e, 0, screening) for e in best.values()]

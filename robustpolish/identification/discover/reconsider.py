@@ -22,7 +22,7 @@ from robustpolish.identification.discover.judge import (
 )
 from robustpolish.identification.discover.search import RefittedEffect, Search, numbers_of
 from robustpolish.identification.findings.confused import confused
-from robustpolish.identification.fit.homotopy import JudgedFit, free_rms
+from robustpolish.identification.fit.homotopy import JudgedFit, rms_over
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import turns_over_gently
 from robustpolish.identification.fit.reordered import reordered
@@ -230,7 +230,7 @@ def gently(model: MechanicalModel, at: int, search: Search) -> Effect | None:
 
     def left(gentle: Effect) -> float:
         turned = replace(model, effects=(*effects[:at], gentle, *effects[at + 1 :]))
-        return float(np.mean(np.log(free_rms(turned, prepared, prepared.windows)[0])))
+        return float(np.mean(np.log(rms_over(turned, prepared, prepared.windows))))
 
     return min(tried, key=left)
 

@@ -13,7 +13,7 @@ from robustpolish.identification.compare.record_errors import record_errors
 from robustpolish.identification.compare.simulated import free_run_error, free_runs
 from robustpolish.identification.discover.warned import warned
 from robustpolish.identification.findings.refitted import Refit
-from robustpolish.identification.fit.homotopy import free_rms, homotopy
+from robustpolish.identification.fit.homotopy import homotopy, rms_over
 from robustpolish.identification.fit.least_squares import (
     Fit,
     Residuals,
@@ -146,7 +146,7 @@ def _run_errors(models: Sequence[MechanicalModel], prepared: PreparedRecord) -> 
     if all(calm or not np.isfinite(error).all() for error, calm in runs):
         found = [error for error, _ in runs]
     else:
-        found = [free_rms(model, prepared, prepared.windows)[0] for model in models]
+        found = [rms_over(model, prepared, prepared.windows) for model in models]
     return [float(np.mean((error / size) ** 2)) for error in found]
 
 

@@ -114,8 +114,13 @@ class Search:
         return len(self.stage.model.effects) - len(self.reference.effects)
 
     def at_floor(self, stage: JudgedFit) -> bool:
-        """Return whether not even the noise alone would make the error fall visibly."""
-        return bool(np.all(stage.error < self.policy.at_floor * self.prepared.scales.noise))
+        """Return whether not even the noise alone would make the error fall visibly.
+
+        What is held out of a decay is the quieter part of it: what was fitted counts too.
+        """
+        least = self.policy.at_floor * self.prepared.scales.noise
+        fitted = np.all(stage.fit.rmse < least) or not stage.reproducible
+        return bool(np.all(stage.error < least) and fitted)
 
     def noise_alone(self, times: float) -> bool:
         """Return whether the model leaves noise alone, white or of the colour that it shows."""

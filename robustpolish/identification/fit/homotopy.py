@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from robustpolish.identification.fit.least_squares import SETTLED, Fit, Residual
 from robustpolish.identification.fit.parameters import free_parameters, with_units_of_force
 from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
 from robustpolish.identification.observer.reproducibility import reproducibility
-from robustpolish.identification.observer.run import Start, StartedPiece
+from robustpolish.identification.observer.run import RecordRun, Start, StartedPiece
 from robustpolish.models.mechanical import MechanicalModel
 
 
@@ -137,16 +138,21 @@ class JudgedFit:
     fit : Fit
     free : ndarray, shape (ny,)
         Held-out root mean square error of free runs over whole pieces.
-    short : ndarray, shape (ny,)
-        The same of free runs over short windows.
+    over_windows : callable
+        Returns the same of free runs over short windows, shape (ny,).
     reproducible : bool
         Whether free runs over whole pieces judge anything.
     """
 
     fit: Fit
     free: Array
-    short: Array
+    over_windows: Callable[[], Array]
     reproducible: bool
+
+    @cached_property
+    def short(self) -> Array:
+        """Held-out error over short windows; measured only where free runs judge nothing."""
+        return self.over_windows()
 
     @property
     def model(self) -> MechanicalModel:
@@ -162,7 +168,8 @@ class JudgedFit:
 def judged(fitted: Fit, prepared: PreparedRecord) -> JudgedFit:
     """Measure a fitted model on the held-out pieces."""
     free, calm = free_rms(fitted.model, prepared, prepared.held_out)
-    return JudgedFit(fitted, free, short_rms(fitted.model, prepared, prepared.held_out), calm)
+    over = partial(short_rms, fitted.model, prepared, prepared.held_out)
+    return JudgedFit(fitted, free, over, calm)
 
 
 def free_rms(
@@ -176,21 +183,37 @@ def free_rms(
     reproducible : bool
         Whether the first piece can be run again and again.
     """
-    run = prepared.runner(model).run(model)
-    started = prepared.with_fitted_starts(run, with_rest(model, pieces))
-    errors = run.all_errors(started)
-    rms = np.sqrt(np.mean(errors**2, axis=0))
+    run, started, errors = _errors(model, prepared, pieces)
     first = started[0]
     found = reproducibility(run, first, first.record.Y - errors[: first.record.samples])
-    return np.where(np.isfinite(rms), rms, np.inf), found.reproducible
+    return _rms(errors), found.reproducible
 
 
 def short_rms(
     model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
 ) -> Array:
     """Return the errors of free runs over short windows, shape (ny,)."""
-    windows = prepared.windows_of(model, pieces, prepared.short)
-    return free_rms(model, prepared, windows)[0]
+    return rms_over(model, prepared, prepared.windows_of(model, pieces, prepared.short))
+
+
+def rms_over(
+    model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
+) -> Array:
+    """Return the errors of free runs, infinite where they diverge, shape (ny,)."""
+    return _rms(_errors(model, prepared, pieces)[2])
+
+
+def _errors(
+    model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
+) -> tuple[RecordRun, list[StartedPiece], Array]:
+    run = prepared.runner(model).run(model)
+    started = prepared.with_fitted_starts(run, with_rest(model, pieces))
+    return run, started, run.all_errors(started)
+
+
+def _rms(errors: Array) -> Array:
+    found = np.sqrt(np.mean(errors**2, axis=0))
+    return np.where(np.isfinite(found), found, np.inf)
 
 
 def best_stage(stages: Sequence[Fit], prepared: PreparedRecord) -> JudgedFit:

@@ -14,6 +14,7 @@ from robustpolish.identification.fit.homotopy import (
     best_stage,
     free_rms,
     homotopy,
+    rms_over,
     short_rms,
 )
 from robustpolish.identification.fit.least_squares import Fit
@@ -191,7 +192,7 @@ def fitted_to_all(stage: JudgedFit, prepared: PreparedRecord, reference: Mechani
     pieces = prepared.everything
     whole = prepared.spans(pieces)[-1:]
     fits = homotopy(stage.model, prepared, pieces, reference, whole, LEARNING.steps)
-    before = free_rms(stage.model, prepared, prepared.everything)[0]
+    before = rms_over(stage.model, prepared, prepared.everything)
     if not fits or log_size(fits[-1].rmse) > log_size(before):
         return stage.fit
     return fits[-1]

@@ -15,6 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
@@ -55,7 +56,11 @@ class Evidence:
 
 
 def evidence(
-    stage: Fit, prepared: PreparedRecord, entries: Sequence[Columns], span: int
+    stage: Fit,
+    prepared: PreparedRecord,
+    entries: Sequence[Columns],
+    span: int,
+    in_part: bool = False,
 ) -> tuple[list[Evidence], list[Evidence]]:
     """Return what single effects and pairs would do to runs over windows, the best first.
 
@@ -68,6 +73,9 @@ def evidence(
         Candidates with shapes from screening.
     span : int
         Samples of the windows.
+    in_part : bool, optional
+        Whether a kind with a part that pulls the wrong way is judged by the rest of it; it is left
+        out otherwise.
     """
     model = stage.model
     windows = windows_after(model, prepared, prepared.trial, span, stage)
@@ -117,9 +125,11 @@ def evidence(
         rows = [k for i in which for k in of.get(i, ())]
         if not all(i in of for i in which) or hidden[rows].any():
             return None
-        size = np.sqrt(np.diag(gram)[rows])
-        scaled = gram[np.ix_(rows, rows)] / np.outer(size, size)
-        c = np.linalg.lstsq(scaled, target[rows] / size, rcond=1e-6)[0] / size
+        signs = [entries[tasks[k][0]].shape.signs[tasks[k][1]] for k in rows]
+        c = _coefficients(gram[np.ix_(rows, rows)], target[rows], signs)
+        kept = any if in_part else all
+        if not all(kept(c[rows.index(k)] != 0 for k in of[i]) for i in which):
+            return None
         fall = float(c @ target[rows])
         effects = []
         for i in which:
@@ -127,8 +137,6 @@ def evidence(
             own = np.zeros(len(entry.shape.columns))
             for k in of[i]:
                 own[tasks[k][1]] = c[rows.index(k)]
-            if any(s * v < 0 for s, v in zip(entry.shape.signs, own, strict=True)):
-                return None
             values = dict(entry.shape.values(own))
             for name, value in values.items():
                 parameter = entry.kind.parameter(name)
@@ -155,3 +163,30 @@ def evidence(
     pairs = [judged(couple) for couple in itertools.combinations(chosen.values(), 2)]
     ranked = sorted((found for _, found in singles.values()), key=lambda e: -e.odds)
     return ranked, sorted((pair for pair in pairs if pair is not None), key=lambda e: -e.odds)
+
+
+def _coefficients(gram: Array, target: Array, signs: Sequence[int]) -> Array:
+    """Return the coefficients of the required signs that take away most; 0 where a sign is wrong.
+
+    What a friction has more at rest than in motion may pull the wrong way while there is no
+    friction at all, or while its corners are too sharp; beside the other coefficients its kind may
+    be the right one all the same.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (n, n)
+    target : ndarray, shape (n,)
+    signs : sequence of int
+        +1, -1, or 0 for either.
+    """
+    size = np.sqrt(np.diag(gram))
+    scaled = gram / np.outer(size, size)
+    c = np.linalg.lstsq(scaled, target / size, rcond=1e-6)[0]
+    if np.any(np.array(signs) * c < 0):
+        values, vectors = np.linalg.eigh(scaled)
+        kept = values > 1e-6 * values[-1]
+        root = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
+        bounds = [(0.0 if s > 0 else -np.inf, 0.0 if s < 0 else np.inf) for s in signs]
+        right = (vectors[:, kept].T @ (target / size)) / np.sqrt(values[kept])
+        c = lsq_linear(root, right, bounds=tuple(np.transpose(bounds)), method="bvls").x
+    return c / size

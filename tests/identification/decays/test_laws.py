@@ -14,9 +14,9 @@ def prepared():
     return prepared_of(pendulum(), decay())
 
 
-def laws_of(model, prepared, known=1):
+def laws_of(model, prepared, known=1, alike=()):
     motion = prepared.motion(model, prepared.record)
-    return damping_laws(model, known, AT, motion, prepared.record)
+    return damping_laws(model, known, AT, motion, prepared.record, alike)
 
 
 def damped(*laws, damping=0.02):
@@ -106,3 +106,20 @@ def test_friction_with_memory_stays_as_it_was_found_and_competes_with_coulomb_fr
     joined = found.effects(frozenset({0, kinds.index("quadratic_damping")}))
     assert joined[0].values == pytest.approx(values)
     assert joined[1].values["coefficient"] > 0
+
+
+def test_what_is_told_alike_with_a_friction_there_is_another_law(prepared):
+    """It begins as it was fitted, beside the others; of two dry frictions there is one at most."""
+    memory = Effect("dahl_friction", AT, {"force": 0.15, "stiffness": 20.0})
+    elsewhere = Effect("dahl_friction", ("arm", "other"), {"force": 0.15, "stiffness": 20.0})
+    drag = Effect("quadratic_damping", AT)
+    found = laws_of(damped(COULOMB), prepared, alike=[memory, elsewhere, drag])
+    kinds = [law.effect.kind if law.effect else "own" for law in found.laws]
+    assert kinds == [
+        "coulomb_friction", "quadratic_damping", "displacement_dependent_damping",
+        "dahl_friction", "own",
+    ]  # fmt: skip
+    assert found.effects(frozenset({3})) == [memory]
+    assert found.laws[3].power > 0
+    assert found.crowded(frozenset({0, 3}))
+    assert not found.crowded(frozenset({1, 3}))

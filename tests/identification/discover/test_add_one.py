@@ -1,9 +1,12 @@
 """One turn of a search, on data with a cubic spring."""
 
+from dataclasses import replace
+
 import pytest
 
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.add_one import _moved, add_one
+from robustpolish.identification.discover.add_one import _moved, _refits, add_one
+from robustpolish.identification.discover.hopeful import Hopeful
 from robustpolish.identification.discover.search import RefittedEffect
 from robustpolish.identification.screening.screen import ScreenedEffect
 from tests.hidden_effects.cases import Case, model_of, one, records, two
@@ -16,6 +19,13 @@ PLACE = ("x", "ground")
 def search():
     case = Case("cubic", one(), [("cubic_stiffness", PLACE, [4e6])], drive=8.0, samples=1500)
     return search_of(model_of(case), records(case)[0][0])
+
+
+def at_noise(model, search):
+    """A fit that leaves noise alone, of what it was fitted to and of what was held out."""
+    noise = search.prepared.scales.noise
+    quiet = judged(model, noise)
+    return replace(quiet, fit=replace(quiet.fit, errors=noise * quiet.fit.errors))
 
 
 def test_what_earns_its_place_is_added_and_what_came_close_is_kept(search):
@@ -32,10 +42,37 @@ def test_what_earns_its_place_is_added_and_what_came_close_is_kept(search):
 
 
 def test_at_the_floor_nothing_is_looked_for(search):
-    search.stage = judged(search.stage.model, search.prepared.scales.noise)
+    search.stage = at_noise(search.stage.model, search)
     assert not add_one(search)
     assert not search.turns
     assert not search.candidates
+
+
+def test_what_was_fitted_counts_where_the_quiet_part_of_a_record_is_held_out(search):
+    """The tail of a decay is at the noise of its sensor whatever is missing from the model."""
+    quiet = at_noise(search.stage.model, search)
+    assert search.at_floor(quiet)
+    assert not search.at_floor(replace(quiet, fit=search.stage.fit))
+    chaotic = replace(quiet, fit=search.stage.fit, reproducible=False)
+    assert search.at_floor(chaotic)
+
+
+def test_absurd_numbers_that_explain_all_keep_nothing_else_from_being_tried(search, monkeypatch):
+    """Elastic Coulomb friction is a hysteresis of a huge exponent, which fits and is refused."""
+    steep = {"force": 4.0, "stiffness": 2e3, "exponent": 20.0, "beta": 0.5, "gamma": 0.5}
+    absurd = ScreenedEffect(Effect("bouc_wen_hysteresis", PLACE, steep), 100.0, 0.9)
+    right = ScreenedEffect(Effect("cubic_stiffness", PLACE, {"stiffness": 4e6}), 10.0, 0.9)
+    start = search.stage.model
+
+    def explains_all(model, effect):
+        return at_noise(model.with_effect(effect.definition, effect.at, effect.values), search)
+
+    monkeypatch.setattr(search, "fitted_with", explains_all)
+    tried = _refits(search, start, Hopeful([absurd, right], [], [], []))
+    assert [item.screened for item in tried] == [absurd, right]
+    far = replace(absurd, score=10.0)
+    (only,) = _refits(search, start, Hopeful([replace(right, score=100.0), far], [], [], []))
+    assert only.effect == right.effect
 
 
 def test_where_nothing_earns_its_place_what_helped_is_kept(search, monkeypatch):

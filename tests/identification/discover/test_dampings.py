@@ -1,11 +1,15 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from robustpolish.effects import Effect
 from robustpolish.identification.compare.compare import compare
-from robustpolish.identification.discover.dampings import settle_damping
+from robustpolish.identification.decays.laws import Law
+from robustpolish.identification.discover.dampings import _another_friction, settle_damping
 from robustpolish.identification.findings.confused import confused
+from robustpolish.identification.policy import POLICY
 from tests.identification.decays.pendulums import AT, decay, pendulum
 from tests.identification.discover.searches import search_of
 
@@ -90,6 +94,18 @@ def test_what_is_right_already_stays_and_a_constant_that_does_nothing_goes():
     assert search.prepared.held == frozenset()
 
 
+def test_what_was_told_alike_with_a_law_that_goes_may_go_with_it():
+    """The pairs of the search change while its damping is settled; the laws on trial do not."""
+    wrong = Effect("dahl_friction", AT, {"force": 0.15, "stiffness": 3.0})
+    elastic = Effect("elastic_coulomb_friction", AT, {"force": 0.15, "stiffness": 3.0})
+    idle = Effect("constant_force", ("arm",), {"force": 0.01})
+    search = search_with(decay(drag=0.0, viscous=0.04), wrong, idle)
+    search.confusions = [confused(wrong, elastic)]
+    search = settle_damping(search)
+    assert kinds_of(search) == ["pendulum_gravity", "coulomb_friction"]
+    assert not search.confusions
+
+
 def search_effect(search, effect):
     return str(Effect(effect.kind, effect.at))
 
@@ -133,3 +149,25 @@ def test_where_runs_do_not_repeat_nothing_is_settled(settled):
     other = replace(search, stage=stage)
     other = settle_damping(other)
     assert other.stage is stage
+
+
+def test_kinds_of_friction_that_fit_all_as_well_are_told_alike():
+    """How well is a matter of likelihood: coloured errors tell less than white ones."""
+    kinds = ("coulomb_friction", "dahl_friction", "quadratic_damping")
+    laws = [Law(Effect(kind, AT), "", 1.0) for kind in kinds]
+    white = np.random.default_rng(0).standard_normal((4000, 1))
+    slow = np.cumsum(white, axis=0) - np.linspace(0, 1, 4000)[:, None] * np.sum(white)
+
+    def trials(errors, more):
+        one = SimpleNamespace(errors=errors, rmse=np.array([1.0]))
+        two = SimpleNamespace(errors=errors, rmse=np.array([1.0 + more]))
+        fits = {frozenset({i}): two if i else one for i in range(3)}
+        found = SimpleNamespace(laws=laws)
+        return SimpleNamespace(fits=fits, found=found, prepared=SimpleNamespace(policy=POLICY))
+
+    coulomb, dahl, drag = (frozenset({i}) for i in range(3))
+    assert _another_friction(trials(white, 1e-3), coulomb, dahl)
+    assert not _another_friction(trials(white, 3e-3), coulomb, dahl)
+    assert _another_friction(trials(slow, 3e-3), coulomb, dahl)
+    assert not _another_friction(trials(white, 1e-3), coulomb, drag)
+    assert not _another_friction(trials(white, 1e-3), coulomb, coulomb)

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from robustpolish.identification import compare, diagnose
+from robustpolish.identification.discover.diagnose import _first
 from tests.hidden_effects.cases import Case, model_of, one, records
+from tests.identification.discover.searches import prepared_of
 
 PLACE = ("x", "ground")
 CUBIC = Case("cubic", one(), [("cubic_stiffness", PLACE, [4e6])], drive=8.0, samples=4000, seed=1)
@@ -82,3 +84,15 @@ def test_an_outsider_is_unexplained():
     assert diagnosis.verdict == "unexplained"
     assert diagnosis.missing_force.shape == (1, 4000)
     assert np.std(diagnosis.missing_force) > 1.0
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_hold_that_free_runs_speak_against_is_dropped(held):
+    """A jump of a missing force may look like one to the innovations."""
+    case = Case("held", one(), drive=10.0, samples=1500, held=held)
+    model = model_of(case)
+    prepared = prepared_of(model, records(case)[0][0])
+    named = model.with_effect("input_hold", ("F_x",), {"order": 0.0})
+    search = _first(model, named, prepared, str)
+    assert search.reference is (named if held else model)
+    assert search.at_floor(search.stage)

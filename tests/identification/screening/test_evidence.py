@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -6,7 +8,7 @@ from scipy.integrate import solve_ivp
 from robustpolish.effects import lookup
 from robustpolish.identification.discover.own_numbers import refit_own
 from robustpolish.identification.screening.candidates import columns_at
-from robustpolish.identification.screening.evidence import evidence
+from robustpolish.identification.screening.evidence import _coefficients, evidence
 from tests.identification.discover.searches import prepared_of
 from tests.identification.oscillators import PLACE, RATE, oscillator, record
 
@@ -40,7 +42,7 @@ def with_resonator(mass, stiffness, damping, samples=2000):
     return xr.Dataset({"x": ("time", x)}, {"time": time})
 
 
-def looked_at(model, data, kinds=KINDS, span=None, at=PLACE):
+def looked_at(model, data, kinds=KINDS, span=None, at=PLACE, in_part=False):
     """Singles and pairs by what runs over windows of a refitted model say."""
     prepared = prepared_of(model, data)
     stage = refit_own(model, prepared).stage
@@ -51,7 +53,7 @@ def looked_at(model, data, kinds=KINDS, span=None, at=PLACE):
         for entry in columns_at(stage.model, lookup(name), at, motion, prepared.screened)
     ]
     span = span or prepared.spans(prepared.trial, 2)[-1] // 2
-    return evidence(stage.fit, prepared, entries, span)
+    return evidence(stage.fit, prepared, entries, span, in_part)
 
 
 def test_a_free_decay_names_its_cubic_spring():
@@ -120,3 +122,35 @@ def test_a_resonator_is_seen_near_its_frequency():
 
 def test_no_entries_no_evidence():
     assert looked_at(oscillator(), record(2000, noise=0.01), kinds=()) == ([], [])
+
+
+def test_coefficients_of_a_wrong_sign_are_left_out_and_the_others_do_what_they_can():
+    """Against all choices of which coefficients are zero, on random normal equations."""
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        count = int(rng.integers(1, 4))
+        C, y = rng.standard_normal((20, count)), rng.standard_normal(20)
+        signs = rng.integers(-1, 2, count)
+        c = _coefficients(C.T @ C, C.T @ y, signs)
+        assert np.all(signs * c >= 0)
+        least = np.inf
+        for kept in itertools.product((False, True), repeat=count):
+            other = np.zeros(count)
+            other[list(kept)] = np.linalg.lstsq(C[:, list(kept)], y, rcond=None)[0]
+            if np.all(signs * other >= 0):
+                least = min(least, float(np.sum((y - C @ other) ** 2)))
+        assert np.sum((y - C @ c) ** 2) == pytest.approx(least, rel=1e-9)
+
+
+def test_a_kind_with_a_part_that_pulls_the_wrong_way_is_judged_by_the_rest():
+    """Friction that is smaller at rest is none of Stribeck's kind, but as good as Coulomb's."""
+    model = oscillator(inputs=[])
+    data = decay(lambda q, v: -0.6 * np.tanh(v / 0.02) * (1 - 0.6 * np.exp(-((v / 0.2) ** 2))))
+    both = ("coulomb_friction", "stribeck_friction")
+    singles, _ = looked_at(model, data, both)
+    assert [e.effects[0].kind for e in singles] == ["coulomb_friction"]
+    singles, _ = looked_at(model, data, both, in_part=True)
+    falls = {e.effects[0].kind: e.fall for e in singles}
+    assert set(falls) == {"coulomb_friction", "stribeck_friction"}
+    (stribeck,) = (e.effects[0] for e in singles if e.effects[0].kind == "stribeck_friction")
+    assert stribeck.values["static_force"] == pytest.approx(stribeck.values["force"])
