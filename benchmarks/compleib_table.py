@@ -1,7 +1,7 @@
 """Try every method on the 24 COMPleib plants and write docs/compleib_table.md.
 
-Run with ``make bench``; it reads ../shared/data/compleib and takes some minutes. Every controller
-is judged by the loop alone: closed again, its poles and its norm computed afresh.
+Run with ``make compleib``; it reads ../shared/data/compleib and takes some minutes. Every
+controller is judged by the loop alone: closed again, its poles and its norm computed afresh.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from pathlib import Path
 
 import control
 import numpy as np
-from plain_lmi import plain_lmi_cvxpy, plain_lmi_picos
 
 import robustpolish as rp
+from benchmarks.plain_lmi import plain_lmi_cvxpy, plain_lmi_picos
 from robustpolish.synthesis.backends.slycot_backend import synthesise
 from robustpolish.synthesis.lmi.limited import run_limited
 
@@ -37,7 +37,8 @@ INTRODUCTION = """\
 # Methods of H-infinity output feedback on 24 benchmark plants
 
 24 of the plants of COMPleib (F. Leibfritz, 2004), small and nasty: most have rank-deficient D12
-or D21. Written by `make bench`; every controller is judged from its loop, whatever its solver said.
+or D21. Written by `make compleib`; every controller is judged from its loop, whatever its solver
+said.
 
 **right**: stable and within 1 % of the infimum (at most 1e-3 where it is 0; where no controller
 exists, a refusal). **off**: stable, and not within 1 %. **false**: stable, and the claimed gamma

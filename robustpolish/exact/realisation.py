@@ -9,10 +9,11 @@ from typing import Any
 
 import control
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from robustpolish.arrays import Matrix
-from robustpolish.exact.exponents import BeyondDoublesError, refuse_beyond, scaled, within_doubles
+from robustpolish.exact.exponents import BeyondDoublesError, refuse_beyond, within_doubles
 from robustpolish.validation import state_space
 
 _lapack: Any = lapack
@@ -98,6 +99,7 @@ def power_of_two(value: float) -> float:
 
 # Squares between these neither overflow nor lose digits.
 _LEAST, _MOST = 1e-260, 1e260
+_LEAST_NORMAL = float(np.finfo(float).tiny)
 
 
 def size(M: Matrix) -> float:
@@ -150,49 +152,96 @@ def rescaled(system: Realisation) -> Realisation:
     """Balance the states, then choose units of time and gain that make the entries near one."""
     if system.states == 0:
         return system
-    with within_doubles("system", system.matrices):
+    with within_doubles("system", system.matrices), np.errstate(over="ignore", under="ignore"):
+        units = _Units(system)
         # The largest entry of A comes first, so that squares neither overflow nor vanish.
-        tamed = _in_unit_of_rate(system, lambda A: float(np.abs(A).max()))
-        model = _in_unit_of_rate(_balanced(tamed, signals=False), typical_rate)
-        model = _unit_gain(_balanced(_unit_gain(_balanced(_unit_gain(model)))))
-        refuse_beyond(*model.matrices.values())
-    return model
+        units.rate(lambda A: float(np.abs(A).max()))
+        units.balance(signals=False)
+        units.rate(typical_rate)
+        units.gains()
+        for _ in range(2):
+            units.balance(signals=True)
+            units.gains()
+        return units.exact()
 
 
-def _in_unit_of_rate(system: Realisation, rate: Callable[[Matrix], float]) -> Realisation:
-    """Bring a rate of the state matrix near one; discrete time is left alone."""
-    if system.discrete:
-        return system
-    time = power_of_two(rate(system.A))
-    unit, total = 1 / time, system.time * time
-    if not (np.isfinite(total) and total >= np.finfo(float).tiny):
-        raise BeyondDoublesError
-    return replace(system, A=scaled(system.A, unit), B=scaled(system.B, unit), time=total)
+class _Units:
+    """The four matrices as one, and the powers of two that its rows and columns were given.
+
+    What an exponent pushes out of the range of doubles on the way stays lost, so that one look back
+    at the end says whether every step was exact.
+    """
+
+    def __init__(self, system: Realisation) -> None:
+        n, m, p = system.states, system.B.shape[1], system.C.shape[0]
+        self.system, self.n, self.time, self.gain = system, n, system.time, system.gain
+        self.given = np.empty((n + p, n + m))
+        self.given[:n, :n], self.given[:n, n:] = system.A, system.B
+        self.given[n:, :n], self.given[n:, n:] = system.C, system.D
+        self.found = self.given
+        self.rows, self.columns = np.zeros(n + p, np.intc), np.zeros(n + m, np.intc)
+
+    def _times(self, rows: NDArray[np.intc], columns: NDArray[np.intc]) -> None:
+        self.rows += rows
+        self.columns += columns
+        self.found = np.ldexp(self.found, rows[:, None] + columns)
+
+    def rate(self, of: Callable[[Matrix], float]) -> None:
+        """Bring a rate of the state matrix near one; discrete time is left alone."""
+        if self.system.discrete:
+            return
+        time = power_of_two(of(self.found[: self.n, : self.n]))
+        self.time *= time
+        if not _LEAST_NORMAL <= self.time < math.inf:
+            raise BeyondDoublesError
+        rows = np.zeros_like(self.rows)
+        rows[: self.n] = -_exponent(time)
+        self._times(rows, np.zeros_like(self.columns))
+
+    def balance(self, signals: bool) -> None:
+        """Balance the states, with the sizes of B and C or without."""
+        n, rows, columns = self.n, np.zeros_like(self.rows), np.zeros_like(self.columns)
+        given = (self.found[:n, n:], self.found[n:, :n]) if signals else ()
+        scales, signal = state_scales(self.found[:n, :n], *given)
+        if not (scales.min() > 0 and scales.max() < math.inf and 0 < signal < math.inf):
+            raise BeyondDoublesError
+        columns[:n] = np.frexp(scales)[1] - 1
+        rows[:n] = -columns[:n]
+        columns[n:] = _exponent(signal)
+        rows[n:] = -_exponent(signal)
+        self._times(rows, columns)
+
+    def gains(self) -> None:
+        """Bring the sizes of B and C near one, the gain takes what they lose."""
+        n, rows, columns = self.n, np.zeros_like(self.rows), np.zeros_like(self.columns)
+        b, c = (power_of_two(size(M)) for M in (self.found[:n, n:], self.found[n:, :n]))
+        self.gain = b * c * self.gain
+        if not 0 < self.gain < math.inf:
+            raise BeyondDoublesError
+        columns[n:], rows[n:] = -_exponent(b), -_exponent(c)
+        self._times(rows, columns)
+
+    def exact(self) -> Realisation:
+        """Return the scaled system, if nothing was rounded."""
+        refuse_beyond(self.found)
+        back = np.ldexp(self.found, -(self.rows[:, None] + self.columns))
+        if not np.array_equal(back, self.given):
+            raise BeyondDoublesError
+        n = self.n
+        return replace(
+            self.system,
+            A=self.found[:n, :n].copy(),
+            B=self.found[:n, n:].copy(),
+            C=self.found[n:, :n].copy(),
+            D=self.found[n:, n:].copy(),
+            time=self.time,
+            gain=self.gain,
+        )
 
 
-def _balanced(system: Realisation, signals: bool = True) -> Realisation:
-    signal_matrices = (system.B, system.C) if signals else ()
-    scales, signal = state_scales(system.A, *signal_matrices)
-    return replace(
-        system,
-        A=scaled(system.A, scales, 1 / scales[:, None]),
-        B=scaled(system.B, 1 / scales[:, None], signal),
-        C=scaled(system.C, scales, 1 / signal),
-    )
-
-
-def _unit_gain(system: Realisation) -> Realisation:
-    b, c = (power_of_two(size(M)) for M in (system.B, system.C))
-    gain = b * c * system.gain
-    if not 0 < gain < np.inf:
-        raise BeyondDoublesError
-    return replace(
-        system,
-        B=scaled(system.B, 1 / b),
-        C=scaled(system.C, 1 / c),
-        D=scaled(system.D, 1 / b, 1 / c),
-        gain=gain,
-    )
+def _exponent(power: float) -> int:
+    """Return the exponent of a power of two."""
+    return math.frexp(power)[1] - 1
 
 
 def typical_rate(A: Matrix) -> float:

@@ -4,7 +4,15 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.exact.realisation import power_of_two, realisation, rescaled, size, typical_rate
+from robustpolish.errors import InvalidInputError
+from robustpolish.exact.realisation import (
+    Realisation,
+    power_of_two,
+    realisation,
+    rescaled,
+    size,
+    typical_rate,
+)
 
 
 def badly_scaled(dt=0):
@@ -65,3 +73,36 @@ def test_sizes_do_not_overflow():
 def test_the_typical_rate_leaves_integrators_out():
     assert typical_rate(np.diag([0.0, -1.0, -100.0])) == pytest.approx(10.0)
     assert typical_rate(np.zeros((2, 2))) == 1.0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_nothing_is_rounded(seed):
+    rng = np.random.default_rng(seed)
+    n, spread = 4, (3, 40)[seed % 2]
+
+    def wide(*shape):
+        return rng.standard_normal(shape) * 10.0 ** rng.uniform(-spread, spread, shape)
+
+    given = Realisation(wide(n, n), wide(n, 2), wide(3, n), wide(3, 2), seed % 3 == 0)
+    found = rescaled(given)
+    for name, M in found.matrices.items():
+        assert (np.frexp(np.abs(M / given.matrices[name]))[0] == 0.5).all()
+        assert M.flags.c_contiguous
+    for power in (found.time, found.gain):
+        assert np.frexp(power)[0] == 0.5
+    assert found.time == 1.0 or not given.discrete
+
+
+def test_what_would_lose_bits_is_refused():
+    A = np.array([[-1e300, 1e-20], [1e-20, -1e300]])  # over 1e300 no double holds 1e-20
+    one = np.ones((2, 2))
+    with pytest.raises(InvalidInputError, match="double precision can hold"):
+        rescaled(Realisation(A, one, one, 0 * one, False))
+
+
+def test_what_is_given_stays_as_it_is():
+    given = realisation("system", badly_scaled())
+    before = {name: M.copy() for name, M in given.matrices.items()}
+    rescaled(given)
+    for name, M in given.matrices.items():
+        np.testing.assert_array_equal(M, before[name])

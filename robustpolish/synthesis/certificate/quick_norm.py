@@ -8,7 +8,7 @@ of a search, and large loops whose bound is proven in ball arithmetic afterwards
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,12 +19,16 @@ from robustpolish.arrays import Array
 from robustpolish.exact.realisation import Realisation
 from robustpolish.synthesis.problem.matrices import balancing_scale
 
+if TYPE_CHECKING:
+    from robustpolish.analysis.norms.modal.modal_peak import ModalPeak
+
 _STEPS = 12
 _MOST_SEEDS = 80
 # From more states on modal coordinates are quicker than Hamiltonian matrices.
 _MODAL = 40
-# Brackets this narrow, relative, settle a norm in modal coordinates.
-_WIDEST = 1e-4
+# Brackets this narrow, relative, settle a norm in modal coordinates; up to the second width their
+# peak is where the Hamiltonian matrix starts from, one step instead of a look at every resonance.
+_WIDEST, _WIDEST_START = 1e-4, 1e-2
 
 
 class QuickNorm(NamedTuple):
@@ -59,12 +63,15 @@ def quick_norm(A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float = 1e
     """
     scale = state_scale(A, B, C)
     A, B, C = A * scale / scale[:, None], B / scale[:, None], C * scale
-    if len(A) > _MODAL:
-        found = _by_modes(A, B, C, D, tolerance)
-        if found is not None:
-            return found
-    poles: Any = np.linalg.eigvals(A) if A.size else np.zeros(0, complex)
-    norm, where = _highest(A, B, C, D, np.concatenate([_resonances(poles), [np.inf]]))
+    peak = _peak_by_modes(A, B, C, D, tolerance) if len(A) > _MODAL else None
+    if peak is None:
+        poles: Any = np.linalg.eigvals(A) if A.size else np.zeros(0, complex)
+        seeds = np.concatenate([_resonances(poles), [np.inf]])
+    else:
+        seeds = np.array([peak.frequency])
+    norm, where = _highest(A, B, C, D, seeds)
+    if peak is not None and peak.upper <= (1 + _WIDEST) * peak.gain:
+        return QuickNorm(norm, where, abs(norm - peak.gain) <= _WIDEST * norm)
     if norm == 0 or not np.isfinite(norm) or not A.size:
         return QuickNorm(norm, where, bool(np.isfinite(norm)))
     for _ in range(_STEPS):
@@ -80,8 +87,10 @@ def quick_norm(A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float = 1e
     return QuickNorm(norm, where, False)
 
 
-def _by_modes(A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float) -> QuickNorm | None:
-    """Find the peak in modal coordinates; None where rounding errors leave it open."""
+def _peak_by_modes(
+    A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float
+) -> ModalPeak | None:
+    """Find the peak in modal coordinates; None where rounding errors leave it wide open."""
     if not D.size or D.size > len(A):
         return None
     from robustpolish.analysis.norms.modal.modal_peak import modal_peak  # imports Numba
@@ -89,11 +98,7 @@ def _by_modes(A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float) -> Q
     form = modal_form(Realisation(A, B, C, D, False), eigensystem(A), False)
     if form is None or not form.stable:
         return None
-    found = modal_peak(form, tolerance, max(tolerance, _WIDEST))
-    if found is None:
-        return None
-    value, where = _highest(A, B, C, D, np.array([found.frequency]))
-    return QuickNorm(value, where, abs(value - found.gain) <= _WIDEST * value)
+    return modal_peak(form, tolerance, max(tolerance, _WIDEST_START))
 
 
 def _highest(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> tuple[float, float]:

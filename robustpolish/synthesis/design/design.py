@@ -323,8 +323,10 @@ class Design(Displayed):
         z, w = self._physical()
         loops = {without: open_loop[z, w], "with control": closed_loop[z, w]}
         if len(z) * len(w) < open_loop.noutputs * open_loop.ninputs:
-            loops["with control, price and noise"] = closed_loop
-        unit = self._gain_unit()
+            more = {"price": open_loop.noutputs > len(z), "noise": open_loop.ninputs > len(w)}
+            added = " and ".join(name for name, there in more.items() if there)
+            loops[f"with control, {added}"] = closed_loop
+        unit = self.gain_unit
         # From the plant's own frequencies on: below them nothing happens in either loop.
         lowest = float(singular_values(open_loop)["frequency"].values.min())
         grids = [singular_values(loop)["frequency"].values for loop in loops.values()]
@@ -336,7 +338,8 @@ class Design(Displayed):
             for name, loop in loops.items()
         }
         achieved, peak = self.certificate.achieved, self.certificate.peak_frequency
-        mark = {} if peak is None else {f"norm {achieved:.4g}": (peak / (2 * np.pi), achieved)}
+        norm = f"norm {achieved:.4g} {unit}".rstrip()
+        mark = {} if peak is None else {norm: (peak / (2 * np.pi), achieved)}
         return plot_gains(gains, mark, ax, first_style=0)
 
     def plot_poles(
@@ -374,8 +377,9 @@ class Design(Displayed):
             return list(range(system.noutputs)), list(range(system.ninputs))
         return z.tolist(), w.tolist()
 
-    def _gain_unit(self) -> str:
-        """Return the unit of the gain from w to z, if all z and all w have one each."""
+    @property
+    def gain_unit(self) -> str:
+        """Unit of the gain from w to z, if all z and all w have one each; "" otherwise."""
         known = self.plant.units
         z = {known[name] for name in self.plant.performance_names if name in known}
         w = {known[name] for name in self.plant.disturbance_names if name in known}

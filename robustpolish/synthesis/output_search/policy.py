@@ -48,6 +48,10 @@ class SearchPolicy:
         Entries of a controller above it cannot be verified in double precision.
     costly_states : int
         More states than this make every check of a loop take long, so that fewer are made.
+    refined_states : int
+        Beyond so many states of a plant no controllers at further distances from the optimum are
+        tried: each takes as long as all the rest of a rung, and those that keep the tolerance lie
+        between the ones that are there already.
     quick_drop : float
         Where checks are costly, none is made on rungs where gamma falls by more than this.
     lmi_states : int
@@ -93,6 +97,7 @@ class SearchPolicy:
     falling: float = 0.9
     largest_gain: float = 1e10
     costly_states: int = 24
+    refined_states: int = 100
     quick_drop: float = 0.03
     lmi_states: int = 14
     modal_loop_states: int = 100

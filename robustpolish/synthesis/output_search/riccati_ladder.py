@@ -129,7 +129,8 @@ class _Descent:
             candidate = self._confirmed(*waiting)
             found.candidates += [] if candidate is None else [candidate]
         found.falling = not regular and found.best > self.problem.goal and self._is_falling()
-        self._refine()
+        if self.plant.nx <= POLICY.refined_states:
+            self._refine()
         return found
 
     def _noted(self, rung: Rung, gamma: float) -> dict[str, Any]:

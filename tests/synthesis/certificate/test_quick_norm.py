@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.synthesis.certificate import quick_norm as module
 from robustpolish.synthesis.certificate.quick_norm import quick_norm, state_scale
 
 
@@ -76,3 +77,25 @@ def test_many_states_have_the_norm_of_the_proven_bracket(seed):
     assert found.settled
     assert found.value == pytest.approx(proven.value, rel=1e-9)
     assert found.frequency == pytest.approx(proven.frequency, rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_peak_that_modes_leave_in_doubt_is_settled_by_the_hamiltonian(monkeypatch, seed):
+    monkeypatch.setattr(module, "_WIDEST", 0.0)  # every bracket is too wide
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((60, 60))
+    A -= (np.linalg.eigvals(A).real.max() + 0.1) * np.eye(60)
+    B, C, D = rng.standard_normal((60, 2)), rng.standard_normal((3, 60)), np.ones((3, 2))
+    looked = []
+
+    def highest(*loop):
+        looked.append(loop[4].size)
+        return real(*loop)
+
+    real = module._highest
+    monkeypatch.setattr(module, "_highest", highest)
+    found = quick_norm(A, B, C, D)
+    assert looked[0] == 1  # the peak of the modes, and no resonance
+    assert found.settled
+    proven = rp.hinf_norm(control.StateSpace(A, B, C, D))
+    assert proven.lower * (1 - 2e-6) <= found.value <= proven.upper * (1 + 1e-9)

@@ -52,7 +52,7 @@ def test_the_card_tells_what_is_known(design):
 
 def test_the_plot_shows_both_loops_and_the_norm(design):
     ax = design.plot()
-    norm = f"norm {design.certificate.achieved:.4g}"
+    norm = f"norm {design.certificate.achieved:.4g} m/N"
     assert names(ax) == ["without control", "with control", norm]
     assert ax.yaxis.get_major_formatter()(1.0) == "1 m/N"
     unstable = mass().replace(A=[[0.0, 1.0], [1.0, -0.4]])
@@ -66,7 +66,7 @@ def test_the_plot_compares_like_with_like(design):
     priced = rp.state_feedback(plant, control_weight=1e-3)
     ax = priced.plot()
     drawn = {line.get_label(): line.get_ydata() for line in ax.lines}
-    assert list(drawn)[:3] == ["without control", "with control", "with control, price and noise"]
+    assert list(drawn)[:3] == ["without control", "with control", "with control, price"]
     without, loop, whole = list(drawn.values())[:3]
     assert loop[-1] == pytest.approx(without[-1], rel=1e-2)  # far above the bandwidth
     assert (whole >= loop * (1 - 1e-9)).all()

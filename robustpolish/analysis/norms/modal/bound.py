@@ -17,11 +17,11 @@ a peak is settled in one step however near gamma is to it.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from robustpolish.analysis.norms.modal.expansion import ORDER
 from robustpolish.analysis.norms.modal.small_hermitian import eigen
 from robustpolish.analysis.poles.eigen import EPS
+from robustpolish.compiling import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from robustpolish.compiling import njit
 
 # A piece from sinh(k STEP) to sinh((k + 1) STEP) is at most 0.46 times as long to either side of
 # its middle as the middle is away from a pole beside zero, one unit from the axis.

@@ -3,10 +3,10 @@ r"""Power series of the response about the middles of pieces of the axis, with t
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from robustpolish.analysis.norms.modal.cover import FAR
 from robustpolish.analysis.poles.eigen import EPS
+from robustpolish.compiling import njit
 
 ORDER = 8
 """Number of terms."""

@@ -12,7 +12,6 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from robustpolish.analysis.norms.modal.bound import below, sizes, squares
 from robustpolish.analysis.norms.modal.cover import FAR, first_pieces, overlapping
@@ -26,6 +25,7 @@ from robustpolish.analysis.norms.modal.modal_form import ModalForm, modal_form
 from robustpolish.analysis.norms.modal.modes import modes_of
 from robustpolish.analysis.norms.modal.small_hermitian import eigen, largest_gain
 from robustpolish.analysis.poles.eigen import EPS, eigensystem
+from robustpolish.compiling import njit
 from robustpolish.deadline import look_at_the_clock
 from robustpolish.exact.realisation import Realisation
 from robustpolish.long_calls import working

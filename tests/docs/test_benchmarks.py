@@ -1,0 +1,72 @@
+"""The page of benchmarks says what its data say, and why a peer is quicker."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("slycot")
+
+from benchmarks.page import line, page, unexplained
+from benchmarks.row import Row, limited, once
+
+DOCS = Path(__file__).parents[2] / "docs"
+DATA = json.loads((DOCS / "benchmarks.json").read_text(encoding="utf-8"))
+FAMILIES = {
+    "start-up", "norms", "synthesis", "growth", "closed loops", "brush", "diagnosis",
+    "robust analysis",
+}  # fmt: skip
+
+
+def test_the_page_is_made_of_the_data():
+    assert (DOCS / "benchmarks.md").read_text(encoding="utf-8") == page(DATA)
+
+
+def test_all_families_are_there():
+    assert {row["family"] for row in DATA["rows"]} == FAMILIES
+    assert set(DATA["machine"]["peers"]) >= {"numpy", "scipy", "slycot", "control"}
+
+
+def test_what_is_slower_or_missing_says_why():
+    assert [row["task"] for row in DATA["rows"] if unexplained(row)] == []
+
+
+def test_ratios_belong_to_their_times():
+    compared = [row for row in DATA["rows"] if row["our_ms"] and row["peer_ms"]]
+    assert len(compared) > 30
+    for row in compared:
+        assert row["ratio"] == pytest.approx(row["our_ms"] / row["peer_ms"], rel=1e-2)
+
+
+def test_a_closed_loop_is_a_hundred_times_as_quick_as_by_runge_kutta():
+    loops = [row for row in DATA["rows"] if row["family"] == "closed loops"]
+    row = next(row for row in loops if row["peer"].startswith("solve_ivp RK45"))
+    assert row["asked"] == 0.01
+    assert row["met"] is True
+    assert row["ratio"] <= 0.01
+
+
+@pytest.mark.parametrize(
+    ("peer_ms", "reason", "kept", "silent"),
+    [(1.0, "proven", "proven", False), (1.0, " ", " ", True), (4.0, "proven", "", False)],
+)
+def test_a_reason_is_kept_where_the_peer_is_quicker(peer_ms, reason, kept, silent):
+    row = Row("norms", "a task", "ours", 2.0, "peer", peer_ms, asked=1.5, reason=reason).as_json()
+    assert row["reason"] == kept
+    assert unexplained(row) is silent
+    assert row["met"] is (peer_ms == 4.0)
+    assert ("1.5 ✗" in line(row)) is (peer_ms == 1.0)
+
+
+def test_a_peer_without_an_answer_needs_a_reason():
+    assert unexplained(Row("norms", "a task", "ours", 2.0, "peer").as_json())
+    assert not unexplained(Row("norms", "a task", "ours", 2.0).as_json())
+
+
+def test_calls_are_timed_here_and_in_a_process_that_ends():
+    spent, found = once(sum, range(1000))
+    assert spent >= 0
+    assert found == 499500
+    assert limited(10.0, int, "7")[1] == 7
+    assert limited(10.0, int, "seven") == (None, "ValueError")
+    assert limited(0.2, lambda: sum(iter(int, 1)))[0] is None  # never ends
