@@ -9,7 +9,8 @@ argument cannot be kept on disk from one run to the next.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from robustpolish.compiling import njit
 
 STAGES = 7
 

@@ -20,6 +20,7 @@ from robustpolish.closed_loop.published_deviations import PUBLISHED_DEVIATIONS
 from robustpolish.closed_loop.robustness import check_robustness
 from robustpolish.closed_loop.robustness_result import RobustnessCheck
 from robustpolish.closed_loop.simulation import simulate
+from robustpolish.closed_loop.studies import SampledLoops, monte_carlo
 from robustpolish.closed_loop.thesis_comparison import thesis_comparison
 from robustpolish.closed_loop.thesis_structures import thesis_structures
 from robustpolish.closed_loop.with_brush.comparison import CoupledComparison, compare_coupled
@@ -37,6 +38,7 @@ __all__ = [
     "HardwareLimit",
     "PolishingAxis",
     "RobustnessCheck",
+    "SampledLoops",
     "admittance_control",
     "check_robustness",
     "compare_controllers",
@@ -47,6 +49,7 @@ __all__ = [
     "hinf_force_control",
     "impedance_control",
     "linearize_with_brush",
+    "monte_carlo",
     "passive_stiffness",
     "simulate",
     "simulate_coupled",

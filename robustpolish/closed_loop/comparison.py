@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from robustpolish.closed_loop.simulation import simulate
+from robustpolish.closed_loop.simulation import simulate_all
 from robustpolish.display import Card, Displayed, Table
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_time_series
@@ -155,6 +156,7 @@ def compare_controllers(
     *,
     plant: GeneralizedPlant | None = None,
     signals: Sequence[str] | None = None,
+    executor: Executor | Literal["serial"] | None = "serial",
 ) -> ControllerComparison:
     """Drive the open loop and every closed loop with the same disturbance.
 
@@ -168,6 +170,9 @@ def compare_controllers(
         The plant of the row "without control"; that of the first design by default.
     signals : sequence of str, optional
         The performance outputs to compare; all of them by default.
+    executor : concurrent.futures.Executor, "serial" or None, optional
+        As for :func:`sweep`, with the same responses: this process by default, None for local
+        processes, which pay for many loops under long disturbances only.
 
     Returns
     -------
@@ -198,8 +203,7 @@ def compare_controllers(
         remedy = "Pass what a synthesis returned."
         instance_of(f"controllers[{name!r}]", design, Design, "a Design", remedy)
     open_plant = next(iter(controllers.values())).plant if plant is None else plant
-    responses = {"without control": simulate(open_plant, disturbance)}
-    responses |= {name: simulate(design, disturbance) for name, design in controllers.items()}
+    responses = simulate_all({"without control": open_plant, **controllers}, disturbance, executor)
     chosen = open_plant.performance_names if signals is None else tuple(signals)
     for name in chosen:
         remedy = "Choose performance outputs of the plant."

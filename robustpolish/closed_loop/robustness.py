@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.closed_loop.parameter_samples import draw
 from robustpolish.closed_loop.robustness_result import RobustnessCheck
-from robustpolish.closed_loop.uncertain_plant import in_place_of, loop_norm
-from robustpolish.errors import RobustPolishWarning
-from robustpolish.long_calls import working
-from robustpolish.models import GeneralizedPlant, MechanicalModel
+from robustpolish.closed_loop.studies.trial import PlantOf, Trial, column, linearized
+from robustpolish.models import MechanicalModel
+from robustpolish.sweeps import sweep
 from robustpolish.synthesis.design.design import Design
 from robustpolish.validation import described, instance_of, invalid
-
-PlantOf = Callable[[MechanicalModel], GeneralizedPlant]
 
 
 class Learned(Protocol):
@@ -43,6 +40,7 @@ def check_robustness(
     plant_of: PlantOf | None = None,
     samples: int = 200,
     seed: int = 0,
+    executor: Executor | Literal["serial"] | None = "serial",
 ) -> RobustnessCheck:
     """Close a design's loop around machines that the data allows for as well.
 
@@ -65,6 +63,9 @@ def check_robustness(
         Number of machines that are drawn.
     seed : int, optional
         Of the random numbers: the same seed draws the same machines.
+    executor : concurrent.futures.Executor, "serial" or None, optional
+        As for :func:`sweep`, with the same norms: this process by default, None for local
+        processes.
 
     Returns
     -------
@@ -100,19 +101,19 @@ def check_robustness(
     """
     instance_of("design", design, Design, "a Design", "Pass what a synthesis returned.")
     drawn = draw(*_source(learned, standard_errors), samples, seed)
-    make: PlantOf = plant_of or (lambda model: model.linearize())
-    with warnings.catch_warnings():
-        # an effect without a linear part has been warned of when the design's plant was made
-        warnings.simplefilter("ignore", RobustPolishWarning)
-        loops = [
-            in_place_of(design.plant, make(model)).closed_loop(design.controller)
-            for model in drawn.models()
-        ]
-    norms = np.zeros(len(loops))
-    with working("Checking machines", len(loops)) as tell:
-        for i, loop in enumerate(loops):
-            tell("")
-            norms[i] = loop_norm(loop, design.norm)
+    trial = Trial(
+        plant=design.plant,
+        controller=design.controller,
+        norm=design.norm,
+        machine=drawn.model,
+        plant_of=plant_of or linearized,
+        names=drawn.keys,
+    )
+    points = [{column(i): value for i, value in enumerate(row)} for row in drawn.values.tolist()]
+    found = sweep(trial, points, executor=executor)
+    for i in np.flatnonzero(found["failure"].values != "")[:1]:
+        trial(**points[i])  # raises here what it raised there
+    norms = found["norm"].values
     return RobustnessCheck(
         norm=design.norm,
         nominal=design.certificate.achieved,
@@ -121,6 +122,7 @@ def check_robustness(
         parameters=drawn.values,
         nominal_parameters=drawn.nominal,
         left_out=drawn.left_out,
+        unit=design.gain_unit if design.norm == "hinf" else "",
     )
 
 

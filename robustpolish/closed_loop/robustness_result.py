@@ -9,10 +9,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
-from scipy.stats import beta
 
 from robustpolish.display import Card, Displayed, quantities
 from robustpolish.plotting import plot_distribution
+from robustpolish.sweeps.confidence import share_at_least
 from robustpolish.validation import invalid
 
 
@@ -34,6 +34,8 @@ class RobustnessCheck(Displayed):
     nominal_parameters : ndarray, shape (keys,)
     left_out : tuple of str
         Numbers that were not drawn, because the data does not determine them.
+    unit : str
+        Of the norms, where all signals have one each.
 
     Examples
     --------
@@ -57,6 +59,7 @@ class RobustnessCheck(Displayed):
     parameters: NDArray[np.float64]
     nominal_parameters: NDArray[np.float64]
     left_out: tuple[str, ...] = ()
+    unit: str = ""
 
     @property
     def samples(self) -> int:
@@ -76,12 +79,12 @@ class RobustnessCheck(Displayed):
     @property
     def least_share_stable(self) -> float:
         """Share of all such machines that are stable, at least, with 95 % confidence."""
-        return _at_least(int(np.sum(self.stable)), self.samples, 0.95)
+        return share_at_least(int(np.sum(self.stable)), self.samples, 0.95)
 
     @property
     def most_share_stable(self) -> float:
         """Share of all such machines that are stable, at most, with 95 % confidence."""
-        return 1.0 - _at_least(int(np.sum(~self.stable)), self.samples, 0.95)
+        return 1.0 - share_at_least(int(np.sum(~self.stable)), self.samples, 0.95)
 
     def least_share_within(self, norm: float, confidence: float = 0.95) -> float:
         """Return the share of all such machines whose norm is at most `norm`, at least.
@@ -111,7 +114,7 @@ class RobustnessCheck(Displayed):
         if not 0 < confidence < 1:
             raise invalid("confidence", confidence, "a share between 0 and 1", "Write 0.95.")
         within = self.stable & (self.norms <= norm)
-        return _at_least(int(np.sum(within)), self.samples, confidence)
+        return share_at_least(int(np.sum(within)), self.samples, confidence)
 
     @property
     def median(self) -> float:
@@ -142,7 +145,9 @@ class RobustnessCheck(Displayed):
         matplotlib.axes.Axes
         """
         name = {"hinf": "H-infinity norm", "h2": "H2 norm"}[self.norm]
-        found = xr.DataArray(self.norms[self.stable], dims="machine", name=name)
+        found = xr.DataArray(
+            self.norms[self.stable], dims="machine", name=name, attrs={"units": self.unit}
+        )
         unstable = self.samples - found.size
         note = f"{unstable} of {self.samples} unstable" if unstable else ""
         return plot_distribution(found, {"certificate": self.nominal}, ax, note=note)
@@ -163,8 +168,3 @@ class RobustnessCheck(Displayed):
         )
         left = f"Not drawn, because not determined: {', '.join(self.left_out)}."
         return Card("Robustness over the fit's errors", (table,), (left,) if self.left_out else ())
-
-
-def _at_least(good: int, samples: int, confidence: float) -> float:
-    """Return the lower limit of Clopper and Pearson (Biometrika 26, 1934) for a share."""
-    return float(beta.ppf(1 - confidence, good, samples - good + 1)) if good else 0.0

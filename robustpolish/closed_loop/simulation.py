@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+import functools
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from typing import Any, Literal
 
 import control
 import numpy as np
@@ -11,6 +14,7 @@ import xarray as xr
 from robustpolish.implementation import SampledDesign
 from robustpolish.models import GeneralizedPlant
 from robustpolish.simulation import linear_response
+from robustpolish.sweeps import sweep
 from robustpolish.synthesis.design.design import Design
 from robustpolish.validation import described, instance_of, invalid
 
@@ -61,7 +65,12 @@ def simulate(
     instance_of("disturbance", disturbance, xr.Dataset, "an xarray.Dataset over time", remedy)
     if isinstance(design, SampledDesign):
         return design.simulate(disturbance)
-    system, units = loop_with_units(design)
+    return _simulated(*loop_with_units(design), disturbance)
+
+
+def _simulated(
+    system: control.StateSpace, units: Mapping[str, str], disturbance: xr.Dataset
+) -> xr.Dataset:
     if "time" not in disturbance.coords:
         raise invalid(
             "disturbance",
@@ -81,14 +90,63 @@ def simulate(
     outputs, _ = linear_response(
         system, time, np.column_stack(inputs) if inputs else np.zeros((time.size, 0))
     )
-    names = system.output_labels
+    return _labelled(system, units, time, outputs.T)
+
+
+def _labelled(
+    system: control.StateSpace, units: Mapping[str, str], time: np.ndarray, outputs: np.ndarray
+) -> xr.Dataset:
     return xr.Dataset(
         {
-            name: ("time", outputs[:, i], {"units": units[name]} if name in units else {})
-            for i, name in enumerate(names)
+            name: ("time", outputs[i], {"units": units[name]} if name in units else {})
+            for i, name in enumerate(system.output_labels)
         },
         coords={"time": ("time", time, {"units": "s"})},
     )
+
+
+def simulate_all(
+    loops: Mapping[str, Design | GeneralizedPlant],
+    disturbance: xr.Dataset,
+    executor: Executor | Literal["serial"] | None,
+) -> dict[str, xr.Dataset]:
+    """Simulate several loops under one disturbance, on workers, to the bits of :func:`simulate`.
+
+    Parameters
+    ----------
+    loops : mapping of str to Design or GeneralizedPlant
+    disturbance : xarray.Dataset
+    executor : concurrent.futures.Executor, "serial" or None
+        As for :func:`robustpolish.sweep`.
+
+    Returns
+    -------
+    dict of str to xarray.Dataset
+    """
+    if executor == "serial":
+        return {name: simulate(loop, disturbance) for name, loop in loops.items()}
+    known = {name: loop_with_units(loop) for name, loop in loops.items()}
+    run = functools.partial(_outputs, tuple(known.values()), disturbance)
+    found = sweep(run, {"loop": range(len(known))}, executor=executor)
+    for i in np.flatnonzero(found["failure"].values != "")[:1]:
+        run(int(i))  # raises here what it raised there
+    responses = {}
+    for i, (name, (system, units)) in enumerate(known.items()):
+        outputs = found["outputs"].values[i, : system.noutputs]
+        responses[name] = _labelled(system, units, disturbance["time"].to_numpy(), outputs)
+    return responses
+
+
+def _outputs(
+    loops: tuple[tuple[control.StateSpace, dict[str, str]], ...], disturbance: xr.Dataset, loop: int
+) -> dict[str, np.ndarray]:
+    """Return the outputs of one loop, with rows of zeros up to the number that the most have."""
+    response = _simulated(*loops[loop], disturbance)
+    most = max(system.noutputs for system, _ in loops)
+    outputs = np.zeros((most, response.sizes["time"]))
+    for row, name in enumerate(loops[loop][0].output_labels):
+        outputs[row] = response[name].to_numpy()
+    return {"outputs": outputs}
 
 
 def loop_with_units(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import itertools
 
-import numba
 import numpy as np
 
 from robustpolish.arrays import Array
+from robustpolish.compiling import njit
 from robustpolish.effects.compiled import call_law, compiled_law
 from robustpolish.effects.kind import EffectKind
 from robustpolish.effects.shapes import Motion, Shape
@@ -17,14 +17,14 @@ _NEXT_TO_NOTHING = 1e-12
 """A column this much smaller than another is rounding: the sine of a spin that stands still."""
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _between(q, v, n, x, qs, vs):  # type: ignore[no-untyped-def]  # compiled
     for i in range(qs.size):
         qs[i] = (1 - x) * q[i, n] + x * q[i, n + 1]
         vs[i] = (1 - x) * v[i, n] + x * v[i, n + 1]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _run(law, t, q, v, p, z, f, substeps):  # type: ignore[no-untyped-def]  # compiled
     ports, samples = q.shape
     out = np.empty((ports, samples))

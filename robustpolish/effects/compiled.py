@@ -8,6 +8,7 @@ laws do.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import lru_cache
 from typing import Any, Protocol, runtime_checkable
 
@@ -16,6 +17,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from robustpolish.compiling import cache_of
 from robustpolish.effects.kind import EffectKind
 from robustpolish.validation import invalid
 
@@ -44,7 +46,8 @@ def machine_code(law: Callable[..., None], cache: bool = True) -> Any:
     cache : bool, optional
         Whether a file keeps the result for the next process.
     """
-    return numba.cfunc(_SIGNATURE, cache=cache, error_model="numpy")(law)
+    with cache_of(law) if cache else nullcontext():
+        return numba.cfunc(_SIGNATURE, cache=cache, error_model="numpy")(law)
 
 
 @lru_cache(maxsize=256)

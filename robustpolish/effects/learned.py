@@ -23,10 +23,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal, cast
 
-import numba
 import numpy as np
 
 from robustpolish.arrays import Array
+from robustpolish.compiling import njit
 from robustpolish.effects.compiled import machine_code
 from robustpolish.effects.kind import EffectKind, Law, Parameter
 
@@ -39,7 +39,7 @@ _SWING = 1 / 80
 _REFERENCE = "Eilers and Marx (1996), Statistical Science 11(2), 89-121"
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _weights(x, low, high, count, stays):  # type: ignore[no-untyped-def]  # compiled
     """Return the first of the four splines at x, and what each of them counts there."""
     step = (high - low) / (count - 3)
@@ -116,7 +116,7 @@ class SplineLaw:
         return machine_code(_LAWS[self.over][0](self.count))
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _columns(x, low, high, count, stays):  # type: ignore[no-untyped-def]  # compiled
     out = np.zeros((count, x.size))
     for m in range(x.size):

@@ -10,13 +10,13 @@ Acary, Brogliato (2008), Numerical Methods for Nonsmooth Dynamical Systems, chap
 
 from __future__ import annotations
 
-import numba
+from robustpolish.compiling import njit
 
 LEAST = 1e-200
 """A velocity that is as good as none and says a direction."""
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def friction_over_step(begin, free, mobility, now, forward, backward):  # type: ignore[no-untyped-def]
     """Return the friction over a step as a mean, its change over the step, and what it is at last.
 

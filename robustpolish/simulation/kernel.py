@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from robustpolish.compiling import njit
 from robustpolish.effects import call_law
 from robustpolish.simulation.dry_friction import LEAST, friction_over_step
 
@@ -14,7 +14,7 @@ _SWEEPS = 20
 _HELD = 1e-6
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _force(laws, layout, p, t, motion, at, ports, z, f, dz, i):  # type: ignore[no-untyped-def]
     """Evaluate one law."""
     port, state, own = layout[i, 0], layout[i, 2], layout[i, 4]
@@ -22,7 +22,7 @@ def _force(laws, layout, p, t, motion, at, ports, z, f, dz, i):  # type: ignore[
     call_law(laws[i], t, motion, q, motion, q + ports, z, state, p, own, f, port, dz, state)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _forces(laws, layout, p, t, motion, at, ports, z, f, dz):  # type: ignore[no-untyped-def]
     """Evaluate all laws at motions that begin at an entry: displacements, then velocities.
 
@@ -34,7 +34,7 @@ def _forces(laws, layout, p, t, motion, at, ports, z, f, dz):  # type: ignore[no
         call_law(laws[i], t, motion, q, motion, q + ports, z, state, p, own, f, port, dz, state)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _limits(laws, layout, p, t, motion, at, ports, z, f, dz, dry, forward, backward):  # type: ignore[no-untyped-def]
     """Evaluate the frictions on bodies that begin to slide, in either direction."""
     for d in range(len(dry)):
@@ -49,7 +49,7 @@ def _limits(laws, layout, p, t, motion, at, ports, z, f, dz, dry, forward, backw
         motion[v] = kept
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _slide_on(motion, ports, layout, dry, v0):  # type: ignore[no-untyped-def]
     """Let bodies that slide slide on, until it is known where in the step they stop."""
     for d in range(len(dry)):
@@ -60,7 +60,7 @@ def _slide_on(motion, ports, layout, dry, v0):  # type: ignore[no-untyped-def]
             motion[v] = min(motion[v], -LEAST)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _hold(f, layout, dry, v0, held):  # type: ignore[no-untyped-def]
     """Set the frictions of bodies at rest to what held them last."""
     for d in range(len(dry)):
@@ -68,7 +68,7 @@ def _hold(f, layout, dry, v0, held):  # type: ignore[no-untyped-def]
             f[layout[dry[d], 0]] = held[d]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _at_end(ahead, out, x, n, column):  # type: ignore[no-untyped-def]
     """Return a motion at the end of a step, `out` beginning with the next state."""
     total = 0.0
@@ -80,7 +80,7 @@ def _at_end(ahead, out, x, n, column):  # type: ignore[no-untyped-def]
     return total
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _impulses(m, layout, dry, n, ports):  # type: ignore[no-untyped-def]
     """Return what constant and tilted frictions do to the state, and to the sliding velocities."""
     ahead, first, middle, last = m[0], m[4], m[5], m[6]
@@ -99,7 +99,7 @@ def _impulses(m, layout, dry, n, ports):  # type: ignore[no-untyped-def]
     return push, tilt, by_push, by_tilt
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _hold_at_start(ahead, layout, dry, out, x, ports, by_push, ends, slow, held):  # type: ignore[no-untyped-def]
     """Set below which speeds bodies rest, and what holds those that rest at first."""
     n = len(out) - 6 * ports
@@ -110,7 +110,7 @@ def _hold_at_start(ahead, layout, dry, out, x, ports, by_push, ends, slow, held)
         held[d] = min(max(-gained / by_push[d, d], ends[0][d]), ends[1][d])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _settle(out, v0, v1, mean, push, tilt, by_push, by_tilt, ends, slow, last, held):  # type: ignore[no-untyped-def]
     """Put into the next state what frictions do that stop, turn round or hold within a step.
 
@@ -141,7 +141,7 @@ def _settle(out, v0, v1, mean, push, tilt, by_push, by_tilt, ends, slow, last, h
         held[d] = min(max(last[d] + more, ends[0][d]), ends[1][d])
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def run_steps(m, output, laws, layout, p, W, E, Y, K, s0, z0, t0, dt, substeps, keep):  # type: ignore[no-untyped-def]
     """Step through the samples and return predictions, states and internal states.
 
@@ -303,7 +303,7 @@ def run_steps(m, output, laws, layout, p, W, E, Y, K, s0, z0, t0, dt, substeps, 
     return predicted, kept, kept_z
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def run_pieces(m, output, laws, layout, p, W, E, S0, Z0, t0, marks, dt, substeps, keep):  # type: ignore[no-untyped-def]
     """Step freely through pieces that follow each other in W, each from a start of its own."""
     ny, n, nz = output[0].shape[0], S0.shape[1], Z0.shape[1]

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import control
-import numba
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import expm, matrix_balance
 
 from robustpolish.arrays import Array
+from robustpolish.compiling import njit
 from robustpolish.validation import described, invalid, matrix, state_space
 
 
@@ -151,7 +151,7 @@ def uniform_step(t: Array) -> float:
     return step
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _recursion(transition_T: Array, drive: Array, x0: Array) -> Array:
     """x[k+1] = transition x[k] + drive[k], with the transition transposed for quick access."""
     samples, n = drive.shape

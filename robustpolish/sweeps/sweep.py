@@ -6,7 +6,6 @@ import functools
 import hashlib
 import inspect
 import os
-import pickle
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
@@ -20,6 +19,7 @@ from robustpolish.sweeps.chunk import Done, Job
 from robustpolish.sweeps.outcome import Outcome
 from robustpolish.sweeps.points import FAILURE, Points, read_points
 from robustpolish.sweeps.record import Record
+from robustpolish.sweeps.sent import as_bytes
 from robustpolish.sweeps.work import not_found, on_executor, on_processes, serially
 from robustpolish.validation import invalid
 
@@ -39,12 +39,12 @@ def sweep(
     ----------
     function : callable
         Takes a point's parameters by name, in whatever units the caller counts them. If it has
-        a parameter `rng`, it gets a :class:`numpy.random.Generator` of its own at every point.
+        a parameter `rng`, it gets a ``numpy.random.Generator`` of its own at every point.
         Returns a number, text, an array, a mapping of names to these, or labelled data of xarray.
     points : mapping, sequence of mappings or xarray.Dataset
         A grid: values of each parameter, of which every combination is a point. Or samples: one
         mapping per point, or a Dataset with one dimension. Values are numbers, truth values or
-        text; anything else is bound to the function by :func:`functools.partial`.
+        text; anything else is bound to the function by ``functools.partial``.
     executor : concurrent.futures.Executor or "serial", optional
         Who does the work: local processes by default, one per core that this process may use.
         ``client.get_executor()`` of a Dask client is one. ``"serial"`` is this process, for
@@ -146,7 +146,7 @@ def _takes_rng(function: Callable[..., Any]) -> bool:
 
 def _pickled(function: Callable[..., Any]) -> bytes:
     try:
-        return pickle.dumps(function, protocol=5)
+        return as_bytes(function)
     except Exception as error:
         # Other processes import a function by its name; a lambda has none to be found by.
         expected = "a function with a name in a module, which workers and files can find"

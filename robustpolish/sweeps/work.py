@@ -25,6 +25,9 @@ _AHEAD = 2
 _UNKNOWN_WORKERS = 16
 """Taken of an executor that does not tell how many it has, as those of clusters."""
 
+_PRELOADED = ["robustpolish.sweeps.chunk", "robustpolish.closed_loop"]
+"""Modules of this package alone: those of users may change between two sweeps."""
+
 Chunk = list[tuple[int, dict[str, Any]]]
 
 
@@ -115,8 +118,12 @@ def _size(count: int, seconds: float, left: int, workers: int) -> int:
 
 
 def _pool(workers: int) -> ProcessPoolExecutor:
-    # Fresh interpreters: a fork would copy locks that threads of this process hold.
-    context = multiprocessing.get_context("spawn")
+    # A fork of this process would copy locks that its threads hold. Where there is a server to
+    # fork from, workers find this package imported, which takes seconds; a fresh one does it anew.
+    kind = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+    context = multiprocessing.get_context(kind)
+    if kind == "forkserver":
+        context.set_forkserver_preload(_PRELOADED)
     return ProcessPoolExecutor(workers, context, end_with_parent)
 
 

@@ -1,6 +1,7 @@
 """The comparison table: its numbers, its words, its picture."""
 
 import dataclasses
+from concurrent.futures import ThreadPoolExecutor
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -71,6 +72,27 @@ def test_plot_draws_every_row(comparison):
     assert axes.get_ylabel() == "y [µm]"
     assert axes.yaxis.get_major_formatter()(2e-5) == "20"
     plt.close(axes.figure)
+
+
+def test_threads_give_the_bits_of_one_by_one(comparison, soft, stiff, load):
+    with ThreadPoolExecutor(2) as threads:
+        again = rp.compare_controllers(
+            {"soft": soft, "stiff": stiff}, load, signals=("x", "y", "z"), executor=threads
+        )
+        assert again.table.identical(comparison.table)
+        for row, response in comparison.responses.items():
+            assert again.responses[row].identical(response)
+        with pytest.raises(InvalidInputError, match="time"):
+            rp.compare_controllers({"soft": soft}, load.drop_vars("time"), executor=threads)
+
+
+@pytest.mark.slow
+def test_processes_give_the_bits_of_one_by_one(comparison, soft, stiff, load):
+    again = rp.compare_controllers(
+        {"soft": soft, "stiff": stiff}, load, signals=("x", "y", "z"), executor=None
+    )
+    for row, response in comparison.responses.items():
+        assert again.responses[row].identical(response)
 
 
 def test_bad_arguments_are_named(comparison, soft, load):

@@ -1,5 +1,6 @@
 """Designs held against the errors of a fit."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,8 +46,19 @@ def test_without_errors_every_machine_is_the_nominal_one(design):
         design, machine(), standard_errors={STIFFNESS: 0.0}, plant_of=with_state, samples=3
     )
     assert check.norms == pytest.approx(design.certificate.achieved, rel=1e-5)
+    assert check.unit == design.gain_unit == "m/N"
+    assert check.plot().get_xlabel().startswith("H-infinity norm [")
     assert check.share_stable == 1.0
     assert check.least_share_stable == pytest.approx(0.05 ** (1 / 3))
+
+
+def test_threads_give_the_bits_of_one_by_one(design):
+    own = {"standard_errors": {STIFFNESS: 80.0, MASS: 0.1}, "plant_of": with_state, "samples": 10}
+    alone = rp.check_robustness(design, machine(), **own)
+    with ThreadPoolExecutor(2) as threads:
+        beside = rp.check_robustness(design, machine(), executor=threads, **own)
+    assert np.array_equal(alone.norms, beside.norms)
+    assert np.array_equal(alone.parameters, beside.parameters)
 
 
 def test_each_norm_is_that_of_its_machine(design):

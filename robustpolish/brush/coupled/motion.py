@@ -11,7 +11,6 @@ exactly, however stiff; for the disc alone the method is the classical Runge-Kut
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from robustpolish.brush.physical.disc_motion import (
     AXIS,
@@ -28,6 +27,7 @@ from robustpolish.brush.physical.disc_motion import (
     turn,
 )
 from robustpolish.brush.physical.rim_contact import FORCE, LOADS, rim_load, scratch
+from robustpolish.compiling import njit
 
 CONTACT_IMPULSE = slice(10, 13)
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 from math import atan, atan2, cos, hypot, pi, sin, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from robustpolish.brush.listing.defects import ListingDefects
 from robustpolish.brush.parameters import BrushParameters
+from robustpolish.compiling import njit
 
 # Places in the vector of switches: the order of the fields of ListingDefects.
 (

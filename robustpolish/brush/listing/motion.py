@@ -5,7 +5,6 @@ from __future__ import annotations
 from math import atan
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from robustpolish.brush.dormand_prince import NODES, STAGES, inside_step, stage_state
@@ -20,6 +19,7 @@ from robustpolish.brush.listing.equations import (
 )
 from robustpolish.brush.parameters import BrushParameters
 from robustpolish.brush.tool_path import tool_velocity
+from robustpolish.compiling import njit
 from robustpolish.errors import SolverError
 from robustpolish.validation import described, invalid
 

@@ -8,9 +8,9 @@ state's size before and after, and of absolute over relative tolerance.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from robustpolish.brush.dormand_prince import step_error
+from robustpolish.compiling import njit
 
 ABSOLUTE = 1e-6  # MATLAB's default, in the units of the state
 

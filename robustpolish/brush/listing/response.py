@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from numba import njit
 from numpy.typing import ArrayLike
 
 from robustpolish.brush.dataset import (
@@ -27,6 +26,7 @@ from robustpolish.brush.listing.equations import (
 )
 from robustpolish.brush.listing.motion import forces_of_contact
 from robustpolish.brush.listing.run import force_divisor
+from robustpolish.compiling import njit
 from robustpolish.errors import SolverError
 from robustpolish.validation import described, invalid, matrix, positive
 

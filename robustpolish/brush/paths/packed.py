@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from robustpolish.brush.surfaces.uniform_spline import cell, slope_weights, weights
+from robustpolish.compiling import njit
 
 
 @njit(cache=True)

@@ -15,7 +15,6 @@ from __future__ import annotations
 from math import cos, sin, sqrt
 
 import numpy as np
-from numba import njit
 
 from robustpolish.brush.dormand_prince import (
     NODES,
@@ -34,6 +33,7 @@ from robustpolish.brush.physical.rim_contact import (
     rim_load,
     scratch,
 )
+from robustpolish.compiling import njit
 
 # Places in the state vector.
 HEIGHT, CLIMB, AXIS, TURNING, SPIN, TWIST, IMPULSE, FRICTION_HEAT, DAMPING_HEAT = (

@@ -20,9 +20,9 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from numba import njit
 
 from robustpolish.brush.surfaces.uniform_spline import BEND, expansion
+from robustpolish.compiling import njit
 
 BLOCK = 16  # nodes that are looked at, or skipped, together
 

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from robustpolish.arrays import AnyArray as Array
 from robustpolish.brush.surfaces.grid import FILE, check_size
 from robustpolish.brush.surfaces.polished_surface import Floats
+from robustpolish.compiling import njit
 from robustpolish.files import Wanted, content
 from robustpolish.validation import described, invalid, one_of
 

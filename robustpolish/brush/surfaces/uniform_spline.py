@@ -8,11 +8,11 @@ Practical Guide to Splines*, ch. IV), so that cubics are reproduced to rounding.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from robustpolish.arrays import AnyArray as Array
+from robustpolish.compiling import njit
 
 FEWEST = 4  # values that a cubic needs
 HEADER = 7  # numbers before the coefficients of a packed surface

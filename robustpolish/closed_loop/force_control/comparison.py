@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import pi
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from robustpolish.brush import BrushParameters, ToolPath, removal_of_force
 from robustpolish.brush.surfaces.polished_surface import PolishedSurface
 from robustpolish.closed_loop.force_control.controllers import ForceControl
+from robustpolish.display import Card, Displayed, Table
 from robustpolish.plotting import plot_over_plane, plot_time_series
 from robustpolish.simulation import linear_response
 from robustpolish.validation import described, invalid, one_of
@@ -21,8 +22,8 @@ from robustpolish.validation import described, invalid, one_of
 _OUTPUTS = ("force_error", "tool", "gap", "push")
 
 
-@dataclass(frozen=True, eq=False)
-class ForceComparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class ForceComparison(Displayed):
     """Force and removal along a path, by the ways to control the force.
 
     Attributes
@@ -47,16 +48,16 @@ class ForceComparison:
     >>> time = np.linspace(0.0, 1.0, 1001)
     >>> passive = rp.passive_stiffness(rp.PolishingAxis())
     >>> found = rp.compare_force_control([passive], path, 1e-3 * time, time)
-    >>> print(found.explain().splitlines()[1][:28].rstrip())
+    >>> print(found.explain().splitlines()[1][:18].strip())
     passive, 500 N/m
     >>> found.plot().get_xlabel(), found.plot_removal("wanted").get_xlabel()
     ('time [s]', 'x [mm]')
     >>> plt.close("all")
     """
 
-    signals: xr.Dataset = field(repr=False)
+    signals: xr.Dataset
     table: xr.Dataset
-    removal: dict[str, xr.DataArray] = field(repr=False)
+    removal: dict[str, xr.DataArray]
 
     def explain(self) -> str:
         """Return the table as text.
@@ -65,16 +66,22 @@ class ForceComparison:
         -------
         str
         """
-        lines = [
-            f"{'':28}{'force error':>12}{'least [N]':>11}{'largest [N]':>13}{'removal error':>15}"
-        ]
-        for name in self.table["control"].values:
-            row = self.table.sel(control=name)
-            lines.append(
-                f"{name!s:28}{float(row.force_error):12.2%}{float(row.least):11.3g}"
-                f"{float(row.largest):13.3g}{float(row.removal_error):15.2%}"
+        return str(self)
+
+    def _card(self) -> Card:
+        columns = ("control", "force error [%]", "least [N]", "largest [N]", "removal error [%]")
+        rows = tuple(
+            (
+                str(name),
+                100.0 * float(row.force_error),
+                float(row.least),
+                float(row.largest),
+                100.0 * float(row.removal_error),
             )
-        return "\n".join(lines)
+            for name in self.table["control"].values
+            for row in (self.table.sel(control=name),)
+        )
+        return Card("", (Table("", columns, rows),))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the forces over time.

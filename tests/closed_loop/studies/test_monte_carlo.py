@@ -1,0 +1,161 @@
+"""Sampled loops are those that a user would build by hand, on any number of workers."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import robustpolish as rp
+from robustpolish.closed_loop.uncertain_plant import loop_norm
+from robustpolish.models import Damper, Dof, Input, Output, Spring
+from tests.closed_loop.studies.functions import roughness, with_state
+
+AT = ("x", "ground")
+MASS, STIFFNESS = "dof.x.mass", "spring[0].stiffness"
+SPREAD = {STIFFNESS: ("normal", 800.0, 40.0), MASS: (1.9, 2.1)}
+
+
+def machine(stiffness=800.0, mass=2.0):
+    return rp.MechanicalModel(
+        [Dof("x", mass)], [Spring(AT, stiffness)], [Damper(AT, 4.0)],
+        [Input("F", AT)], [Output("x", AT)],
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def design():
+    return rp.state_feedback(with_state(machine()), method="riccati", control_weight=1e-3)
+
+
+@pytest.fixture(scope="module")
+def bearing():
+    plant = rp.air_bearing(actuation="force")
+    return rp.state_feedback(plant, method="riccati", control_weight=1e-7)
+
+
+@pytest.fixture(scope="module")
+def push():
+    time = np.arange(500) / 1000
+    force = np.sin(20 * time)
+    plant = with_state(machine())
+    return xr.Dataset(
+        dict.fromkeys(plant.disturbance_names, ("time", force)), coords={"time": time}
+    )
+
+
+def test_norms_and_peaks_are_those_of_loops_built_by_hand(design, push):
+    study = rp.monte_carlo(
+        design, SPREAD, machine=machine(), plant_of=with_state, disturbance=push,
+        figures=roughness, samples=5, executor="serial",
+    )  # fmt: skip
+    assert not study.failures
+    for i in range(5):
+        drawn = machine(*(float(study.dataset[key][i]) for key in (STIFFNESS, MASS)))
+        plant = with_state(drawn).with_full_state()
+        priced = rp.state_feedback(plant, method="riccati", control_weight=1e-3).plant
+        assert float(study.dataset.norm[i]) == pytest.approx(
+            loop_norm(priced.closed_loop(design.controller), "hinf")
+        )
+        response = rp.simulate(plant.closed_loop(design.controller), push)
+        peak = float(abs(response.x).max())
+        assert float(study.dataset.peak_x[i]) == pytest.approx(peak, rel=1e-9)
+        assert float(study.dataset.rms[i]) == pytest.approx(roughness(response)["rms"], rel=1e-9)
+    assert study.nominal["norm"] == pytest.approx(design.certificate.achieved, rel=1e-5)
+
+
+def test_threads_and_further_names_change_no_draw(design):
+    options = {"machine": machine(), "plant_of": with_state, "samples": 8, "seed": 3}
+    here = rp.monte_carlo(design, SPREAD, executor="serial", **options)
+    with ThreadPoolExecutor(3) as threads:
+        there = rp.monte_carlo(design, SPREAD, executor=threads, **options)
+    assert there.dataset.identical(here.dataset)
+    wider = {**SPREAD, "damper[0].damping": (3.0, 5.0)}
+    more = rp.monte_carlo(design, wider, executor="serial", **options)
+    assert np.array_equal(more.dataset[MASS], here.dataset[MASS])
+    assert not np.array_equal(more.dataset.norm, here.dataset.norm)
+
+
+@pytest.mark.slow
+def test_processes_give_the_same_bits_with_brush_and_machine_drawn(bearing):
+    drawn = {"brush_mass": ("normal", 0.2, 0.02), "brush.friction": (0.2, 0.4)}
+    options = {"duration": 0.005, "samples": 20, "seed": 3}
+    here = rp.monte_carlo(bearing, drawn, executor="serial", **options)
+    assert rp.monte_carlo(bearing, drawn, **options).dataset.identical(here.dataset)
+
+
+def test_a_study_goes_on_from_its_file(design, tmp_path):
+    own = {"machine": machine(), "plant_of": with_state, "executor": "serial", "samples": 6}
+    file = tmp_path / "study.jsonl"
+    whole = rp.monte_carlo(design, SPREAD, file=file, **own)
+    content = file.read_bytes()
+    file.write_bytes(content[: 2 * len(content) // 3])
+    again = rp.monte_carlo(design, SPREAD, file=file, **own)
+    assert again.dataset.identical(whole.dataset)
+    assert file.read_bytes() == content
+
+
+def test_the_brush_is_run_with_what_was_drawn(bearing):
+    study = rp.monte_carlo(
+        bearing,
+        {"run": [1, 2], "brush.friction": (0.2, 0.4), "surface.across": (2.0, 2.5)},
+        duration=0.005, samples=3, executor="serial",
+    )  # fmt: skip
+    for i in range(3):
+        drawn = {name: study.dataset[name][i].item() for name in study.trial.names}
+        brush = rp.BrushParameters.for_run(
+            drawn["run"],
+            friction=drawn["brush.friction"],
+            surface=rp.Surface(across=drawn["surface.across"]),
+        )
+        load = rp.simulate_brush(duration=0.005, parameters=brush)
+        response = rp.simulate(bearing, load)
+        assert float(study.dataset.peak_y[i]) == float(abs(response.y).max())
+        assert float(study.dataset.peak_u_z[i]) == float(abs(response.u_z).max())
+    assert study.dataset.peak_y.attrs["units"] == "m"
+    assert np.unique(study.dataset.norm).size == 1
+
+
+def test_a_machine_that_cannot_be_is_a_failure_and_counts_as_worst(design):
+    study = rp.monte_carlo(
+        design, {MASS: [2.0, -1.0]}, machine=machine(), plant_of=with_state, samples=10,
+        executor="serial",
+    )  # fmt: skip
+    bad = np.flatnonzero(study.dataset[MASS] < 0)
+    assert set(study.failures) == set(bad)
+    assert 0 < bad.size < 10
+    assert "InvalidInputError" in study.failures[int(bad[0])]
+    assert study.share("norm", np.finfo(float).max) == pytest.approx(1 - bad.size / 10)
+    assert study.worst() not in bad
+    assert "failed, counted as worst" in repr(study)
+
+
+def test_an_unstable_loop_has_infinite_figures(push):
+    rod = rp.state_feedback(with_state(machine(-40.0)), method="riccati", control_weight=1e-1)
+    study = rp.monte_carlo(
+        rod, {STIFFNESS: [-40.0, -4e9]}, machine=machine(-40.0), plant_of=with_state,
+        disturbance=push, figures=roughness, samples=6, executor="serial",
+    )  # fmt: skip
+    gone = (study.dataset[STIFFNESS] < -1e5).values
+    for name in ("norm", "peak_x", "rms"):
+        assert np.array_equal(np.isinf(study.dataset[name].values), gone)
+    assert study.replay().response is None
+    assert not study.failures
+
+
+def test_what_means_nothing_is_refused(design, bearing, push):
+    own = {"machine": machine(), "plant_of": with_state, "executor": "serial"}
+    for distributions, options, words in [
+        ({"dof.x.mas": (1.0, 2.0)}, own, "Write dof.x.mass"),
+        ({"brush.frictoin": (0.2, 0.3)}, own, "Write brush.friction"),
+        ({}, own, "a distribution by name"),
+        ({"run": [1]}, own, "duration"),
+        ({"run": [1]}, {**own, "duration": 1.0, "disturbance": push}, "Leave out duration"),
+        (SPREAD, {**own, "samples": 0}, "samples"),
+        (SPREAD, {**own, "seed": -1}, "seed"),
+        (SPREAD, {"executor": "serial"}, "brush.NAME"),
+    ]:
+        with pytest.raises(rp.InvalidInputError, match=words):
+            rp.monte_carlo(design, distributions, **options)
+    with pytest.raises(rp.InvalidInputError, match="plant_of"):
+        rp.monte_carlo(bearing, SPREAD, **own)
