@@ -21,6 +21,7 @@ LONG = (
     "12_brush_and_machine_together",
     "13_your_own_machine",
     "14_a_classical_design",
+    "15_more_measured_machines",
 )
 """Half a minute to a minute each; the documentation executes them as well."""
 
