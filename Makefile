@@ -8,7 +8,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint structure docs linkcheck notebooks lab figure validation browser bench hidden-effects fuzz clean clean-cache
+.PHONY: help demo test test-slow lint structure docs linkcheck notebooks lab figure validation browser bench compleib hidden-effects fuzz clean clean-cache
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 18
@@ -71,9 +71,17 @@ browser: ## Install Chromium for the tests of reports, where that is possible
 		|| { test "$$(id -u)" = 0 && apt-get -qq update && apt-get -qq -y install chromium chromium-driver; } >/dev/null 2>&1 \
 		|| echo "No Chromium: the tests of reports in a browser will be skipped."
 
-bench: $(READY) ## Compare all synthesis methods on the benchmark plants, and norms with SLICOT
-	$(BIN)/python benchmarks/compleib_table.py
-	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/norms.py
+PYSINDY := $(VENV)/.pysindy
+$(PYSINDY): | $(READY)
+	@echo "Installing pysindy beside (once) ..."
+	@$(PYTHON) -m venv $(PYSINDY) && $(PYSINDY)/bin/pip install --quiet --disable-pip-version-check pysindy \
+		|| { rm -rf $(PYSINDY); echo "No pysindy: the benchmark leaves its line out."; }
+
+bench: $(READY) | $(PYSINDY) ## Time everything against other solvers: docs/benchmarks.md and .json (half an hour)
+	$(BIN)/python -m benchmarks.run --pysindy $(PYSINDY)/bin/python
+
+compleib: $(READY) ## Try all synthesis methods on the benchmark plants: docs/compleib_table.md
+	$(BIN)/python -m benchmarks.compleib_table
 
 hidden-effects: $(READY) ## Examine the diagnosis on all hidden cases (hours); goes on where it stopped
 	$(BIN)/python -m tests.hidden_effects.run --keep .hidden_effects_rows.jsonl
@@ -87,6 +95,7 @@ fuzz: $(READY) ## Try damaged files and random plants on everything (an hour); F
 
 clean-cache: ## Forget compiled functions
 	find robustpolish tests -name '*.nb?' -delete
+	rm -rf $${XDG_CACHE_HOME:-$$HOME/.cache}/robustpolish/compiled
 
 clean: clean-cache ## Remove what the other targets made
 	rm -rf $(VENV) demo-results docs/_build docs/api docs/effects docs/notebooks .pytest_cache .ruff_cache .import_linter_cache

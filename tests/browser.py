@@ -1,5 +1,6 @@
 """Chromium for tests that look at pages: opened, resized, and asked what does not fit."""
 
+import importlib
 import os
 import shutil
 from contextlib import contextmanager
@@ -80,3 +81,12 @@ def too_wide(browser, width):
     looked_at, found = browser.execute_script(_TOO_WIDE, width)
     assert looked_at > 0, f"{browser.current_url} has no content"
     return found
+
+
+def links_in(browser, selector):
+    """Return where the links of a search lead, once it has found all that it will."""
+    wait = importlib.import_module("selenium.webdriver.support.ui").WebDriverWait(browser, 20)
+    summary = "return document.querySelector('.search-summary')?.textContent || ''"
+    wait.until(lambda driver: "finished" in driver.execute_script(summary))
+    script = "return [...document.querySelectorAll(arguments[0])].map(link => link.href)"
+    return browser.execute_script(script, selector)

@@ -167,6 +167,7 @@ NO_PICTURE = (
     "LmiCheck",
     "DesignTask",
     "UncertainSystem",
+    "DelayedSystem",
     "Ellipsoid",
 )
 
@@ -178,3 +179,33 @@ def test_every_result_draws_itself(name):
     first, *rest = list(inspect.signature(CLASSES[name].plot).parameters.values())[1:]
     assert (first.name, first.default) == ("ax", None)
     assert all(p.kind is p.KEYWORD_ONLY for p in rest)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        rp.Dof("x", 2.0),
+        rp.Spring(("x", "ground"), 3000.0),
+        rp.Damper(("x", "y"), 3.0),
+        rp.CoupledInertia(("x", "y"), 0.1),
+        rp.Input("F", ("x", "ground")),
+        rp.Output("x", ("x", "ground")),
+        rp.DelayLine("x", 1e-3),
+        rp.HalfPlane(-1.0),
+        rp.Disk(-2.0, 1.0),
+        rp.Sector(0.3),
+        rp.Surface(0.1, 2.5),
+        rp.BrushParameters.for_run(3, spin=200.0),
+        rp.LoopRequirements(modulus=0.6),
+        rp.PolishingAxis(),
+        rp.ShaftSegment(0.1, 0.02),
+        rp.RotorDisc(0.05, 1.0, 1e-3, 2e-3),
+        rp.RotorBearing(0.0, 1e6),
+        rp.PassiveElement("spring", ("x", "ground"), 5.0, "N/m"),
+        rp.tunable("k", 10.0, low=0.0, high=1e4),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_what_is_typed_can_be_copied_from_the_screen(value):
+    names = {name: getattr(rp, name) for name in rp.__all__}
+    assert eval(repr(value), names) == value

@@ -60,3 +60,22 @@ def test_ctrl_c_ends_without_a_traceback(seconds):
     _, said = process.communicate(timeout=60)
     assert process.returncode != 0
     assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(("option", "code"), [("--version", 0), ("--nonsense", 2)])
+def test_the_end_is_short_and_leaves_nothing_undone(option, code):
+    """Modules are not taken apart, but what was to be done at the end is, and the code is right."""
+    program = (
+        "import atexit, sys, robustpolish.__main__ as command\n"
+        "class Kept:\n"
+        "    def __del__(self): print('taken apart')\n"
+        "kept = Kept()\n"
+        "sys.argv = ['robustpolish', sys.argv[1]]\n"
+        "try: command.run()\n"
+        "finally: atexit.register(print, 'done at the end')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, option], check=False, capture_output=True, text=True
+    )
+    assert done.returncode == code
+    assert done.stdout.splitlines()[-1] == "done at the end"

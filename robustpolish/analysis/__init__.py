@@ -19,7 +19,10 @@ from robustpolish.analysis.poles.zeros import AxisZero, zeros_on_axis
 from robustpolish.analysis.scaling.decoupled_blocks import Block, decoupled_blocks
 from robustpolish.analysis.scaling.prescale import Prescaled, prescale
 from robustpolish.analysis.scaling.units import Scaling, scale_system
+from robustpolish.copies import register
 from robustpolish.exact.rational import is_positive_definite
+
+register()  # whatever holds a linear system imports this room
 
 __all__ = [
     "AxisZero",

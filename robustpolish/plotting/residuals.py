@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 from robustpolish.plotting.style import LINE_STYLES, legend, log_axis, new_axes, si_axis
@@ -201,6 +202,8 @@ def plot_surface(shown: xr.Dataset, ax: Axes | None = None) -> Axes:
         # Dark pushes one way, light the other, in grey too; the line is where the force turns.
         sides = shown["displacement"].values, shown["velocity"].values
         ax.contour(*sides, force.values.T, levels=[0.0], colors="white", linewidths=1.5)
+        line = Line2D([], [], color="white", linewidth=1.5, label="no force")
+        ax.legend(handles=[line], loc="best", facecolor="#333333", labelcolor="white")
     colorbar = ax.figure.colorbar(image, ax=ax)
     si_axis(colorbar.ax.yaxis, "force", str(force.attrs.get("units", "")))
     for axis, dim in ((ax.xaxis, "displacement"), (ax.yaxis, "velocity")):

@@ -34,7 +34,7 @@ LEVEL: dict[str, Any] = {"facecolor": "#999999", "edgecolor": "#333333"}
 GOOD: dict[str, Any] = {"facecolor": "#56b4e9", "edgecolor": "#333333", "hatch": "//"}
 BAD: dict[str, Any] = {"facecolor": "#d55e00", "edgecolor": "#333333", "hatch": "xx"}
 
-_FEW_DECADES = 1.5
+_FEW_DECADES = 2.0
 
 
 def new_axes(ax: Axes | None) -> Axes:

@@ -41,19 +41,24 @@ def plot_time_series(
     matplotlib.axes.Axes
     """
     ax = new_axes(ax)
-    name, unit = "", ""
+    unit, banded = "", False
+    shown: set[str] = set()
     for i, (label, signal) in enumerate(signals.items()):
         time, values = signal["time"].to_numpy(), signal.to_numpy()
         style = LINE_STYLES[(i if len(signals) > 1 else 1) % len(LINE_STYLES)]
         band = _band(time, values) if bands else None
         if band is not None:
+            banded = True
             _draw_band(ax, band, label, style["color"])
         else:
             ax.plot(*_envelope(time, values), label=label, linewidth=1.0, **style)
-        name, unit = str(signal.name or ""), signal.attrs.get("units", "")
+        shown.add(str(signal.name or ""))
+        unit = signal.attrs.get("units", "")
     si_axis(ax.xaxis, "time", "s")
-    si_axis(ax.yaxis, name, unit)
-    if len(signals) > 1:
+    si_axis(ax.yaxis, shown.pop() if len(shown) == 1 else "", unit)  # the legend names the others
+    if len(signals) > 1 and banded:  # "best" does not see what lies within a band
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(len(signals), 3))
+    elif len(signals) > 1:
         ax.legend(loc="best")
     return ax
 

@@ -65,5 +65,6 @@ def plot_waterfall(
     ax.set_xlabel("step")
     si_axis(ax.yaxis, str(levels.name or "level"), str(levels.attrs.get("units", "")))
     ax.margins(y=0.12)
-    ax.legend(handles=handles, loc="best")
+    # Bars fill the picture: there is no place for names but above it.
+    ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     return ax

@@ -6,12 +6,22 @@ The notebooks have tests of their own and are not executed here.
 import subprocess
 import sys
 from pathlib import Path
+from urllib.parse import urlencode
 
 import pytest
 
 from tests import browser as chromium
 
 ROOT = Path(__file__).parents[2]
+SEARCHED = {
+    "mixed sensitivity": "how_to_choose_a_method.html",
+    "margin": "api/loops.html",
+    "delay": "14_a_classical_design.html",
+    "friction": "effects/index.html",
+    "noise": "04_output_feedback.html",
+    "uncertain": "api/robust.html",
+}
+"""What people look for, and how the address of one of the first ten results has to end."""
 pytestmark = pytest.mark.slow
 
 
@@ -37,13 +47,21 @@ def test_the_pages_build_without_a_warning(built):
     assert "succ" not in page.split("<article")[1].split("</article>")[0]
 
 
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    with chromium.open_browser(tmp_path_factory.mktemp("profile")) as driver:
+        yield driver
+
+
 class TestInABrowser:
     pytestmark = chromium.marks
 
-    @pytest.fixture(scope="class")
-    def browser(self, tmp_path_factory):
-        with chromium.open_browser(tmp_path_factory.mktemp("profile")) as driver:
-            yield driver
+    @pytest.mark.parametrize(("words", "page"), SEARCHED.items(), ids=SEARCHED)
+    def test_the_search_finds(self, built, browser, words, page):
+        _, folder = built
+        browser.get((folder / "search.html").as_uri() + "?" + urlencode({"q": words}))
+        found = chromium.links_in(browser, "ul.search li > a")
+        assert any(link.endswith(page) for link in found[:10]), found[:10]
 
     @pytest.mark.parametrize("width", chromium.WIDTHS)
     def test_nothing_is_wider_than_its_page(self, built, browser, width):

@@ -21,6 +21,7 @@ def test_the_surface_has_units_and_a_line_where_the_force_turns():
     assert ax.get_xlabel() == "displacement [mm]"
     assert ax.get_ylabel() == "velocity [mm/s]"
     assert ax.figure.axes[1].get_ylabel() == "force [N]"
+    assert names(ax) == ["no force"]
 
 
 def test_shares_stand_where_they_belong():

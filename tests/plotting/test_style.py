@@ -82,3 +82,12 @@ def test_styles_can_be_told_apart_without_colour():
     lines = [(round(_grey(s["color"]) / 0.25), s["linestyle"]) for s in LINE_STYLES]
     assert len(set(lines)) == len(lines)
     assert len({style["marker"] for style in MARKER_STYLES}) == len(MARKER_STYLES)
+
+
+def test_a_logarithm_of_little_more_than_a_decade_has_ticks_enough(ax):
+    ax.plot([2.0, 50.0], [1.0, 2.0])
+    log_axis(ax, "x", "frequency", "Hz")
+    low, high = ax.get_xlim()
+    inside = [t for t in ax.get_xticks() if low <= t <= high]
+    assert inside == [2.0, 5.0, 10.0, 20.0, 50.0]
+    assert {"2 Hz", "50 Hz"} <= set(ticks(ax.xaxis))

@@ -27,3 +27,22 @@ def test_a_single_peak_survives_the_reduction():
     assert (np.diff(time) > 0).all()
     assert axes.get_legend() is None
     plt.close(axes.figure)
+
+
+def signal(name, values, unit="N"):
+    time = np.linspace(0.0, 1.0, len(values))
+    return xr.DataArray(values, {"time": time}, "time", name, {"units": unit})
+
+
+def test_an_axis_of_several_signals_bears_their_unit_alone():
+    one, other = signal("F_x", [0.0, 1.0]), signal("F_y", [1.0, 2.0])
+    assert plot_time_series({"F_x": one, "F_y": other}).get_ylabel() == "[N]"
+    assert plot_time_series({"before": one, "after": one}).get_ylabel() == "F_x [N]"
+
+
+def test_names_stand_above_a_band():
+    quick = signal("y", np.sin(np.linspace(0.0, 5000.0, 20_001)))
+    ax = plot_time_series({"without": quick, "with": 0.0 * quick}, bands=True)
+    ax.figure.canvas.draw()
+    box = ax.get_legend().get_window_extent()
+    assert box.y0 >= ax.get_window_extent().y1 - 1

@@ -18,3 +18,5 @@ def test_the_waterfall_falls_from_level_to_level():
     assert names(ax) == ["start", "taken away", "added", "noise floor, 0.01"]
     assert [t.get_text() for t in ax.texts] == ["0.5", "↓ 0.3", "↓ 0.02", "↑ 0.05"]
     assert ax.get_ylabel() == "error of x"
+    ax.figure.canvas.draw()
+    assert ax.get_legend().get_window_extent().y0 >= ax.get_window_extent().y1 - 1  # off the bars

@@ -11,6 +11,7 @@ from scipy import linalg
 
 from robustpolish.analysis.delays.pade import pade
 from robustpolish.arrays import AnyArray, Matrix, Vector
+from robustpolish.display import Card, Displayed, quantities
 from robustpolish.validation import described, instance_of, invalid, state_space
 
 
@@ -42,8 +43,8 @@ class DelayLine:
         pade(self.seconds, self.order)  # which checks both
 
 
-@dataclass(frozen=True, eq=False)
-class DelayedSystem:
+@dataclass(frozen=True, eq=False, repr=False)
+class DelayedSystem(Displayed):
     r"""A system whose last outputs return to its last inputs after a delay.
 
     ::
@@ -75,6 +76,12 @@ class DelayedSystem:
     >>> loop = rp.DelayedSystem(H, (rp.DelayLine("x", 0.3),))
     >>> print(loop.response([0.0])[0].real, loop.pade_model().nstates)
     [[0.33333333]] 4
+    >>> loop
+    System with delays
+      states of H      1
+      inputs w         u[0]
+      outputs z        y[0]
+      delay of x [s]   0.3
     >>> loop.ports()[1]
     array([[-2.]])
     """
@@ -95,6 +102,16 @@ class DelayedSystem:
         if self.system.isdtime(strict=True):
             shown = described("a discrete-time system")
             raise invalid("system", shown, "continuous time", "There a delay is a chain of states.")
+
+    def _card(self) -> Card:
+        s, count = self.system, len(self.lines)
+        rows = (
+            ("states of H", s.nstates),
+            ("inputs w", ", ".join(s.input_labels[: s.ninputs - count]) or "none"),
+            ("outputs z", ", ".join(s.output_labels[: s.noutputs - count]) or "none"),
+            *((f"delay of {line.name} [s]", line.seconds) for line in self.lines),
+        )
+        return Card("System with delays", (quantities(*rows),))
 
     @property
     def matrices(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import xarray as xr
 from matplotlib.axes import Axes
 
+from robustpolish.display import Card, Displayed, quantities
 from robustpolish.plotting import plot_surface
 
 
-@dataclass(frozen=True, eq=False)
-class ForceMap:
+@dataclass(frozen=True, eq=False, repr=False)
+class ForceMap(Displayed):
     """The missing force over displacement and velocity at one place.
 
     Attributes
@@ -65,6 +66,14 @@ class ForceMap:
             f"{self.name}: {self.size:.3g} {self.unit} (root mean square) are missing here, "
             f"{100 * self.follows:.0f} % of their power follow from displacement and velocity."
         )
+
+    def _card(self) -> Card:
+        rows = (
+            (f"missing, root mean square [{self.unit}]", self.size),
+            ("follows from the motion here", f"{100 * self.follows:.0f} %"),
+            ("cells with samples", int((self.surface["samples"] > 0).sum())),
+        )
+        return Card(f"Missing force at {self.name}", (quantities(*rows),))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the map.

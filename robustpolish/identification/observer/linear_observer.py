@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from robustpolish.arrays import Array
+from robustpolish.compiling import njit
 from robustpolish.identification.observer.kalman import (
     Level,
     Scales,
@@ -21,7 +21,7 @@ from robustpolish.simulation.step import step_matrices
 from robustpolish.simulation.system import NonlinearSystem, build_system
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _forward(F, Kp, C, drive, direct, Y, s0):  # type: ignore[no-untyped-def]  # compiled
     samples, n = drive.shape
     ny = C.shape[0]
@@ -47,7 +47,7 @@ def _forward(F, Kp, C, drive, direct, Y, s0):  # type: ignore[no-untyped-def]  #
     return states, errors
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _backward(L, CS, P, states, errors):  # type: ignore[no-untyped-def]  # compiled
     samples, n = states.shape
     ny = errors.shape[1]
@@ -72,7 +72,7 @@ def _backward(L, CS, P, states, errors):  # type: ignore[no-untyped-def]  # comp
     return smoothed
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _respond(L, C, G0, G1, GK, H, columns, out):  # type: ignore[no-untyped-def]  # compiled
     """Innovations that unit columns of port forces leave, shape (columns, samples, ny)."""
     count, ports, samples = columns.shape

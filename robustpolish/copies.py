@@ -1,0 +1,80 @@
+"""What of the results neither `pickle` nor `copy.deepcopy` takes by itself: how it is copied.
+
+Results hold linear systems, mappings that cannot be changed and balls. A `control.StateSpace`
+carries functions that exist in memory alone and lead back to the system that made them; a
+`MappingProxyType` and the balls of python-flint have no copy at all. They are registered here, so
+that every result can be copied or sent to another process. Files that outlive a version are written
+by `save`.
+"""
+
+from __future__ import annotations
+
+import copyreg
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import control
+import flint
+
+Part = tuple[int, int] | float
+"""An integer times a power of two, or what is not finite."""
+
+_MADE_ANEW = frozenset({"updfcn", "outfcn"})
+_MORE_THAN_RADIUS_BITS = 38
+
+
+def _read_only(content: dict[Any, Any]) -> Mapping[Any, Any]:
+    return MappingProxyType(content)
+
+
+def _reduced_mapping(mapping: Any) -> tuple[Any, ...]:
+    return _read_only, (dict(mapping),)
+
+
+def _reduced_system(system: control.StateSpace) -> tuple[Any, ...]:
+    # A new system of the same matrices brings functions of its own; all else is as it was.
+    kept = {name: value for name, value in vars(system).items() if name not in _MADE_ANEW}
+    return _system, (system.A, system.B, system.C, system.D, system.dt), kept
+
+
+def _system(*matrices: Any) -> control.StateSpace:
+    return control.StateSpace(*matrices, remove_useless_states=False)
+
+
+def _part(number: Any) -> Part:
+    try:
+        mantissa, exponent = number.man_exp()
+    except ValueError:  # not finite
+        return float(number)
+    return int(mantissa), int(exponent)
+
+
+def _reduced_ball(ball: Any) -> tuple[Any, ...]:
+    return _ball, (_part(ball.mid()), _part(ball.rad()))
+
+
+def _ball(middle: Part, radius: Part) -> Any:
+    if isinstance(radius, tuple) and radius[0]:
+        # A radius that is given is rounded up to thirty bits, at times by a whole unit of them.
+        # What lies just below comes back as it was.
+        mantissa, exponent = radius
+        spare = _MORE_THAN_RADIUS_BITS - mantissa.bit_length()
+        radius = (mantissa << spare) - 1, exponent - spare
+    return flint.arb(middle, radius)
+
+
+def _reduced_matrix(matrix: Any) -> tuple[Any, ...]:
+    return _matrix, (matrix.nrows(), matrix.ncols(), matrix.entries())
+
+
+def _matrix(rows: int, columns: int, entries: list[Any]) -> Any:
+    return flint.arb_mat(rows, columns, entries)
+
+
+def register() -> None:
+    """Tell `pickle` and `copy` how these types are copied."""
+    copyreg.pickle(MappingProxyType, _reduced_mapping)  # pyright: ignore[reportArgumentType]
+    copyreg.pickle(control.StateSpace, _reduced_system)
+    copyreg.pickle(flint.arb, _reduced_ball)
+    copyreg.pickle(flint.arb_mat, _reduced_matrix)
