@@ -8,7 +8,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint structure docs linkcheck notebooks lab figure validation browser bench compleib hidden-effects fuzz clean clean-cache
+.PHONY: help package test-oldest audit demo test test-slow lint structure docs linkcheck notebooks lab figure validation browser bench compleib hidden-effects fuzz clean clean-cache
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 18
@@ -93,9 +93,28 @@ fuzz: $(READY) ## Try damaged files and random plants on everything (an hour); F
 	$(BIN)/python -m tests.fuzz.files --count $(FILES) --seed $(SEED) --keep .fuzz_crashes
 	$(BIN)/python -m tests.fuzz.plants --count $(PLANTS) --seed $(SEED)
 
+RELEASE := $(VENV)/.release
+$(RELEASE): $(READY)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[release]'
+	@touch $@
+
+package: $(RELEASE) ## Build sdist and wheel, install the wheel where there is nothing else, run demo and examples
+	$(BIN)/python -m tests.package.check
+
+OLDEST := .venv-oldest
+test-oldest: $(READY) ## Run the tests with the oldest versions of all packages that are asked for
+	$(PYTHON) -m venv --clear $(OLDEST)
+	$(OLDEST)/bin/pip install --quiet --disable-pip-version-check uv
+	$(OLDEST)/bin/uv pip install --quiet --python $(OLDEST)/bin/python --resolution lowest-direct --editable '.[dev]'
+	$(OLDEST)/bin/python -m pytest -q -n 2 -m "not slow"
+
+audit: $(RELEASE) ## Ask whether weaknesses of installed packages are known; needs a network
+	$(BIN)/python -m pip freeze --exclude-editable > $(VENV)/audited.txt
+	$(BIN)/pip-audit --strict --no-deps --disable-pip -r $(VENV)/audited.txt
+
 clean-cache: ## Forget compiled functions
 	find robustpolish tests -name '*.nb?' -delete
 	rm -rf $${XDG_CACHE_HOME:-$$HOME/.cache}/robustpolish/compiled
 
 clean: clean-cache ## Remove what the other targets made
-	rm -rf $(VENV) demo-results docs/_build docs/api docs/effects docs/notebooks .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) $(OLDEST) demo-results docs/_build docs/api docs/effects docs/notebooks .pytest_cache .ruff_cache .import_linter_cache
