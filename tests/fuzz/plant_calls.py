@@ -20,6 +20,7 @@ TIME_LIMIT = 1.0
 ELSEWHERE = {
     "check_robustness": "takes a learned machine",
     "compare_controllers": "takes designs and a record",
+    "monte_carlo": "takes a design",
     "compare_coupled": "takes designs and a brush record",
     "linearize_with_brush": "takes a machine with a brush",
     "simulate_coupled": "takes designs and a brush record",

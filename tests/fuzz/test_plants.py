@@ -38,6 +38,15 @@ def test_forty_plants_end_in_results_or_our_errors():
     assert {"result", "proven", "InvalidInputError"} <= ended
 
 
+def test_certificates_are_counted_apart_from_other_results():
+    words, crashes = plants.run(60, seed=31, names=["certify", "stability"])
+    assert not crashes, "\n".join(map(str, crashes))
+    assert words["certify", plants.CERTIFICATE] > 0
+    assert words["stability", "proven"] > 0
+    assert not words["certify", "proven"]
+    assert not words["stability", plants.CERTIFICATE]
+
+
 def test_a_foreign_error_and_a_late_answer_count_as_crashes(monkeypatch):
     def broken(given):
         raise ZeroDivisionError("by nothing")
