@@ -31,6 +31,8 @@ def _on_a_terminal(seconds):
         [sys.executable, "-c", DRIVER.format(seconds=seconds)],
         stdout=subprocess.PIPE,
         stderr=theirs,
+        # whoever starts the tests in the background has them ignore the signal
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     os.close(theirs)
     assert process.stdout is not None
