@@ -54,6 +54,8 @@ def test_ctrl_c_ends_without_a_traceback(seconds):
     process = subprocess.Popen(
         [sys.executable, "-m", "robustpolish", "brush"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        # whoever starts the tests in the background has them ignore the signal
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )  # fmt: skip
     time.sleep(seconds)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the whole group

@@ -59,7 +59,7 @@ def monte_carlo(
         Of numbers of the machine, by the keys of ``machine.parameters`` or the fields of
         :class:`AirBearingParameters`; of the brush, ``brush.friction`` and other fields of
         :class:`BrushParameters`; of its trough, ``surface.along`` and ``surface.across``; and of
-        `run`, 1 to 4. A frozen distribution of :mod:`scipy.stats`; ``(low, high)``;
+        `run`, 1 to 4. A frozen distribution of ``scipy.stats``; ``(low, high)``;
         ``("normal", mean, deviation)``, ``("uniform", low, high)``, ``("triangular", low, mode,
         high)`` or ``("lognormal", median, deviation of the logarithm)``; a list, of whose values
         each is as likely. All are independent, in the units of their numbers.
