@@ -94,6 +94,7 @@ def test_what_is_right_already_stays_and_a_constant_that_does_nothing_goes():
     assert search.prepared.held == frozenset()
 
 
+@pytest.mark.slow
 def test_what_was_told_alike_with_a_law_that_goes_may_go_with_it():
     """The pairs of the search change while its damping is settled; the laws on trial do not."""
     wrong = Effect("dahl_friction", AT, {"force": 0.15, "stiffness": 3.0})
