@@ -18,7 +18,7 @@ from robustpolish.identification.decays.cut import Cut, cut_decays
 from robustpolish.identification.decays.laws import Laws, damped_places, damping_laws
 from robustpolish.identification.decays.trials import Trials
 from robustpolish.identification.discover.judge import judgement, undetermined
-from robustpolish.identification.discover.search import Search
+from robustpolish.identification.discover.search import Search, numbers_of
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.findings.findings import Confusion
 from robustpolish.identification.fit.homotopy import homotopy, judged
@@ -49,12 +49,14 @@ def settle_damping(search: Search) -> Search:
     for at in damped_places(search.stage.model, known):
         search.say(f"laws of damping at {', '.join(at)}")
         here = [(e.kind, e.at) for e in search.stage.model.effects[known:]]
-        # of one family: what looks like something else, beside a damper, damps nothing here
+        # of one family: what looks like something else, beside a damper, damps nothing here; and
+        # with no more numbers, which would only make a decay's end a matter of luck
         alike = [
             p.second
             for p in search.confusions
             if (p.first.kind, p.first.at) in here
             and p.first.definition.family == p.second.definition.family
+            and numbers_of(p.second) <= numbers_of(p.first)
         ]
         trials = _trials(search, search.stage.model, at, cut, alike)
         good = trials.possible(partial(_sound, trials))
