@@ -24,7 +24,7 @@ $(READY): pyproject.toml
 demo: $(READY) ## Run the main job; table, figure and HTML report go to demo-results/
 	$(BIN)/robustpolish design --out demo-results --report --force
 
-test: $(READY) ## Run the tests (about ten minutes on two cores)
+test: $(READY) ## Run the tests (twelve minutes on two cores)
 	$(BIN)/python -m pytest -q -n 2 -m "not slow"
 
 test-slow: $(READY) ## Run the long checks too

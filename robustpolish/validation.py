@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
-from typing import Any, TypeVar
+from typing import Any, TypeGuard, TypeVar
 
 import control
 import numpy as np
@@ -141,6 +141,17 @@ def source_of(system: control.StateSpace | None) -> control.StateSpace:
             "Draw a result that a function of the package returned.",
         )
     return system
+
+
+def is_whole(value: object) -> TypeGuard[int]:
+    """Return whether it is a whole number, Python's or NumPy's; True and False are none.
+
+    Examples
+    --------
+    >>> is_whole(3), is_whole(np.int64(3)), is_whole(3.0), is_whole(True)
+    (True, True, False, False)
+    """
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def matrix(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.models import MechanicalModel
-from robustpolish.validation import described, invalid
+from robustpolish.validation import described, invalid, is_whole
 
 # Beyond this share of draws without sense, what is left says little about the machine.
 _MOST_REDRAWN = 0.5
@@ -35,11 +34,6 @@ class ParameterSamples:
     nominal: Array
     left_out: tuple[str, ...]
 
-    def models(self) -> Iterator[MechanicalModel]:
-        """Yield the machines one by one."""
-        for row in self.values:
-            yield self.model.with_parameters(dict(zip(self.keys, row.tolist(), strict=True)))
-
 
 def draw(
     model: MechanicalModel, keys: tuple[str, ...], covariance: Array, samples: int, seed: int
@@ -58,7 +52,7 @@ def draw(
         Infinite or NaN on the diagonal where nothing is known.
     samples, seed : int
     """
-    if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or samples < 1:
+    if not is_whole(samples) or samples < 1:
         raise invalid("samples", samples, "a positive number of machines", "Ask for 200.")
     if np.any(np.diag(covariance) < 0):
         raise invalid(

@@ -18,6 +18,7 @@ from robustpolish.validation import (
     inside,
     instance_of,
     invalid,
+    is_whole,
     known_keys,
     one_of,
     positive,
@@ -324,7 +325,7 @@ def _names(argument: str, given: Any) -> tuple[str, ...]:
 
 
 def _whole(argument: str, given: Any) -> None:
-    right = isinstance(given, int | np.integer) and not isinstance(given, bool) and given >= 0
+    right = is_whole(given) and given >= 0
     if given is not None and not right:
         raise invalid(argument, given, "a whole number of at least 0", "It counts states.")
 

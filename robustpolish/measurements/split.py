@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import xarray as xr
 
-from robustpolish.validation import described, invalid
+from robustpolish.validation import described, invalid, is_whole
 
 
 def split_blocks(data: xr.Dataset, parts: int | Sequence[float] = (0.6, 0.4)) -> list[xr.Dataset]:
@@ -43,7 +43,7 @@ def split_blocks(data: xr.Dataset, parts: int | Sequence[float] = (0.6, 0.4)) ->
     [6, 4]
     """
     samples = data.sizes["time"]
-    if isinstance(parts, int | np.integer) and not isinstance(parts, bool):
+    if is_whole(parts):
         if parts < 1:
             raise invalid("parts", parts, "one block or more", "Ask for fewer or more blocks.")
         shares = [1 / parts] * int(parts)

@@ -21,7 +21,7 @@ from robustpolish.sweeps.points import FAILURE, Points, read_points
 from robustpolish.sweeps.record import Record
 from robustpolish.sweeps.sent import as_bytes
 from robustpolish.sweeps.work import not_found, on_executor, on_processes, serially
-from robustpolish.validation import invalid
+from robustpolish.validation import invalid, is_whole
 
 
 def sweep(
@@ -96,8 +96,9 @@ def sweep(
     asked = read_points(points)
     if not callable(function):
         raise invalid("function", function, "a function", "Give the function to be called.")
-    if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+    if not is_whole(seed) or seed < 0:
         raise invalid("seed", seed, "a whole number, at least zero", "Write seed=0.")
+    seed = int(seed)
     if executor is not None and executor != "serial" and not isinstance(executor, Executor):
         remedy = "Of a Dask client, give client.get_executor()."
         raise invalid("executor", executor, 'None, "serial" or an executor', remedy)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from robustpolish.arrays import Matrix
-from robustpolish.validation import invalid, positive
+from robustpolish.validation import invalid, is_whole, positive
 
 MOST_ORDER = 20
 """Beyond it the coefficients of the Pade polynomials no longer tell their roots."""
@@ -43,8 +43,7 @@ def pade(seconds: float, order: int) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     [[-4.]] [[8.]] [[-1.]]
     """
     seconds = positive("seconds", seconds, "s")
-    whole = isinstance(order, int | np.integer) and not isinstance(order, bool)
-    if not whole or not 1 <= order <= MOST_ORDER:
+    if not is_whole(order) or not 1 <= order <= MOST_ORDER:
         want = f"a whole number from 1 to {MOST_ORDER}"
         raise invalid("order", order, want, "3 is right up to a phase of 3 rad of the delay.")
     A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))

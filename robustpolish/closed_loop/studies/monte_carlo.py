@@ -28,7 +28,7 @@ from robustpolish.models import AirBearingParameters, MechanicalModel, air_beari
 from robustpolish.sweeps import sweep
 from robustpolish.sweeps.distributions import draws
 from robustpolish.synthesis.design.design import Design
-from robustpolish.validation import described, instance_of, invalid, positive
+from robustpolish.validation import described, instance_of, invalid, is_whole, positive
 
 
 def monte_carlo(
@@ -126,7 +126,7 @@ def monte_carlo(
     check_names(distributions, machine, brush)
     _check_load(distributions, duration, disturbance)
     for name, value, least in (("samples", samples, 1), ("seed", seed, 0)):
-        if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        if not is_whole(value) or value < least:
             raise invalid(name, value, f"a whole number, at least {least}", "Write 200.")
     trial = Trial(
         plant=design.plant,
@@ -141,7 +141,7 @@ def monte_carlo(
         names=tuple(sorted(distributions)),
     )
     trial, nominal = _with_nominal(trial, any(map(needs_brush, distributions)))
-    drawn = draws(distributions, samples, seed)
+    drawn = draws(distributions, int(samples), int(seed))
     points = [{column(i): one[name] for i, name in enumerate(trial.names)} for one in drawn]
     found = sweep(trial, points, executor=executor, file=file, progress=progress)
     return SampledLoops(_named(found, trial), nominal, seed, trial)

@@ -13,7 +13,7 @@ from robustpolish.implementation.export.code_spec import CodeSpec, identifier, t
 from robustpolish.implementation.realization.float32 import SAMPLES, RoundoffBound
 from robustpolish.implementation.realization.stepping import controller_outputs
 from robustpolish.saving import new_file, write_file
-from robustpolish.validation import invalid, one_of
+from robustpolish.validation import invalid, is_whole, one_of
 
 SEED = 20_240_229
 """Of the random measurements, so that every export of a controller has the same ones."""
@@ -51,7 +51,7 @@ def write_c(
     """
     identifier(name)
     one_of("precision", precision, ("double", "float"))
-    if isinstance(test_vectors, bool) or not isinstance(test_vectors, int) or test_vectors < 0:
+    if not is_whole(test_vectors) or test_vectors < 0:
         raise invalid("test_vectors", test_vectors, "a number of samples", "Pass 10000, or 0.")
     place = target(path, name, ".c")
     write_file(place, c_text(spec, name, precision, _facts(spec, bound)), force)

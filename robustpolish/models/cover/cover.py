@@ -17,7 +17,7 @@ from robustpolish.models.cover.family import Family, Kind, errors, read_family, 
 from robustpolish.models.uncertain.parameters import uncertain_dynamics
 from robustpolish.models.uncertain.system import UncertainSystem, as_uncertain
 from robustpolish.plotting import plot_gains
-from robustpolish.validation import described, invalid, one_of
+from robustpolish.validation import described, invalid, is_whole, one_of
 
 _KINDS = ("output", "input", "additive")
 _MOST_ORDER = 12
@@ -182,8 +182,7 @@ def cover(
     True
     """
     one_of("kind", kind, _KINDS)
-    whole = isinstance(order, int | np.integer) and not isinstance(order, bool)
-    if not whole or not 0 <= order <= _MOST_ORDER:
+    if not is_whole(order) or not 0 <= order <= _MOST_ORDER:
         raise invalid("order", order, f"a whole number from 0 to {_MOST_ORDER}", "Try 2.")
     family = read_family(plants, nominal)
     centre, found = _chosen(family, kind)

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustpolish.models.plant.blocks import named_system
 from robustpolish.models.plant.given_system import as_state_space
-from robustpolish.validation import described, invalid, positive
+from robustpolish.validation import described, invalid, is_whole, positive
 
 MOST_ORDER = 8
 """A lag of a higher order is a delay and better given as one."""
@@ -44,8 +44,7 @@ def lag(
             raise invalid("damping", shown, "order=2", "A damping ratio belongs to order 2.")
         order = 2
     order = 1 if order is None else order
-    whole = isinstance(order, int | np.integer) and not isinstance(order, bool)
-    if not whole or not 1 <= order <= MOST_ORDER:
+    if not is_whole(order) or not 1 <= order <= MOST_ORDER:
         want = f"a whole number from 1 to {MOST_ORDER}"
         raise invalid("order", order, want, "Pass another lag as dynamics=, a delay with_delay.")
     A, B, C = np.zeros((0, 0)), np.zeros((0, 1)), np.ones((1, 0))

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustpolish.models.plant.blocks import named_system
 from robustpolish.models.plant.measured import rearranged
-from robustpolish.validation import described, invalid
+from robustpolish.validation import described, invalid, is_whole
 
 Chosen = int | str | Sequence[str]
 
@@ -59,7 +59,7 @@ def sorted_signals(system: Any, measurements: Chosen, controls: Chosen) -> tuple
 def _order(argument: str, given: Any, labels: Sequence[str], what: str) -> tuple[list[int], int]:
     """Return the order of all signals with the chosen ones last, and how many these are."""
     count = len(labels)
-    whole = isinstance(given, int | np.integer) and not isinstance(given, bool)
+    whole = is_whole(given)
     if whole and 0 <= given <= count:
         return list(range(count)), int(given)
     if whole or given is None or isinstance(given, bool | float):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from robustpolish.arrays import Matrix
-from robustpolish.validation import described, instance_of, invalid, matrix, positive
+from robustpolish.validation import described, instance_of, invalid, is_whole, matrix, positive
 
 STEEL: dict[str, float] = {"young_modulus": 2.11e11, "shear_modulus": 8.12e10, "density": 7810.0}
 
@@ -65,7 +65,7 @@ class ShaftSegment:
             ratio = described(f"a Poisson's ratio of {self.poisson_ratio:.3g}")
             remedy = "Check both moduli: E = 2 (1 + nu) G."
             raise invalid("shear_modulus", ratio, "one between 0 and 0.5", remedy)
-        if isinstance(self.elements, bool) or not isinstance(self.elements, int | np.integer):
+        if not is_whole(self.elements):
             raise invalid("elements", self.elements, "a whole number", "Take 10.")
         if self.elements < 1:
             raise invalid("elements", self.elements, "at least 1", "Take 10.")

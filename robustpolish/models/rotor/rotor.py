@@ -22,7 +22,7 @@ from robustpolish.models.rotor.plant import named_places
 from robustpolish.models.rotor.reduced import ReducedRotor
 from robustpolish.models.rotor.reduction import METHODS, Method, reduction_basis
 from robustpolish.models.rotor.whirl import RotorModes, eigen_whirl, whirl_modes
-from robustpolish.validation import described, instance_of, invalid, one_of, positive
+from robustpolish.validation import described, instance_of, invalid, is_whole, one_of, positive
 
 Theory = Literal["timoshenko", "euler"]
 
@@ -292,11 +292,11 @@ class RotorModel(Displayed):
         if modes is None:
             count = len(system.normal_modes[0]) // 2
             return ReducedRotor(self.assembly, system, None, tuple(places), method, count, speed)
-        if isinstance(modes, bool) or not isinstance(modes, int) or modes < 1:
+        if not is_whole(modes) or modes < 1:
             raise invalid("modes", modes, "a whole number above 0, or None", "Take 3.")
-        bases = reduction_basis(system, self.assembly.ports(places), modes, method, speed)
+        bases = reduction_basis(system, self.assembly.ports(places), int(modes), method, speed)
         own = system.projected(*bases)
-        return ReducedRotor(self.assembly, own, bases, tuple(places), method, modes, speed)
+        return ReducedRotor(self.assembly, own, bases, tuple(places), method, int(modes), speed)
 
     def plant(
         self,

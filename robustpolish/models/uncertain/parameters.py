@@ -17,7 +17,7 @@ from robustpolish.models.uncertain.elements import (
 )
 from robustpolish.models.uncertain.lft import Lft
 from robustpolish.models.uncertain.system import UncertainSystem, as_uncertain
-from robustpolish.validation import described, invalid, positive
+from robustpolish.validation import described, invalid, is_whole, positive
 
 _unnamed = itertools.count(1)
 
@@ -169,8 +169,7 @@ def uncertain_dynamics(
 
 
 def _is_size(size: Any) -> bool:
-    whole = isinstance(size, int | np.integer) and not isinstance(size, bool)
-    return whole and int(size) > 0
+    return is_whole(size) and size > 0
 
 
 def _number(element: Element, own: float, out: float, nominal: float) -> UncertainSystem:

@@ -25,7 +25,7 @@ from robustpolish.models.uncertain.lft import (
     wired,
 )
 from robustpolish.models.uncertain.substitution import lifted, nominal, random_values, substituted
-from robustpolish.validation import described, invalid, matrix
+from robustpolish.validation import described, invalid, is_whole, matrix
 
 _OPERANDS = "an uncertain object, a system of python-control, a matrix or a number"
 
@@ -194,7 +194,7 @@ class UncertainSystem(Displayed):
         list of control.StateSpace, ndarray or float
             Each within the bounds.
         """
-        if not isinstance(n, int | np.integer) or isinstance(n, bool) or n < 1:
+        if not is_whole(n) or n < 1:
             raise invalid("n", n, "a whole number above 0", "Pass how many to draw.")
         random = np.random.default_rng(seed)
         return [self.at(random_values(self.matrices, random)) for _ in range(n)]
@@ -353,7 +353,7 @@ class UncertainSystem(Displayed):
         return self._with(other, _quotient, turned=True)
 
     def __pow__(self, power: int) -> UncertainSystem:
-        if isinstance(power, bool) or not isinstance(power, int | np.integer):
+        if not is_whole(power):
             raise invalid("power", power, "a whole number", "Other powers are not rational.")
         base = self.matrices if power >= 0 else inverse(self.matrices)
         result = constant(np.eye(self.ninputs))

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustpolish.models.plant.blocks import named_system
 from robustpolish.models.plant.elements import bilinear
-from robustpolish.validation import described, invalid, positive
+from robustpolish.validation import described, invalid, is_whole, positive
 
 MOST_ORDER = 10
 # Gains and frequencies beyond it, or below its inverse, have squares that no double holds.
@@ -91,8 +91,7 @@ def weight(
     if not 1 / _LARGEST <= hertz <= _LARGEST:
         want = f"a frequency from {1 / _LARGEST:g} to {_LARGEST:g} Hz"
         raise invalid("crossover_hz", crossover_hz, want, "Check its unit.")
-    whole = isinstance(order, int | np.integer) and not isinstance(order, bool)
-    if not whole or not 1 <= order <= MOST_ORDER:
+    if not is_whole(order) or not 1 <= order <= MOST_ORDER:
         raise invalid("order", order, f"a whole number from 1 to {MOST_ORDER}", "Take fewer.")
     if not (low > 1 > high or low < 1 < high):
         raise invalid(

@@ -16,7 +16,7 @@ from robustpolish.implementation.reduction.candidates import Candidate, Reducer
 from robustpolish.long_calls import same_bits
 from robustpolish.models import GeneralizedPlant
 from robustpolish.synthesis.certificate.certificate import Certificate, certify
-from robustpolish.validation import described, invalid, positive
+from robustpolish.validation import described, invalid, is_whole, positive
 
 DEFAULT_TOLERANCE = 0.05
 """What a shorter controller may cost where nothing else is said."""
@@ -161,8 +161,7 @@ def _quick(plant: GeneralizedPlant, controller: control.StateSpace, norm: str) -
 
 
 def _checked_order(order: Any, n: int) -> int:
-    whole = isinstance(order, int | np.integer) and not isinstance(order, bool)
-    if not whole or not 0 <= order < n:
+    if not is_whole(order) or not 0 <= order < n:
         want = f"a whole number from 0 to {n - 1}, below the {n} states of the controller"
         raise invalid("order", order, want, "Pass tolerance=0.05 to have it chosen.")
     return int(order)

@@ -32,7 +32,7 @@ from robustpolish.synthesis.loop_shaping.target import WantedLoop
 from robustpolish.synthesis.loop_shaping.target_weight import limits_in_words, target_weight
 from robustpolish.synthesis.problem.decoupling import named_controller
 from robustpolish.synthesis.problem.matrices import Controller, SystemMatrices, balanced
-from robustpolish.validation import described, invalid, positive
+from robustpolish.validation import described, invalid, is_whole, positive
 
 Weight = control.StateSpace | control.TransferFunction | float
 Weights = Weight | Sequence[Weight | None] | None
@@ -170,11 +170,9 @@ def loop_shaping(
     states = [f"x{i + 1}" for i in range(len(whole.A))]
     shaped = named_system(whole, G.dt, *names, states)
     loop = GeneralizedPlant.from_loop(shaped)
-    if order is not None:
-        whole_number = isinstance(order, int | np.integer) and not isinstance(order, bool)
-        if not whole_number or not 0 <= order <= loop.nx:
-            want = f"a whole number from 0 to {loop.nx}, the states of the shaped plant"
-            raise invalid("order", order, want, "Leave it out for the full order.")
+    if order is not None and (not is_whole(order) or not 0 <= order <= loop.nx):
+        want = f"a whole number from 0 to {loop.nx}, the states of the shaped plant"
+        raise invalid("order", order, want, "Leave it out for the full order.")
     solved = coprime(loop)
     optimal = solved.optimal_gamma
     claim = optimal * number

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import control
-import numpy as np
 
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.models import GeneralizedPlant
@@ -16,12 +15,12 @@ from robustpolish.synthesis.problem.decoupling import decoupled_parts, undivided
 from robustpolish.synthesis.structured_search.reduced_starts import padded
 from robustpolish.synthesis.structured_search.static_structure import StaticStructure
 from robustpolish.synthesis.structured_search.structure import Norm
-from robustpolish.validation import described, invalid
+from robustpolish.validation import described, invalid, is_whole
 
 
 def checked_order(order: Any) -> int:
     """Return a number of states, which has to be a whole one."""
-    if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 0:
+    if not is_whole(order) or order < 0:
         raise invalid("order", order, "a whole number of at least 0", "0 is static feedback.")
     return int(order)
 

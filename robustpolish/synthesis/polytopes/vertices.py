@@ -21,7 +21,7 @@ from robustpolish.synthesis.polytopes.policy import POLICY
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.preflight import priced
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
-from robustpolish.validation import described, instance_of, invalid
+from robustpolish.validation import described, instance_of, invalid, is_whole
 
 # Entries below this beside the others are what rounding leaves of a zero.
 _ROUNDING = 1e-12
@@ -246,7 +246,7 @@ def _last(
     argument: str, given: Chosen, labels: Sequence[str], what: str
 ) -> tuple[list[str], list[str]]:
     """Return the other signals and the chosen ones, each by name."""
-    if isinstance(given, int | np.integer) and not isinstance(given, bool):
+    if is_whole(given):
         if not 0 <= given <= len(labels):
             raise invalid(argument, given, f"0 to {len(labels)}", f"Count the last {what}.")
         chosen = list(labels[len(labels) - int(given) :])

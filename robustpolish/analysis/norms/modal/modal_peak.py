@@ -28,7 +28,6 @@ from robustpolish.analysis.poles.eigen import EPS, eigensystem
 from robustpolish.compiling import njit
 from robustpolish.deadline import look_at_the_clock
 from robustpolish.exact.realisation import Realisation
-from robustpolish.long_calls import working
 
 
 @dataclass(frozen=True)
@@ -68,12 +67,8 @@ def modal_peak(form: ModalForm, tolerance: float, widest: float) -> ModalPeak | 
     centre, half, count = first_pieces(modes.real[by_height], modes.high[by_height])
     search: Any = _search  # compiled, so that no types are known
     look_at_the_clock()
-    given = modes, centre[:count], half[:count], float(tolerance), float(widest)
-    if search.signatures:
-        settled, *found = search(*given)
-    else:
-        with working("Compiling the search for peaks (once)"):
-            settled, *found = search(*given)
+    pieces = centre[:count], half[:count]
+    settled, *found = search(modes, *pieces, float(tolerance), float(widest))
     return ModalPeak(*found) if settled else None
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from robustpolish.synthesis.blocks.block import Names, TunableBlock, block_of
 from robustpolish.synthesis.blocks.masked_stage import MaskedStage
 from robustpolish.synthesis.blocks.slot import Slot
-from robustpolish.validation import invalid
+from robustpolish.validation import invalid, is_whole
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -111,7 +111,7 @@ def fixed_order(
     >>> rp.fixed_order("x", "F", order=2, feedthrough=False)
     block: F = (C (s I - A)^-1 B) x
     """
-    if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 1:
+    if not is_whole(order) or order < 1:
         raise invalid("order", order, "a whole number of at least 1", "Use static_gain for none.")
     if not isinstance(feedthrough, bool):
         raise invalid("feedthrough", feedthrough, "True or False", "False is strictly proper.")
