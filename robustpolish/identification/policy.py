@@ -149,6 +149,9 @@ class Policy:
     settled : float
         Relative fall of the cost below which the fit of a stage stops that only the next one begins
         with.
+    shares : tuple of float
+        Shares of an effect's first size with which its fit is begun, one after the other, until
+        runs follow the data at all.
     nats : float
         Fall of the log-likelihood below which the last stage of a final fit stops: a standard error
         is half of one, so that a fit that stops sooner is off by more than it says.
@@ -252,6 +255,7 @@ class Policy:
     swings: float = 1.5
     growth: int = 4
     settled: float = 0.03
+    shares: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1)
     nats: float = 0.05
     windows: int = 25
     shortest_window: int = 60

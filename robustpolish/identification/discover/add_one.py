@@ -43,7 +43,11 @@ def add_one(search: Search) -> bool:
         others = [r for r in ranked if not objection(search.stage, r.fitted, search.prepared)]
         near = _helpful(ranked, search)
         before = search.copy()
-        earned = chosen(ranked, search) or together(ranked, found.pairs, search)
+        earned = (
+            chosen(ranked, search)
+            or together(ranked, found.pairs, search)
+            or chosen(_preloads(refits, start, search), search)
+        )
         if earned:
             search.accept(earned)
             others = [item for item in others if item not in earned]
@@ -125,6 +129,28 @@ def _refits(search: Search, start: MechanicalModel, found: Hopeful) -> list[Refi
         if fitted is not None:
             refits.append(RefittedEffect(candidate, fitted))
     return refits + _moved(refits, start, search)
+
+
+def _preloads(
+    refits: Sequence[RefittedEffect], start: MechanicalModel, search: Search
+) -> list[RefittedEffect]:
+    """Refit constant forces where a law was found that a preload would show in.
+
+    A linear machine seen by accelerometers shows none, and that is what screening knows of it.
+    """
+    bent = {at for e in start.effects if e.definition.domain == "pair" for at in e.at}
+    done = {item.screened.place for item in refits}.union(search.barred)
+    done |= {(e.kind, e.at) for e in start.effects}
+    tried: list[RefittedEffect] = []
+    for name in start.free:
+        load = Effect("constant_force", (name,), {"force": 0.0})
+        if name not in bent or (load.kind, load.at) in done:
+            continue
+        search.say(f"refit with {load}")
+        fitted = search.fitted_with(start, load)
+        if fitted is not None:
+            tried.append(RefittedEffect(ScreenedEffect(load, 0.0, 0.0), fitted))
+    return sorted(tried, key=lambda item: judgement(item.fitted, tried))
 
 
 def _moved(

@@ -61,8 +61,8 @@ def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopef
     prepared : PreparedRecord
     """
     policy = prepared.policy
-    good = [c for c in screening.candidates if c.sensible and c.score > policy.least_odds]
-    good = [c for c in good if not _line(c.effect, stage, prepared)]
+    likeliest = [c for c in screening.candidates if c.sensible and c.score > policy.least_odds]
+    good = [c for c in likeliest if not _line(c.effect, stage, prepared)]
     first: list[ScreenedEffect] = []
     pairs: list[tuple[ScreenedEffect, ...]] = []
     seen: list[ScreenedEffect] = []
@@ -76,13 +76,26 @@ def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopef
         seen += [_screened(found, 0, screening) for found in singles]
     taken = {c.place for c in first}
     likely = [c for c in good if c.score > policy.near_best * good[0].score]
-    first += [c for c in likely[: policy.most_likely] if c.place not in taken]
+    # a fit tells how far its frequency is from the lines that the motion has by itself
+    outside = [c for c in likeliest if c not in good and stage.model.inputs][:1]
+    first += [c for c in _likeliest(likely, policy.most_likely) if c.place not in taken]
     taken = {c.place for c in first}
-    further = [c for c in good if c.place not in taken][: policy.most_further]
+    further = [c for c in good if c.place not in taken][: policy.most_further] + outside
     unique = {tuple(sorted(c.place for c in pair)): pair for pair in reversed(pairs)}
     largest = {c.place: c for c in sorted(seen, key=lambda c: c.fall)}
     by_size = sorted(largest.values(), key=lambda c: -c.fall)
     return Hopeful(first, further, list(unique.values())[: policy.most_pairs], by_size)
+
+
+def _likeliest(likely: Sequence[ScreenedEffect], most: int) -> list[ScreenedEffect]:
+    """Return the first few, and the first of another kind where these are all of one kind.
+
+    Of two gains or constants at different places one explains as much as the other.
+    """
+    first = list(likely[:most])
+    same = {c.effect.kind for c in first}
+    other = next((c for c in likely if c.effect.kind not in same), None)
+    return [*first, other] if len(same) == 1 and other is not None else first
 
 
 def _line(effect: Effect, stage: Fit, prepared: PreparedRecord) -> bool:

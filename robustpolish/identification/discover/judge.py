@@ -11,7 +11,7 @@ from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.findings.confused import confused
-from robustpolish.identification.fit.homotopy import JudgedFit
+from robustpolish.identification.fit.homotopy import JudgedFit, left_by
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import connected
 from robustpolish.identification.fit.prepared import PreparedRecord
@@ -23,6 +23,9 @@ from robustpolish.models.mechanical import MechanicalModel
 
 _SHIFTS = 0.1
 """Share by which the frequency of a decay may shift with its amplitude."""
+
+_CERTAINLY = 5.0
+"""Standard errors from which a fitted frequency is none of the lines of the inputs."""
 
 
 def chosen(refits: Sequence[RefittedEffect], search: Search) -> list[RefittedEffect]:
@@ -50,10 +53,7 @@ def chosen(refits: Sequence[RefittedEffect], search: Search) -> list[RefittedEff
 
 def judgement(fitted: JudgedFit, among: Sequence[RefittedEffect | JudgedFit]) -> float:
     """Return the mean log of the held-out errors; of short windows unless all run reproducibly."""
-    fits = [item if isinstance(item, JudgedFit) else item.fitted for item in among]
-    every = all(item.reproducible for item in [fitted, *fits])
-    errors = fitted.free if every else fitted.short
-    return float(np.mean(np.log(np.maximum(errors, 1e-300))))
+    return left_by(fitted, [i if isinstance(i, JudgedFit) else i.fitted for i in among])
 
 
 def objection(
@@ -70,9 +70,10 @@ def objection(
         Where it stands among the effects of the model; it is the last one by default.
     """
     policy = prepared.policy
-    fall = falls(before, after)
-    if not visibly_less(before, after, policy):
-        return f"the held-out error falls by {100 * max(float(np.max(fall)), 0):.0f} % only"
+    fall = visible_falls(before, after, policy)
+    if fall is None:
+        most = max(float(np.max(falls(before, after))), 0)
+        return f"the held-out error falls by {100 * most:.0f} % only"
     # likelihoods add up: an output that sees nothing of an effect says nothing against it
     if np.sum(np.log(1 - fall)) > np.log(1 - policy.together):
         return "one output gains what another loses"
@@ -80,7 +81,7 @@ def objection(
     effect = after.model.effects[index]
     refused = (
         effect.definition.implausible(effect.values)
-        or line_of_motion(effect, after.model, prepared.record)
+        or line_of_motion(effect, after.model, prepared.record, _line_error(after.fit, index))
         or _within_a_sample(effect, prepared.record)
     )
     if refused:
@@ -96,18 +97,31 @@ def falls(before: JudgedFit, after: JudgedFit) -> Array:
     return 1 - after.short / before.short
 
 
-def visibly_less(before: JudgedFit, after: JudgedFit, policy: Policy) -> bool:
-    """Return whether the error of an output falls visibly.
+def visible_falls(before: JudgedFit, after: JudgedFit, policy: Policy) -> Array | None:
+    """Return the share by which each error falls, None if none falls visibly.
 
-    The held-out blocks may be the quieter part of a record: where their errors fall at least half
-    as much as they should, those of the blocks that were fitted to count too.
+    The held-out blocks may be the quieter part of a record. Where their errors fall at least half
+    as much as they should, those of the blocks that were fitted to count too; where they are far
+    below those and do not rise, an effect hardly acts there, and the fitted blocks judge it: their
+    errors have to fall by far.
     """
-    held_out = float(np.max(falls(before, after)))
-    if held_out >= policy.visible_fall or held_out < policy.together:
-        return held_out >= policy.visible_fall
-    alike = len(before.fit.pieces) == len(after.fit.pieces)
+    fall = falls(before, after)
+    held_out = float(np.max(fall))
+    if _visible(fall, policy):
+        return fall
+    if len(before.fit.pieces) != len(after.fit.pieces):
+        return None
     fitted = 1 - after.fit.rmse / before.fit.rmse
-    return alike and float(np.max(fitted)) >= policy.visible_fall
+    if held_out >= policy.together:
+        return fall if _visible(fitted, policy) else None
+    quiet = np.all(policy.far * before.error < before.fit.rmse) and np.min(fall) > -policy.together
+    return fitted if quiet and np.max(fitted) > 1 - 1 / policy.far else None
+
+
+def _visible(fall: Array, policy: Policy) -> bool:
+    """Return whether an error falls visibly, or several of them do together."""
+    product = -float(np.sum(np.log(1 - fall)))
+    return bool(np.max(fall) >= policy.visible_fall or product >= -np.log(1 - policy.visible_fall))
 
 
 def undetermined(fitted: Fit, index: int, policy: Policy, every: bool = False) -> str | None:
@@ -122,9 +136,11 @@ def undetermined(fitted: Fit, index: int, policy: Policy, every: bool = False) -
     numbers = [p for p in effect.definition.parameters if p.fitted]
     # of a stop, the gap says where it is and the stiffness whether it is there
     sizes = [p for p in numbers if p.counts_force]
+    signal = effect.definition.domain == "output"
     for lead in numbers if every else dict.fromkeys((numbers[0], *sizes[:1])):
         error = errors.get(f"effect[{index}].{lead.name}", 0.0)
-        if not error < policy.determined * abs(effect.values[lead.name]):
+        size = effect.values[lead.name] - (lead.default if signal else 0.0)  # a gain of 1 is none
+        if not error < policy.determined * abs(size):
             return lead.name
     return None
 
@@ -137,10 +153,21 @@ def _within_a_sample(effect: Effect, record: Record) -> str | None:
     return f"a delay of {delay / record.dt:.2g} samples is what its input does between them"
 
 
-def line_of_motion(effect: Effect, model: MechanicalModel, record: Record) -> str | None:
+def _line_error(fitted: Fit, index: int) -> float:
+    """Return the standard error of the frequency of a force from outside, else infinity."""
+    name = fitted.model.effects[index].definition.line
+    errors = errors_from(covariance_of(fitted)) if name else {}
+    return errors.get(f"effect[{index}].{name}", np.inf)
+
+
+def line_of_motion(
+    effect: Effect, model: MechanicalModel, record: Record, error: float = np.inf
+) -> str | None:
     """Say whether a force from outside has a line that the motion has by itself.
 
-    What depends on the motion repeats with the inputs, so such a line may be any law of motion.
+    What depends on the motion repeats with the inputs, so such a line may be any law of motion. It
+    is one of the inputs' lines if it is nearer than the record's length resolves, or, of a force
+    that was fitted, nearer than some standard errors of its frequency.
     """
     frequency = effect.definition.line
     if frequency is None:
@@ -151,7 +178,8 @@ def line_of_motion(effect: Effect, model: MechanicalModel, record: Record) -> st
     for part in record.parts:
         period = repetition(part.own(inputs), part.dt)
         turns = effect.values[frequency] * (period or np.nan)
-        if period and abs(turns - round(turns)) <= 0.5 * period / (part.samples * part.dt):
+        near = min(0.5 / (part.samples * part.dt), _CERTAINLY * error) * (period or np.nan)
+        if period and abs(turns - round(turns)) <= near:
             return f"the inputs repeat every {period:.4g} s, and what they move has this line too"
     return None
 

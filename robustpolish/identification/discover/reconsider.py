@@ -18,7 +18,7 @@ from robustpolish.identification.discover.judge import (
     judgement,
     objection,
     tolerance,
-    visibly_less,
+    visible_falls,
 )
 from robustpolish.identification.discover.search import RefittedEffect, Search, numbers_of
 from robustpolish.identification.findings.confused import confused
@@ -80,13 +80,15 @@ def renamed(search: Search) -> Search:
 
 
 def _elsewhere(search: Search, at: int) -> list[RefittedEffect]:
-    """Refit a constant at all other places, beside all other effects."""
-    effect = search.stage.model.effects[at]
-    taken = [other.at for other in search.stage.model.effects if other.kind == effect.kind]
+    """Refit the other constants in place of one, beside all other effects."""
+    model = search.stage.model
+    taken = [(other.kind, other.at) for other in model.effects]
+    constants = [kind for kind in kinds().values() if kind.family == CONSTANT]
     tried = []
-    for place in places(search.stage.model, effect.definition):
-        if place not in taken:
-            other = Effect(effect.kind, place, effect.parameters)
+    for kind, place in ((k, at_) for k in constants for at_ in places(model, k)):
+        if (kind.kind, place) not in taken:
+            same = kind.kind == model.effects[at].kind
+            other = Effect.of(kind, place, model.effects[at].parameters if same else None)
             fitted = _in_place(search, at, other)
             if fitted is not None:
                 tried.append(RefittedEffect(ScreenedEffect(other, 0.0, 0.0), fitted))
@@ -122,7 +124,9 @@ def simpler(search: Search, at: int) -> Iterator[JudgedFit]:
     names = {k: [p.name for p in k.parameters if p.fitted] for k in kinds().values()}
     for other in sorted(names, key=lambda k: len(names[k])):
         if other.kind != kind.kind and rivals(other, kind) and set(values) > set(names[other]):
-            instead = Effect(other.kind, effect.at, {name: values[name] for name in names[other]})
+            turn = [other.turns_over] if other.turns_over in values else []
+            shared = {name: values[name] for name in (*names[other], *turn)}
+            instead = Effect(other.kind, effect.at, shared)
             fitted = _in_place(search, at, instead)
             if fitted is not None:
                 yield fitted
@@ -279,7 +283,7 @@ def _next(told: Sequence[int], left: list[int], search: Search) -> MechanicalMod
 
 def _as_good(without: JudgedFit, search: Search) -> bool:
     """Return whether a model leaves no output visibly more than that of the search."""
-    return not visibly_less(without, search.stage, search.policy)
+    return visible_falls(without, search.stage, search.policy) is None
 
 
 def _does_as_well(search: Search, at: int, other: Effect) -> bool:

@@ -11,7 +11,8 @@ import numpy as np
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.findings.findings import Confusion, RankedCandidate
-from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy
+from robustpolish.identification.fit.first_values import idle, sized, timely
+from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy, left_by
 from robustpolish.identification.fit.parameters import turns_over_gently
 from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
 from robustpolish.identification.policy import Policy
@@ -155,16 +156,44 @@ class Search:
         return replace(self, **lists)
 
     def fitted_with(self, model: MechanicalModel, *effects: Effect) -> JudgedFit | None:
-        """Return a model with more effects, fitted; None if no fit ended well."""
-        prepared, extended = self.prepared, model
-        for effect in effects:
-            extended = extended.with_effect(effect.definition, effect.at, effect.values)
+        """Return a model with more effects, fitted; None if no fit ended well.
+
+        Without the gain of a sensor, masses and springs were bent to it: beside it they begin as
+        they were known, too.
+        """
+        found = self._begun_smaller(model, *effects)
+        if any(effect.kind == "sensor_gain" for effect in effects):
+            known = replace(self.reference, effects=model.effects)
+            other = self._begun_smaller(known, *effects)
+            fits = [fitted for fitted in (found, other) if fitted is not None]
+            return min(fits, key=lambda fitted: left_by(fitted, fits), default=None)
+        return found
+
+    def _begun_smaller(self, model: MechanicalModel, *effects: Effect) -> JudgedFit | None:
+        """Return a model with more effects, fitted, begun with a share of their first sizes.
+
+        Where these make runs diverge, as a softening spring does beyond its peak, smaller ones may
+        not.
+        """
+        prepared, policy = self.prepared, self.policy
+        first = [timely(effect, model, prepared) for effect in effects]
         pieces = prepared.trial
         steps = prepared.steps if model.free else 2 * prepared.steps
-        spans = prepared.spans(pieces, self.policy.growth)
-        settled = self.policy.settled
-        stages = homotopy(extended, prepared, pieces, self.reference, spans, steps, settled=settled)
-        return best_stage(stages, prepared) if stages else None
+        spans = prepared.spans(pieces, policy.growth)
+        found = None
+        for share in policy.shares:
+            extended = model
+            for effect in first:
+                values = sized(effect, share).values
+                extended = extended.with_effect(effect.definition, effect.at, values)
+            stages = homotopy(
+                extended, prepared, pieces, self.reference, spans, steps, settled=policy.settled
+            )
+            if stages:
+                found = best_stage(stages, prepared)
+                if np.isfinite(found.error).all():
+                    return found
+        return found
 
     def fitted_without(self, model: MechanicalModel, at: int, *instead: Effect) -> JudgedFit | None:
         """Return a model without one of its effects, or with others in its place, fitted anew.
@@ -172,7 +201,13 @@ class Search:
         None if no fit ended well.
         """
         rest = (*model.effects[:at], *model.effects[at + 1 :])
-        return self.fitted_with(replace(model, effects=rest), *instead)
+        bare = replace(model, effects=rest)
+        if instead or not idle(model.effects[at]):
+            return self.fitted_with(bare, *instead)
+        # the others are right as they are: short windows would only move them
+        whole = self.prepared.spans(self.prepared.trial)[-1:]
+        stages = homotopy(bare, self.prepared, self.prepared.trial, self.reference, whole)
+        return best_stage(stages, self.prepared) if stages else None
 
     def accept(self, earned: Sequence[RefittedEffect]) -> None:
         """Go on with the model that has the effects, each fitted with those before it."""

@@ -43,9 +43,28 @@ class WrongGain:
 
 def add_wrong_gains(search: Search) -> None:
     """Add the gains that explain what the refit did to masses and springs, if there are any."""
+    _move_likelier(search)
     for wrong in _wrong_gains(search):
         _add(search, wrong)
     _add_likelier(search)
+
+
+def _move_likelier(search: Search) -> None:
+    """Put a gain that was found where the data do not tell it from, if numbers are likelier so."""
+    pairs = [p for p in search.confusions if p.first.kind == p.second.kind == "sensor_gain"]
+    for pair in pairs:
+        here = [(e.kind, e.at) for e in search.stage.model.effects]
+        if (pair.first.kind, pair.first.at) not in here:
+            continue
+        at = here.index((pair.first.kind, pair.first.at))
+        moved = _with_gain(search, pair.second, at)
+        if moved is None or _odds(moved, search) <= search.policy.strong_odds:
+            continue
+        before, search.stage = search.stage, moved
+        named = moved.model.effects[at]
+        search.confusions[search.confusions.index(pair)] = confused(named, pair.first)
+        _say_known(search, named, before)
+        search.steps[-1] = (search.steps[-1][0], moved.model)
 
 
 def _add_likelier(search: Search) -> None:
@@ -71,11 +90,15 @@ def _add_likelier(search: Search) -> None:
         for odds, i in ranked[1:]
         if ranked[0][0] - odds <= policy.strong_odds
     ]
+    _say_known(search, named, before)
+    search.steps.append((named.kind, search.stage.model))
+
+
+def _say_known(search: Search, named: Effect, before: JudgedFit) -> None:
     search.reasons.append(
         f"Other numbers explain as much as {named}, but {_furthest(before, search)}, and that is "
         "known better."
     )
-    search.steps.append((named.kind, search.stage.model))
 
 
 def _odds(fitted: JudgedFit, search: Search) -> float:
@@ -125,11 +148,16 @@ def _add(search: Search, wrong: WrongGain) -> None:
     search.steps.append((effect.kind, stage.model))
 
 
-def _with_gain(search: Search, gain: Effect) -> JudgedFit | None:
-    """Return the model with a gain, fitted from its numbers as they were; None if nothing ended."""
+def _with_gain(search: Search, gain: Effect, at: int | None = None) -> JudgedFit | None:
+    """Return the model with a gain, fitted from its numbers as they were; None if nothing ended.
+
+    It comes last, or takes the place of the effect that stands at `at`.
+    """
     prepared, reference = search.prepared, search.reference
     search.say(f"refit with {gain}")
-    model = replace(reference, effects=(*search.stage.model.effects, gain))
+    there = search.stage.model.effects
+    effects = (*there, gain) if at is None else (*there[:at], gain, *there[at + 1 :])
+    model = replace(reference, effects=effects)
     spans = prepared.spans(prepared.trial)
     stages = homotopy(model, prepared, prepared.trial, reference, spans)
     return best_stage(stages, prepared) if stages else None

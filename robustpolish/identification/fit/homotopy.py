@@ -19,7 +19,7 @@ from robustpolish.identification.fit.least_squares import SETTLED, Fit, Residual
 from robustpolish.identification.fit.parameters import free_parameters, with_units_of_force
 from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
 from robustpolish.identification.observer.reproducibility import reproducibility
-from robustpolish.identification.observer.run import RecordRun, Start, StartedPiece
+from robustpolish.identification.observer.run import RecordRun, Start, StartedPiece, rest
 from robustpolish.models.mechanical import MechanicalModel
 
 
@@ -71,9 +71,12 @@ def homotopy(
         sizes = prepared.sizes(model) if windows[0].start.vector.size else None
         enough = last if span == spans[-1] else settled
         steps = max(iterations, prepared.policy.direct_steps) if enough < SETTLED else iterations
-        residuals = Residuals(model, windows, runner, free, sizes)
-        result = fit(residuals, steps, progress, enough)
-        if not np.isfinite(result.cost):
+        # an offset that is not known yet makes the smoothed motion so fast that laws diverge
+        still = [StartedPiece(window.record, rest(model)) for window in windows]
+        tried = (Residuals(model, begun, runner, free, sizes) for begun in (windows, still))
+        fits = (fit(residuals, steps, progress, enough) for residuals in tried)
+        result = next((found for found in fits if np.isfinite(found.cost)), None)
+        if result is None:
             continue
         stages.append(result)
         if kept is not None and np.max(result.rmse / kept.rmse) > prepared.policy.lost:
@@ -163,6 +166,13 @@ class JudgedFit:
     def error(self) -> Array:
         """Held-out error that judges: over whole pieces if reproducible, else over windows."""
         return self.free if self.reproducible else self.short
+
+
+def left_by(fitted: JudgedFit, among: Sequence[JudgedFit]) -> float:
+    """Return the mean log of the held-out errors; of short windows unless all run reproducibly."""
+    calm = fitted.reproducible and all(other.reproducible for other in among)
+    errors = fitted.free if calm else fitted.short
+    return float(np.mean(np.log(np.maximum(errors, 1e-300))))
 
 
 def judged(fitted: Fit, prepared: PreparedRecord) -> JudgedFit:

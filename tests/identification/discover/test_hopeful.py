@@ -59,6 +59,16 @@ def test_what_free_runs_ask_for_comes_first_and_the_likeliest_follow(begun, monk
     assert found.first[0].score == 0.0  # it was no finalist
 
 
+def test_where_the_likeliest_are_of_one_kind_another_is_asked_too(begun, monkeypatch):
+    """Of two wrong gains one explains what the other does, and both may stand for a third."""
+    gains = [ScreenedEffect(Effect("sensor_gain", y), 100.0, 0.5) for y in ("x", "v")]
+    others = [candidate("cubic_stiffness", 60.0), candidate("quadratic_damping", 50.0)]
+    found = asked(begun, monkeypatch, [*gains, *others])
+    assert kinds_of(found.first) == ["sensor_gain", "sensor_gain", "cubic_stiffness"]
+    few = asked(begun, monkeypatch, [*gains, candidate("cubic_stiffness", 20.0)])
+    assert kinds_of(few.first) == ["sensor_gain", "sensor_gain"]  # below a quarter of the best
+
+
 def test_only_what_takes_away_nearly_as_much_as_the_best_is_large(begun, monkeypatch):
     likely = [candidate("cubic_stiffness", 100.0)]
     for fall, refitted in ((0.49, True), (0.47, False)):  # leaves 1.3 times 40 % at most

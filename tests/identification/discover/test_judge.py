@@ -69,6 +69,32 @@ def test_an_effect_has_to_make_the_error_fall_visibly(search):
     )
 
 
+def test_errors_of_several_outputs_may_fall_visibly_together(search):
+    before = judged(MODEL, [10.0, 10.0])
+    assert objection(before, cubic([8.5, 9.2]).fitted, search.prepared) is None  # 0.78 of both
+    assert objection(before, cubic([8.5, 9.6]).fitted, search.prepared) is not None
+
+
+@pytest.mark.parametrize(
+    ("held_out", "fitted", "earned"),
+    [(1.0, 3.0, True), (1.05, 3.0, True), (1.2, 3.0, False), (1.0, 4.0, False)],
+)
+def test_where_what_is_held_out_is_far_quieter_the_fitted_blocks_judge(
+    search, held_out, fitted, earned
+):
+    """As of a decay whose end says nothing of a law that shows in large motions alone."""
+    before, after = judged(MODEL, 1.0), cubic(held_out).fitted
+    loud, left = sized(before, 10.0), sized(after, fitted)
+    assert (objection(loud, left, search.prepared) is None) == earned
+    assert objection(sized(before, 2.5), sized(after, 0.5), search.prepared) is not None
+
+
+def sized(found, rms):
+    """The same with another error where it was fitted."""
+    errors = found.fit.errors * rms / found.fit.rmse
+    return replace(found, fit=replace(found.fit, errors=errors))
+
+
 def test_no_output_may_pay_for_another(search):
     before = judged(MODEL, [10.0, 10.0])
     assert objection(before, cubic([5.0, 11.0]).fitted, search.prepared) is None
@@ -216,6 +242,23 @@ def test_a_line_of_inputs_that_repeat_is_no_force_from_outside():
     assert chosen([humming(7.0, 2.0), likely], search) == [likely]
     assert chosen([humming(7.0, 2.0), drag], search) == []
     assert any("merely repeats with the inputs" in reason for reason in search.reasons)
+
+
+def test_a_force_whose_frequency_is_known_well_is_told_from_lines_of_the_inputs():
+    """The record resolves 0.06 Hz; a fit knows the frequency far better than that."""
+    time = np.arange(2000) / 125.0
+    rng = np.random.default_rng(0)
+    phases = rng.uniform(0, 2 * np.pi, 9)
+    push = sum(np.cos(2 * np.pi * k * time / 8 + p) for k, p in enumerate(phases, 1))
+    data = xr.Dataset({"F": ("time", push), "x": ("time", 1e-3 * push)}, {"time": time})
+    model = oscillator()
+    measured = record_of(model, data)
+    near = Effect("harmonic_force", "x", {"amplitude": 1.0, "frequency": 7.01})
+    assert line_of_motion(near, model, measured)
+    assert line_of_motion(near, model, measured, error=0.003)
+    assert line_of_motion(near, model, measured, error=0.001) is None
+    on = Effect("harmonic_force", "x", {"amplitude": 1.0, "frequency": 7.0})
+    assert line_of_motion(on, model, measured, error=1e-9)
 
 
 def test_two_of_one_family_are_no_pair(search):

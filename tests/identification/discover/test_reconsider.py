@@ -160,6 +160,17 @@ def test_simpler_kinds_begin_with_the_values_they_have_in_common(monkeypatch):
     assert tried[0].values["force"] == 3.0
 
 
+def test_a_simpler_friction_turns_over_as_gently(monkeypatch):
+    """As a jump it would leave more, and the needless numbers of the other would stay."""
+    search = two(COULOMB)
+    values = {"force": 3.0, "static_force": 3.0, "velocity": 0.4, "width": 0.03}
+    search.stage = judged(rig().with_effect("stribeck_friction", PLACE, values), 10.0)
+    tried = []
+    monkeypatch.setattr(Search, "fitted_with", lambda self, model, effect: tried.append(effect))
+    assert list(simpler(search, 0)) == []
+    assert [(e.kind, e.values["width"]) for e in tried] == [("coulomb_friction", 0.03)]
+
+
 def test_steps_are_told_anew_where_effects_changed(monkeypatch):
     changed = two(COULOMB).copy()
     model = rig().with_effect(*CUBIC).with_effect(DAHL.kind, DAHL.at, DAHL.values)

@@ -67,6 +67,24 @@ def test_an_effect_is_fitted_from_far_away_and_one_that_is_not_there_to_nothing(
         assert found.error < 0.5 * search.stage.error
 
 
+def test_a_fit_begins_smaller_where_runs_diverge():
+    """Beyond its peak a softening spring pushes away; half of that does not."""
+    hidden = [("quadratic_stiffness", PLACE, [6e4])]
+    case = Case("soft", one(), hidden, drive=5.0, samples=1500)
+    search = search_of(model_of(case), records(case)[0][0])
+    large = Effect("quadratic_stiffness", PLACE, {"stiffness": 5e5})
+    assert replaced_shares(search, (1.0,)).fitted_with(search.stage.model, large) is None
+    found = search.fitted_with(search.stage.model, large)
+    assert found is not None
+    mass = found.model.parameters["dof.x.mass"]
+    assert found.model.parameters["effect[0].stiffness"] / mass == pytest.approx(6e4, rel=0.1)
+
+
+def replaced_shares(search, shares):
+    policy = replace(search.policy, shares=shares)
+    return replace(search, prepared=replace(search.prepared, policy=policy))
+
+
 def test_what_earned_its_place_is_the_next_stage(search):
     cubic = refitted(rig(), "cubic_stiffness", PLACE, {"stiffness": 3.0}, 2.0)
     drag = refitted(rig(), "quadratic_damping", PLACE, {"coefficient": 3.0}, 2.0)

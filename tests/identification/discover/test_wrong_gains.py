@@ -2,7 +2,11 @@ from dataclasses import replace
 
 import pytest
 
+from robustpolish.effects import Effect
+from robustpolish.identification.discover.search import RefittedEffect
 from robustpolish.identification.discover.wrong_gains import add_wrong_gains
+from robustpolish.identification.findings.confused import confused
+from robustpolish.identification.screening.screen import ScreenedEffect
 from tests.hidden_effects.cases import Case, Machine, model_of, one, records, two
 from tests.identification.discover.searches import search_of
 
@@ -53,6 +57,24 @@ def test_a_gain_that_masses_could_hide_is_named_by_what_is_known_of_them(gain, n
     found = [(e.kind, e.at) for e in search.stage.model.effects]
     assert found == ([("sensor_gain", ("m1_v",))] if named else [])
     assert any("and that is known better" in reason for reason in search.reasons) == named
+
+
+def test_a_gain_that_another_would_do_for_is_put_where_the_numbers_are_likelier():
+    """With a gain below 1 at one sensor all masses are a third too light for that at the other."""
+    case = Case("gain", two(), [("sensor_gain", ("x",), [1.35])], drive=10.0, samples=1200)
+    search = search_of(model_of(case), records(case)[0][0])
+    first = Effect("sensor_gain", ("x_m",), {"gain": 0.74})
+    fitted = search.fitted_with(search.stage.model, first)
+    search.accept([RefittedEffect(ScreenedEffect(first, 50.0, 0.5), fitted)])
+    search.confusions.append(confused(first, Effect("sensor_gain", ("x",), {"gain": 1.35})))
+    add_wrong_gains(search)
+    (effect,) = search.stage.model.effects
+    assert effect.at == ("x",)
+    assert effect.values["gain"] == pytest.approx(1.35, rel=0.01)
+    (pair,) = search.confusions
+    assert (pair.first.at, pair.second.at) == (("x",), ("x_m",))
+    assert search.steps[-1] == ("sensor_gain", search.stage.model)
+    assert "and that is known better" in search.reasons[-1]
 
 
 def test_an_input_that_is_right_gets_no_gain():

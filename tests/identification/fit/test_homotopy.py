@@ -14,9 +14,10 @@ from robustpolish.identification.fit.homotopy import (
 )
 from robustpolish.identification.fit.least_squares import fit
 from robustpolish.identification.fit.prepared import prepare
+from robustpolish.identification.observer.run import Start, StartedPiece
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
-from tests.identification.oscillators import double_well, oscillator, record
+from tests.identification.oscillators import PLACE, double_well, oscillator, record
 
 
 def prepared_of(model, data):
@@ -59,6 +60,19 @@ def test_the_last_stage_goes_on_as_long_as_the_likelihood_grows():
     )
     assert enough.cost == pytest.approx(0.5 * enough.errors.size, rel=0.01)
     assert enough.rmse < 0.9 * few.rmse
+
+
+def test_where_the_smoothed_motion_makes_a_law_diverge_windows_begin_at_rest():
+    """As that of an accelerometer whose offset is not known yet."""
+    model = oscillator().with_effect("quadratic_damping", PLACE, {"coefficient": 5.0})
+    prepared = prepared_of(oscillator(), record(1000, noise=0.01))
+    fast = [
+        StartedPiece(p.record, Start(np.array([0.0, 1e6]), np.zeros(0))) for p in prepared.trial
+    ]
+    spans = prepared.spans(prepared.trial)[-1:]
+    (found,) = homotopy(model, prepared, fast, model, spans, 20)
+    assert found.rmse < 0.1 * np.std(record(1000)["x"].values)
+    assert abs(found.pieces[0].start.state[1]) < 1.0
 
 
 def test_a_stage_begins_where_the_one_before_ended():
