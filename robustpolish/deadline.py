@@ -26,8 +26,14 @@ class OutOfTimeError(SolverError):
 
 
 @contextmanager
-def ends_with(budget: Budget) -> Iterator[None]:
-    """Cut what the block proves half a second after the safety net of a budget is reached.
+def ends_with(budget: Budget, grace: float | None = None) -> Iterator[None]:
+    """Cut what the block proves some time after the safety net of a budget is reached.
+
+    Parameters
+    ----------
+    budget : Budget
+    grace : float, optional
+        That time, in seconds; :data:`GRACE` by default.
 
     Raises
     ------
@@ -40,7 +46,8 @@ def ends_with(budget: Budget) -> Iterator[None]:
     >>> with ends_with(Budget(seconds=10.0)):
     ...     look_at_the_clock()
     """
-    ends = time.monotonic() + budget.seconds - budget.elapsed + GRACE
+    ends = time.monotonic() + budget.seconds - budget.elapsed
+    ends += GRACE if grace is None else grace
     token = _until.set(min(_until.get(), ends))
     try:
         yield
@@ -70,5 +77,10 @@ def look_at_the_clock(needed: float = 0.0) -> None:
     To be called before every step that cannot be cut; a few microseconds outside of calls that
     have to end.
     """
-    if time.monotonic() + needed > _until.get():
+    if is_over(needed):
         raise OutOfTimeError("The time was over before the proof was complete.")
+
+
+def is_over(needed: float = 0.0) -> bool:
+    """Return whether the time is over, for what may end with as much as it has proven."""
+    return time.monotonic() + needed > _until.get()

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robustpolish.arrays import AnyMatrix, Vector
+from robustpolish.deadline import look_at_the_clock
 from robustpolish.exact.realisation import Realisation
 from robustpolish.robust.loop_model import LoopModel
 from robustpolish.robust.proof import ProvenModel, Weights
@@ -138,6 +139,7 @@ def cover(
     for _ in range(most):
         if not gaps:
             break
+        look_at_the_clock()
         low, high = gaps.pop()
         omega = _inside(low, high, rate)
         found = state.scalings(omega)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robustpolish.arrays import Vector
+from robustpolish.deadline import look_at_the_clock
 from robustpolish.robust.branching.boxes import can_split, split
 from robustpolish.robust.branching.branch import Goal, Probe, branched, can_branch
 from robustpolish.robust.branching.probe import nearby
@@ -125,6 +126,7 @@ def _settled(loop: LoopModel, fixed: tuple[bool, ...] | None, found: Bounds) -> 
     """
     witness = found.witness
     for _ in range(_AGAIN):
+        look_at_the_clock()
         if witness is None:
             return found
         frequency = loop.frequency(witness.at)

@@ -226,9 +226,5 @@ DEAR = {
 }
 """Calls that take longer; a plant meets one of them now and then."""
 
-ALLOWED = {"robust_output_feedback": 30.0, "robust_state_feedback": 30.0}
-"""Seconds beyond the limit: proofs for all machines do not look at the clock yet (14 s and 12 s
-have been seen; plant 1610 of seed 22 takes more than 120 s). Take them out once they do."""
-
 LIMITED = {name for name in DEAR if "time_limit" in inspect.signature(getattr(rp, name)).parameters}
 """Those with a time limit."""

@@ -23,6 +23,7 @@ import flint
 import numpy as np
 
 from robustpolish.arrays import AnyArray, Vector
+from robustpolish.deadline import look_at_the_clock
 from robustpolish.exact.balls import precision
 from robustpolish.robust.branching.bernstein import Balls, from_powers
 from robustpolish.robust.branching.polynomials import Family, family, is_small
@@ -180,6 +181,7 @@ def branched(
         return proven
     work, steps = 0.0, 0
     while state.heap and state.heap[0][0] < state.target and work < POLICY.work:
+        look_at_the_clock()
         least, _, region, parts = heapq.heappop(state.heap)
         work += 2 * (region.rows.size + POLICY.overhead)
         steps += 1

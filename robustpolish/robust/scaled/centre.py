@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from robustpolish.arrays import Vector
+from robustpolish.deadline import look_at_the_clock
 from robustpolish.robust.scaled.barrier import Barrier
 from robustpolish.robust.scaled.scalings import Box, Inequality, Space
 
@@ -83,6 +84,7 @@ def lowered(inequality: Inequality, start: Level, target: float = 0.0) -> Level:
     best, square = start, EFFORT.above * start.square
     walls = Barrier.of_bounds(inequality.space.size, _bounds(inequality))
     for _ in range(EFFORT.levels):
+        look_at_the_clock()
         if best.square < target * (1 - 1e-9):
             x = centre(inequality, target, best.x)
             return Level(inequality.least_square(x), x)

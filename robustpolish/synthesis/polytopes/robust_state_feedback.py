@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
+from robustpolish.deadline import OutOfTimeError, ends_with
 from robustpolish.errors import SolverError
 from robustpolish.long_calls import Budget, same_bits, working
 from robustpolish.models import GeneralizedPlant, UncertainSystem
@@ -119,7 +120,7 @@ def robust_state_feedback(
     programs = ProgramSolver(backend, solver, budget, POLICY.tolerance)
     count = len(whole.plants)
     makes = LyapunovFamily.common if lyapunov == "common" else LyapunovFamily.one_each
-    with working("Designing for all vertices"):
+    with working("Designing for all vertices"), ends_with(budget):
         scaled, vertices = scaled_vertices(whole)
         problem = GainProblem(vertices, Question(makes(count), norm, vertices[0].discrete))
         for found in candidates(problem, programs):
@@ -146,7 +147,7 @@ def _judged(
     loop = None
     if whole.system is not None:
         loop = uncertain_loop(whole.system, whole.plants[0].nz, F)
-        worst = worst_case_gain(loop) if norm == "hinf" else None
+        worst = _worst_in_time(loop, bound) if norm == "hinf" else None
     varying = lyapunov == "common" and whole.all_mixtures and math.isfinite(bound)
     if not whole.all_mixtures:
         bound = math.inf
@@ -205,6 +206,16 @@ def _failure(lyapunov: Lyapunov, share: float, late: bool) -> str:
     )
     other = 'Try lyapunov="vertices"' if lyapunov == "common" else "Make the ranges smaller"
     return text + f"{other}, or measure the numbers and use scheduled_feedback."
+
+
+def _worst_in_time(loop: UncertainSystem, bound: float) -> WorstCaseGain | None:
+    """Return the worst-case gain; None if there was no time for it and the bound is proven."""
+    try:
+        return worst_case_gain(loop)
+    except OutOfTimeError:
+        if not math.isfinite(bound):
+            raise
+        return None
 
 
 def _check_norm(whole: Polytope, norm: Norm) -> None:

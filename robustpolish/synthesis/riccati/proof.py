@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from robustpolish.deadline import is_over
 from robustpolish.exact.balls import precision
 from robustpolish.exact.riccati import UndecidedError
 from robustpolish.synthesis.problem.matrices import PlantMatrices
@@ -70,13 +71,15 @@ def proven_bound(plant: PlantMatrices, guess: float, tolerance: float) -> float:
     Returns
     -------
     float
-        Zero where nothing could be proven.
+        Zero where nothing could be proven in the time there is.
     """
     lower, upper = 0.0, math.inf
     trials = _Trials(plant)
     step = _POLICY.first * tolerance
     trial = max(guess, _POLICY.least) / (1 + step)
     for _ in range(_POLICY.steps):
+        if is_over():
+            break
         if trials.are_out_of_reach(trial):
             lower = trial
         else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +10,7 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from robustpolish.deadline import OutOfTimeError, ends_with
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.long_calls import Budget, same_bits, working
 from robustpolish.models.plant.sorting import sorted_signals
@@ -140,18 +141,21 @@ def robust_output_feedback(
     machines = Machines(system, ny, nu)
     with working("Designing a robust controller"):
         try:
-            if mask is not None:
-                found, history = with_structure(machines, most or 0, mask, budget)
-                chosen = None if found is None else Candidate.by_scenarios(system, found, gamma)
-            else:
-                chosen, history = _without_structure(problem, machines, most, gamma, budget)
+            with ends_with(budget, grace=0.0):
+                if mask is not None:
+                    found, history = with_structure(machines, most or 0, mask, budget)
+                    chosen = None if found is None else Candidate.by_scenarios(system, found, gamma)
+                else:
+                    chosen, history = _without_structure(problem, machines, most, gamma, budget)
         except (InfeasibleError, SolverError) as error:
-            return _none(system, gamma, f"{error} Weigh u and add noise to y.", budget)
+            advice = "" if budget.late else " Weigh u and add noise to y."
+            return _none(system, gamma, f"{error}{advice}", budget)
         if chosen is None:
             what = "stable on all machines of the set" if mask is not None else "well-posed"
             reason = f"No controller was found whose loop is {what}. Ask for less, or free more."
             return _none(system, gamma, reason, budget)
-        return judged(machines, chosen, history, gamma, budget)
+        with ends_with(budget):
+            return judged(machines, chosen, history, gamma, budget)
 
 
 def _without_structure(
@@ -161,34 +165,47 @@ def _without_structure(
     gamma: float,
     budget: Budget,
 ) -> tuple[Candidate | None, list[dict[str, Any]]]:
-    """Search by scenarios where there are real numbers, by scalings, and keep the best."""
-    system, offered = machines.system, list[Candidate]()
+    """Search in two ways and keep the best that is proven, of those there was time for."""
     free = FreeSearch(machines, order, budget.share(POLICY.scenarios))
-    found = free.from_nominal() if machines.numbers else None
-    if found is not None:
-        offered.append(Candidate.by_scenarios(system, found, gamma))
-        if found.best_possible and offered[0].is_robust(gamma):
-            return offered[0], free.history
-    search = Search(problem, order, budget)
+    search, offered = Search(problem, order, budget), list[Candidate]()
     try:
-        scaled = _by_scalings(system, problem, search, gamma)
-    except SolverError:
+        for candidate in _candidates(problem, machines, free, search, gamma):
+            offered.append(candidate)
+    except OutOfTimeError:
         if not offered:
             raise
-        scaled = None
-    if scaled is not None and machines.numbers:
-        scaled = replace(scaled, worst=worst_case_gain(system.lft(scaled.controller)))
-        offered.append(scaled)
-        if scaled.rank(gamma) > offered[0].rank(gamma) or len(offered) == 1:
-            again = free.from_controller(scaled.controller)
-            if again is not None:
-                offered.append(Candidate.by_scenarios(system, again, gamma))
-    elif scaled is not None:
-        offered.append(scaled)
     best = max(offered, key=lambda one: one.rank(gamma), default=None)
     bound = max((one.lower_bound for one in offered), default=0.0)
     history = [*free.history, *search.history]
     return None if best is None else replace(best, lower_bound=bound), history
+
+
+def _candidates(
+    problem: RobustProblem, machines: Machines, free: FreeSearch, search: Search, gamma: float
+) -> Iterator[Candidate]:
+    """Yield what a search by scenarios finds, where there are real numbers, and by scalings."""
+    system, first = machines.system, None
+    found = free.from_nominal() if machines.numbers else None
+    if found is not None:
+        first = Candidate.by_scenarios(system, found, gamma)
+        yield first
+        if found.best_possible and first.is_robust(gamma):
+            return
+    try:
+        scaled = _by_scalings(system, problem, search, gamma)
+    except SolverError:
+        if first is None:
+            raise
+        return
+    if scaled is None:
+        return
+    if machines.numbers:
+        scaled = replace(scaled, worst=worst_case_gain(system.lft(scaled.controller)))
+    yield scaled
+    if machines.numbers and (first is None or scaled.rank(gamma) > first.rank(gamma)):
+        again = free.from_controller(scaled.controller)
+        if again is not None:
+            yield Candidate.by_scenarios(system, again, gamma)
 
 
 def _by_scalings(

@@ -39,6 +39,15 @@ def test_without_digits_nothing_is_proven(monkeypatch):
     assert proven_bound(plant(), 2.58, 1e-3) == 0
 
 
+def test_when_the_time_is_over_what_was_proven_is_returned(monkeypatch):
+    full = proven_bound(plant(), 2.0, 1e-3)
+    looks = iter([False] * 3 + [True])
+    monkeypatch.setattr(proof, "is_over", lambda: next(looks))
+    assert 1.9 < proven_bound(plant(), 2.0, 1e-3) < 0.999 * full
+    monkeypatch.setattr(proof, "is_over", lambda: True)
+    assert proven_bound(plant(), 2.0, 1e-3) == 0
+
+
 def test_no_controller_comes_below():
     bound = proven_bound(plant(), 1.0, 1e-4)
     found = rp.output_feedback(

@@ -1,9 +1,12 @@
+import importlib
+
 import control
 import numpy as np
 import pytest
 from uncertain_plants import column, lag, two_masses
 
 import robustpolish as rp
+from robustpolish.deadline import OutOfTimeError
 
 
 def test_lag_is_robust_with_named_signals_and_a_proof():
@@ -122,6 +125,21 @@ def test_a_structure_of_the_wrong_shape_is_refused():
         rp.robust_output_feedback(lag(), 1, 1, structure=np.ones((2, 2)))
     with pytest.raises(rp.InvalidInputError, match="free entry"):
         rp.robust_output_feedback(lag(), 1, 1, structure=[[0]])
+
+
+def test_when_the_time_is_over_what_was_proven_counts(monkeypatch):
+    def over(*_):
+        raise OutOfTimeError("The time was over.")
+
+    module = importlib.import_module("robustpolish.synthesis.uncertain.robust_output_feedback")
+    monkeypatch.setattr(module, "_by_scalings", over)
+    design = rp.robust_output_feedback(lag(), "y", "u", gamma=1.5)
+    assert design.status == "robust"
+    assert design.performance.proven
+    late = rp.robust_output_feedback(lag(), "y", "u", gamma=1.5, time_limit=1e-6)
+    assert (late.status, late.controller) == ("no controller", None)
+    assert "time limit of 1e-06 s" in late.reason
+    assert "Weigh u" not in late.reason
 
 
 @pytest.mark.slow

@@ -42,6 +42,8 @@ _ASKED = 2
 _EFFORT = 0.1
 # The safety net of a search for a single machine, in seconds.
 _SECONDS = 300.0
+# What it gets when that is nearly reached: no search ends at once.
+_LEAST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +204,7 @@ class FreeSearch:
 
 def _seconds(budget: Budget) -> float:
     """Return what a search of a single machine gets of the safety net."""
-    return min(max(budget.seconds_left, 1.0), _SECONDS)
+    return min(max(budget.seconds_left, _LEAST), _SECONDS)
 
 
 def _smallest_gain(plant: GeneralizedPlant | None, budget: Budget) -> float:
