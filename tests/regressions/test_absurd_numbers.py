@@ -15,6 +15,9 @@ DRAWN = [
     (5, 14, "hinf_norm"), (5, 24, "is_detectable"), (5, 89, "prescale"), (5, 99, "controllability"),
     (5, 109, "nu_gap"), (5, 124, "feedback"), (5, 139, "h2_norm"), (5, 169, "given_controller"),
     (5, 259, "ncf_margin"), (5, 283, "nu_gap"), (10, 1529, "h2_norm"), (20, 2699, "largest_period"),
+    (20261124, 9, "output_feedback"), (20261124, 49, "observer_feedback"),
+    (20261124, 74, "observer_feedback"), (20261124, 242, "state_feedback"),
+    (20261123, 604, "loop_analysis"), (22, 7, "robust_output_feedback"),  # the latter was late
 ]  # fmt: skip
 HUGE = (1e160, 1e300, 1e308)
 TINY = (1e-160, 1e-310, 5e-324)

@@ -99,8 +99,12 @@ def _seeds(poles: NDArray[np.complex128]) -> Vector:
     return np.unique(np.concatenate([[0.0, np.inf], radius, np.abs(poles.imag), resonance]))
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def hamiltonian(model: Realisation, gamma: float) -> Array | None:
-    """Return the matrix whose imaginary eigenvalues are crossings; None at the gain of D."""
+    """Return the matrix whose imaginary eigenvalues are crossings; None at the gain of D.
+
+    Entries beyond doubles are infinite.
+    """
     A, B, C, D = model.A, model.B, model.C, model.D
     if not D.any():
         return np.block([[A, B @ B.T / gamma], [-(C.T @ C) / gamma, -A.T]])
@@ -114,6 +118,7 @@ def hamiltonian(model: Realisation, gamma: float) -> Array | None:
     return np.block([[closed, gamma * B @ RB], [-(C.T @ (C + D @ RDC)) / gamma, -closed.T]])
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what has no size has no near eigenvalues
 def _crossings(model: Realisation, gamma: float) -> Vector:
     H = hamiltonian(model, gamma)
     if H is None or not np.isfinite(H).all():

@@ -208,9 +208,9 @@ def _inside(low: float, high: float, size: float) -> float:
 
 
 def _largest(M: AnyMatrix, logs: Vector) -> float:
-    if not np.isfinite(M).all():
-        return math.inf
-    return float(np.linalg.norm(M * np.exp(logs[:, None] - logs), 2))
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled = M * np.exp(logs[:, None] - logs)
+    return float(np.linalg.norm(scaled, 2)) if np.isfinite(scaled).all() else math.inf
 
 
 def _best_of_two(M: AnyMatrix) -> tuple[float, Vector]:

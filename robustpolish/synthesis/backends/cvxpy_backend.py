@@ -29,6 +29,8 @@ def solve(
     x = cp.Variable(form.objective.size)
     constraints: list[Any] = []
     for size, G, h in form.psd:
+        if not size:
+            continue  # nothing is semidefinite
         constraints.append(cp.PSD(cp.reshape(G @ x + h, (size, size), order="F")))
     constraints += [G @ x + h >= 0 for G, h in form.nonnegative]
     constraints += [G @ x + h == 0 for G, h in form.zero]

@@ -32,6 +32,8 @@ def solve(
     x = picos.RealVariable("x", form.objective.size)
     problem = picos.Problem(primals=None, verbosity=0, max_iterations=100)
     for size, G, h in form.psd:
+        if not size:
+            continue  # nothing is semidefinite
         entries: Any = picos.Constant(csc_matrix(G)) * x + picos.Constant(h)
         problem.add_constraint(entries.reshaped((size, size)) >> 0)
     for G, h in form.nonnegative:

@@ -127,9 +127,11 @@ def _largest(values: Complex) -> Vector:
     """
     if not np.isfinite(values).all():
         return np.full(len(values), np.inf)
+    high = float(np.max(np.abs(values), initial=0.0))
+    if high and not _SQUARED < high < 1 / _SQUARED:
+        unit = np.ldexp(1.0, np.frexp(high)[1] - 1) if np.isfinite(high) else 2.0**1023
+        return unit * _largest(values / unit)
     found = np.linalg.norm(values, axis=(1, 2))
-    if not np.isfinite(found).all():  # its squares overflow
-        return np.full(len(values), np.inf)
     if min(values.shape[1:]) == 1:
         return found
     near = np.flatnonzero(found >= _FAR * np.linalg.norm(values[int(np.argmax(found))], 2))
@@ -145,6 +147,8 @@ def _largest(values: Complex) -> Vector:
     return found
 
 
+# The fourth powers of what is larger, and of its inverse, are within doubles.
+_SQUARED = 1e-70
 # Peaks are asked for within a twentieth of the highest; this leaves room.
 _FAR = 0.9
 

@@ -86,6 +86,8 @@ def _rounds(programs: StatePrograms, coordinates: Coordinates) -> _Rounds | None
             # The solver went so near the edge that its gain is wrong: stay further inside.
             tolerance = min(30 * tolerance, POLICY.tightest_stay * engine.slack)
         near = best.gain.achieved if best is not None and engine.norm == "h2" else claimed
+        if achieved == 0:  # nothing is below that
+            return _Rounds(solved, coordinates, 0.0, True)
         agreed = agreed or settled or abs(near / achieved - 1) < POLICY.agreement * engine.slack
         if best is None or achieved < best.gain.achieved:
             best = solved
