@@ -52,7 +52,8 @@ class Certificate(Displayed):
         Whether all closed-loop poles are stable.
     achieved : float
         The norm from w to z, computed from the loop, exact or with matrices rounded to
-        doubles, whichever is larger; infinite if unstable.
+        doubles, whichever is larger; infinite if unstable. Of a norm so small that rounding in
+        doubles feigns as much, the proven bound: that is all that can be said.
     claimed : float or None
         The bound that a solver claimed.
     gap : float or None
