@@ -63,6 +63,8 @@ class HinfMeasure:
             value = closed.C @ into + closed.D
             left = outof @ loop.B2 + loop.D12
             right = loop.C2 @ into + loop.D21
+        if not np.isfinite(value).all():  # beyond doubles there are no directions
+            return []
         U, sigma, Vh = np.linalg.svd(value, full_matrices=False)
         count = max(1, int(np.sum(sigma >= level)))
         found = []
