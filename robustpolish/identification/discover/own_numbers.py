@@ -13,7 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from robustpolish.effects import Effect
-from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy, judged
+from robustpolish.identification.fit.homotopy import (
+    JudgedFit,
+    best_stage,
+    homotopy,
+    judged,
+    rms_over,
+)
 from robustpolish.identification.fit.least_squares import Fit, inflation
 from robustpolish.identification.fit.parameters import chain_keys, connected, driving
 from robustpolish.identification.fit.prepared import PreparedRecord
@@ -23,6 +29,8 @@ from robustpolish.models.mechanical.parts import FORCE
 
 _HOLD = "input_hold"
 _LINEAR = 1.0
+# Samples to either side of a first delay that are tried.
+_AROUND = 4
 # Samples of a window that still tells a curvature from a slope.
 _SHORTEST = 8
 
@@ -108,6 +116,34 @@ def with_other_holds(
     odds = float(np.sum(told * falls))
     believed = odds > prepared.policy.hold_odds and np.max(falls) >= -np.log(1 - fall)
     return held[best] if believed else None
+
+
+def timely(effect: Effect, model: MechanicalModel, prepared: PreparedRecord) -> Effect:
+    """Return the delay of a held input that is right within a sample; other effects as they are.
+
+    What an accelerometer shows of a held force jumps with it: whatever the delay within a sample,
+    it sees the same, and no slope leads from one sample to the next.
+
+    Parameters
+    ----------
+    effect : Effect
+    model : MechanicalModel
+        Without it.
+    prepared : PreparedRecord
+    """
+    held = {e.at[0] for e in model.effects if e.kind == _HOLD and e.values["order"] == 0.0}
+    if effect.kind != "input_delay" or effect.at[0] not in held:
+        return effect
+    dt = prepared.record.dt
+    first = int(effect.values["delay"] / dt)
+    whole = {*range(_AROUND), *range(max(first - _AROUND, 0), first + _AROUND + 1)}
+    tried = [effect.with_values({"delay": (samples + 0.5) * dt}) for samples in sorted(whole)]
+
+    def left(late: Effect) -> float:
+        delayed = model.with_effect(late.definition, late.at, late.values)
+        return float(np.mean(np.log(rms_over(delayed, prepared, prepared.windows))))
+
+    return min(tried, key=left)
 
 
 def _sooner(effect: Effect, by: float) -> Effect:

@@ -10,10 +10,10 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
+from robustpolish.identification.discover.own_numbers import timely
 from robustpolish.identification.findings.findings import Confusion, RankedCandidate
-from robustpolish.identification.fit.first_values import idle, sized, timely
 from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy, left_by
-from robustpolish.identification.fit.parameters import turns_over_gently
+from robustpolish.identification.fit.parameters import idle, sized, turns_over_gently
 from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.residuals.noise_floor import noise_floor

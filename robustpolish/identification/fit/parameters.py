@@ -213,6 +213,22 @@ def turns_over_gently(effect: Effect) -> bool:
     return effect.values.get(effect.definition.turns_over, 0.0) > 0.0
 
 
+def idle(effect: Effect) -> bool:
+    """Return whether an effect makes no force."""
+    sizes = _sizes(effect)
+    return bool(sizes) and not any(effect.values[name] for name in sizes)
+
+
+def _sizes(effect: Effect) -> list[str]:
+    return [p.name for p in effect.definition.parameters if p.fitted and p.counts_force]
+
+
+def sized(effect: Effect, share: float) -> Effect:
+    """Return an effect with a share of its force."""
+    sizes = _sizes(effect)
+    return effect.with_values({k: share * v if k in sizes else v for k, v in effect.values.items()})
+
+
 def within_laws(model: MechanicalModel) -> set[str]:
     """Return the keys of numbers that learned laws at their places contain, and that stay.
 

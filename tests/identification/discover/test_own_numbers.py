@@ -1,8 +1,12 @@
+from dataclasses import replace
+
 import pytest
 
+from robustpolish.effects import Effect
 from robustpolish.identification.discover.own_numbers import (
     refit_own,
     settled,
+    timely,
     with_holds,
     with_other_holds,
 )
@@ -99,3 +103,19 @@ def test_a_chain_whose_factor_the_data_know_stays(changes):
     larger = reference.with_parameters({k: 1.1 * v for k, v in reference.parameters.items()})
     assert settled(larger, reference, 0.01) is larger
     assert settled(reference, reference, 0.01) is reference
+
+
+@pytest.mark.parametrize("samples", [2.2, 5.7])
+def test_a_delay_of_a_held_input_begins_within_its_sample(samples):
+    machine = replace(one(), measured=[("x", "acceleration")])
+    delay = samples * machine.dt
+    late = [("input_delay", ("F_x",), [delay])]
+    case = Case("late", machine, late, drive=8.0, samples=1200, held=True)
+    held = model_of(case).with_effect("input_hold", "F_x", {"order": 0.0})
+    prepared = prepared_of(held, records(case)[0][0])
+    first = Effect("input_delay", "F_x", {"delay": 4.0 * machine.dt})
+    found = timely(first, held, prepared)
+    assert abs(found.values["delay"] - delay) < 0.5 * machine.dt
+    assert timely(first, model_of(case), prepared) is first  # nothing jumps between samples
+    friction = Effect("coulomb_friction", ("x", "ground"), {"force": 1.0})
+    assert timely(friction, held, prepared) is friction

@@ -3,11 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robustpolish.effects import Effect
 from robustpolish.identification.fit.parameters import (
     chain_keys,
     connected,
     driving,
     free_parameters,
+    idle,
+    sized,
     units_of_force,
     with_units_of_force,
 )
@@ -134,3 +137,22 @@ def test_a_friction_that_turns_over_gently_never_becomes_a_jump_in_one_fit():
     numbers = free_parameters(model, 10.0, POLICY, oscillator())
     (width,) = (number for number in numbers if number.key == "effect[0].width")
     assert (width.lower, width.start) == (pytest.approx(0.02), 0.2)
+
+
+STRIBECK = {"force": 3.0, "static_force": 4.0, "velocity": 0.5, "width": 0.1}
+
+
+def test_a_share_is_of_forces_alone():
+    half = sized(Effect("stribeck_friction", PLACE, STRIBECK), 0.5)
+    assert dict(half.values) == {**STRIBECK, "force": 1.5, "static_force": 2.0}
+    line = Effect("harmonic_force", "x", {"amplitude": 2.0, "frequency": 5.0, "phase": 0.3})
+    assert dict(sized(line, 0.1).values) == {"amplitude": 0.2, "frequency": 5.0, "phase": 0.3}
+    delay = Effect("input_delay", "F", {"delay": 0.01})
+    assert sized(delay, 0.1).values == delay.values
+
+
+def test_without_force_an_effect_is_idle():
+    assert idle(Effect("quadratic_damping", PLACE, {"coefficient": 0.0}))
+    assert not idle(Effect("quadratic_damping", PLACE, {"coefficient": 1e-9}))
+    assert idle(Effect("dahl_friction", PLACE, {"force": 0.0, "stiffness": 0.0}))
+    assert not idle(Effect("input_delay", "F", {"delay": 0.0}))  # it makes none anyway
