@@ -27,6 +27,8 @@ from robustpolish.identification.screening.candidates import Columns
 
 _TINY = 1e-4
 """Size of a candidate on trial, as a share of the forces."""
+_DIVERGED = 1e100
+"""Changes of the errors, in units of these, from which a run says nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +108,8 @@ def evidence(
         run = prepared.runner(extended).run(extended)
         pieces = prepared.with_memory(extended, settled.pieces)
         change = (run.all_errors(pieces) - settled.errors) / settled.sigma / unit[j]
-        return np.nan_to_num(change.ravel(), nan=0.0, posinf=0.0, neginf=0.0)
+        known = np.nan_to_num(change.ravel(), nan=0.0, posinf=0.0, neginf=0.0)
+        return known if np.max(np.abs(known)) < _DIVERGED else np.zeros(rest.size)
 
     tasks = [(i, j) for i, entry in enumerate(entries) for j in range(len(entry.shape.columns))]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
