@@ -181,7 +181,7 @@ class Search:
         steps = prepared.steps if model.free else 2 * prepared.steps
         spans = prepared.spans(pieces, policy.growth)
         found = None
-        for share in policy.shares:
+        for share in policy.shares if first else policy.shares[:1]:
             extended = model
             for effect in first:
                 values = sized(effect, share).values
