@@ -24,6 +24,7 @@ import numba
 import numpy as np
 from numba.core import config, event
 
+from robustpolish import clock
 from robustpolish.long_calls import working
 from robustpolish.versions import __version__
 
@@ -51,29 +52,34 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     return decorated
 
 
-class _Bar(event.Listener):
-    """Says that compiling happens once, while it lasts."""
+class _Aside(event.Listener):
+    """Says that compiling happens once, and lets the clock of all limits stand meanwhile.
+
+    Numba compiles in one thread at a time, and tells of the functions inside a function too.
+    """
 
     def __init__(self) -> None:
         self._depth = 0
-        self._shown = ExitStack()
+        self._block = ExitStack()
 
     def on_start(self, event: Any) -> None:
-        """Show the bar with the outermost of the functions that are being compiled."""
+        """Begin with the outermost of the functions that are being compiled."""
         self._depth += 1
-        function = getattr(event.data["dispatcher"], "py_func", None)
-        if self._depth == 1 and getattr(function, "__module__", "").startswith(_PACKAGE):
-            self._shown.enter_context(working("Compiling (once)"))
+        if self._depth == 1:
+            self._block.enter_context(clock.standing())
+            function = getattr(event.data["dispatcher"], "py_func", None)
+            if getattr(function, "__module__", "").startswith(_PACKAGE):
+                self._block.enter_context(working("Compiling (once)"))
 
     def on_end(self, event: Any) -> None:
-        """Take it away."""
+        """End with it."""
         del event
         self._depth -= 1
         if self._depth == 0:
-            self._shown.close()
+            self._block.close()
 
 
-event.register("numba:compile", _Bar())
+event.register("numba:compile", _Aside())
 
 
 @contextmanager

@@ -7,11 +7,11 @@ is none. So it is cut by an error, and what was not proven is never returned.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
+from robustpolish import clock
 from robustpolish.errors import SolverError
 from robustpolish.long_calls import Budget
 
@@ -46,7 +46,7 @@ def ends_with(budget: Budget, grace: float | None = None) -> Iterator[None]:
     >>> with ends_with(Budget(seconds=10.0)):
     ...     look_at_the_clock()
     """
-    ends = time.monotonic() + budget.seconds - budget.elapsed
+    ends = clock.now() + budget.seconds - budget.elapsed
     ends += GRACE if grace is None else grace
     token = _until.set(min(_until.get(), ends))
     try:
@@ -63,7 +63,7 @@ def ends_with(budget: Budget, grace: float | None = None) -> Iterator[None]:
 @contextmanager
 def for_a_part(part: float) -> Iterator[None]:
     """Leave the block a part of the time that is left, so that something else can follow it."""
-    now = time.monotonic()
+    now = clock.now()
     token = _until.set(now + part * (_until.get() - now))
     try:
         yield
@@ -83,4 +83,4 @@ def look_at_the_clock(needed: float = 0.0) -> None:
 
 def is_over(needed: float = 0.0) -> bool:
     """Return whether the time is over, for what may end with as much as it has proven."""
-    return time.monotonic() + needed > _until.get()
+    return clock.now() + needed > _until.get()

@@ -11,7 +11,6 @@ import math
 import os
 import sys
 import threading
-import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
@@ -21,6 +20,8 @@ from typing import Any, ParamSpec, TypeVar
 import numpy.linalg  # noqa: F401 the libraries that are looked up below have to be loaded
 import scipy.linalg  # noqa: F401
 from threadpoolctl import ThreadpoolController
+
+from robustpolish import clock
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -74,7 +75,7 @@ class Budget:
     kept: float = 0.0
     spent: float = field(default=0.0, init=False)
     _parent: Budget | None = field(default=None, init=False, repr=False)
-    _start: float = field(default_factory=lambda: time.monotonic(), init=False, repr=False)
+    _start: float = field(default_factory=clock.now, init=False, repr=False)
     _late: bool = field(default=False, init=False, repr=False)
 
     def spend(self, work: float = 1.0) -> None:
@@ -130,8 +131,8 @@ class Budget:
 
     @property
     def elapsed(self) -> float:
-        """Seconds since the start."""
-        return time.monotonic() - self._start
+        """Seconds since the start, without those in which functions were compiled."""
+        return clock.now() - self._start
 
     @property
     def seconds_left(self) -> float:

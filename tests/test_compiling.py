@@ -4,12 +4,14 @@ import ast
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 import robustpolish
 from robustpolish.compiling import checksum, njit
+from robustpolish.long_calls import Budget
 
 PACKAGE = Path(robustpolish.__file__).parent
 
@@ -102,3 +104,13 @@ def test_all_compiled_functions_are_kept_that_way():
                 assert not (named and any(alias.name in ("njit", "jit") for alias in node.names))
                 assert not (isinstance(node, ast.Attribute) and node.attr in ("njit", "jit"))
     assert found > 20
+
+
+def test_limits_of_time_do_not_count_what_is_compiled():
+    @njit()
+    def new(x):
+        return x + 1.0
+
+    budget, start = Budget(seconds=60.0), time.monotonic()
+    assert new(1.0) == 2.0
+    assert budget.elapsed < 0.5 * (time.monotonic() - start)

@@ -7,6 +7,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish import deadline
+from robustpolish.clock import standing
 from robustpolish.deadline import OutOfTimeError, ends_with, for_a_part, look_at_the_clock
 from robustpolish.long_calls import Budget
 
@@ -82,6 +83,17 @@ def test_a_search_stops_before_the_time_of_its_proof(clock):
     assert share.late
     assert budget.stopped
     assert Budget.before_a_proof(1.0, 300.0).kept == 5.0
+
+
+def test_compiling_takes_no_time_of_a_limit(clock):
+    with ends_with(Budget(seconds=1.0)):
+        with standing():
+            clock[0] += 20.0
+            look_at_the_clock(needed=1.4)
+        look_at_the_clock(needed=1.4)
+        clock[0] += 1.6
+        with pytest.raises(OutOfTimeError):
+            look_at_the_clock()
 
 
 def test_without_a_complete_certificate_there_is_no_design(monkeypatch):

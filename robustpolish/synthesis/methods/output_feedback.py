@@ -120,6 +120,7 @@ def output_feedback(
         "time_limit", and another machine may find something else; otherwise it changes nothing.
         It covers the certificate, for which the search leaves a quarter of the time, at most 5 s;
         where its proof is not complete half a second after the limit, there is no design.
+        Functions are compiled once per user and version; these seconds are not counted.
     split : bool
         Whether to solve parts of the plant that share no signal one by one, which is quicker and
         gives the same norm.
@@ -207,10 +208,6 @@ def output_feedback(
     if control_weight is not None or measurement_noise is not None:
         plant = noisy(priced(plant, control_weight), measurement_noise)
     settings = Settings(norm, method, backend, solver, tolerance, wanted)
-    if plant.nx > POLICY.costly_states or plant.is_discrete:
-        from robustpolish.analysis.norms.modal.modal_peak import get_ready  # imports Numba
-
-        get_ready()
     work = max(POLICY.work, POLICY.attempts * step_cost(plant.nx))
     budget = Budget.before_a_proof(effort * work, seconds)
     diagnosis = diagnose(plant)

@@ -8,7 +8,6 @@ is left, the bound is proven up to the errors of the modal form.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,13 +20,12 @@ from robustpolish.analysis.norms.modal.expansion import (
     expand_far,
     expansion_error,
 )
-from robustpolish.analysis.norms.modal.modal_form import ModalForm, modal_form
+from robustpolish.analysis.norms.modal.modal_form import ModalForm
 from robustpolish.analysis.norms.modal.modes import modes_of
 from robustpolish.analysis.norms.modal.small_hermitian import eigen, largest_gain
-from robustpolish.analysis.poles.eigen import EPS, eigensystem
+from robustpolish.analysis.poles.eigen import EPS
 from robustpolish.compiling import njit
 from robustpolish.deadline import look_at_the_clock
-from robustpolish.exact.realisation import Realisation
 
 
 @dataclass(frozen=True)
@@ -70,16 +68,6 @@ def modal_peak(form: ModalForm, tolerance: float, widest: float) -> ModalPeak | 
     pieces = centre[:count], half[:count]
     settled, *found = search(modes, *pieces, float(tolerance), float(widest))
     return ModalPeak(*found) if settled else None
-
-
-@lru_cache
-def get_ready() -> None:
-    """Have the search compiled, or read from its file, before anyone counts seconds."""
-    one = np.ones((1, 1))
-    lag = Realisation(-one, one, one, 0 * one, False)
-    form = modal_form(lag, eigensystem(lag.A), False)
-    if form is not None:
-        modal_peak(form, 1e-3, 1.0)
 
 
 @njit(cache=True, error_model="numpy")

@@ -6,7 +6,7 @@ import pytest
 
 from robustpolish.analysis.norms.crossings import crossings
 from robustpolish.analysis.norms.modal.modal_form import modal_form
-from robustpolish.analysis.norms.modal.modal_peak import _search, get_ready, modal_peak
+from robustpolish.analysis.norms.modal.modal_peak import _search, modal_peak
 from robustpolish.analysis.poles.eigen import eigensystem
 from robustpolish.exact.rational import ExactModel, fraction
 from robustpolish.exact.realisation import realisation, rescaled
@@ -87,7 +87,6 @@ def test_more_states_than_exact_arithmetic_does_quickly():
 
 
 def test_one_compilation_serves_all_systems():
-    get_ready()
     for proven in (True, False):
         G = rescaled(model(1))
         assert modal_peak(modal_form(G, eigensystem(G.A), proven), 1e-6, 1e-6) is not None
