@@ -6,12 +6,15 @@ import math
 import re
 
 _PREFIXES = dict(zip(range(-30, 31, 3), (*"qryzafpnµm", "", *"kMGTPEZYRQ"), strict=True))
-# A prefix before a power ("mm^2") or a kilogram would be read wrongly.
-_PREFIXABLE = re.compile(r"(?!kg\b|deg\b)[A-Za-zΩ]+(?![A-Za-zΩ^²³0-9])")
+# SI units by their symbols alone: others, such as mm, kg or min, have a prefix or bear none. One
+# before a power ("mm^2") would be read wrongly.
+_PREFIXABLE = re.compile(
+    r"(m|s|g|A|K|N|Nm|V|W|J|Pa|Hz|rad|C|F|H|S|T|Wb|Ω|ohm)(?![A-Za-zΩ_^²³0-9]|\*\*)"
+)
 
 
 def bears_prefix(unit: str) -> bool:
-    """Say whether a prefix may stand before a unit; not before none, %, 1/s, m^2 and kg.
+    """Say whether a prefix may stand before a unit; not before none, %, 1/s, m^2, kg and mm.
 
     Parameters
     ----------

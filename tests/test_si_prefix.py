@@ -22,6 +22,8 @@ def test_prefixes_are_those_of_matplotlib():
         assert prefixed("", power) == letter
 
 
-def test_powers_and_kilograms_bear_none():
-    assert [unit for unit in ("m", "N/m", "N m", "V", "Ω") if not bears_prefix(unit)] == []
-    assert [unit for unit in ("", "1", "%", "1/s", "m^2", "kg", "deg") if bears_prefix(unit)] == []
+def test_powers_and_units_with_a_prefix_bear_none():
+    bear = ("m", "N/m", "N m", "Nm", "V", "Ω", "rad/s", "m/s^2", "N*s/m")
+    none = ("", "1", "%", "1/s", "m^2", "m**2", "kg", "mm", "mm/s", "kN", "ms", "deg", "min", "rpm")
+    assert [unit for unit in bear if not bears_prefix(unit)] == []
+    assert [unit for unit in none if bears_prefix(unit)] == []

@@ -77,7 +77,7 @@ def _check_bulges(mould: Mould, places: Floats, parameters: BrushParameters) -> 
     depth = parameters.polishing_force / parameters.contact_stiffness
     if bulge > max(_BULGE, _SHARE_OF_DEPTH * depth):
         where = _told(places[:, int(np.argmin(least))])
-        much = f"{1e6 * bulge:.3g} um"
+        much = f"{1e6 * bulge:.3g} µm"
         raise invalid(
             "surface",
             described(f"{mould.name}, which bulges by {much} under the disc around {where}"),

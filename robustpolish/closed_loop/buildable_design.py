@@ -178,10 +178,10 @@ class BuildableBrushDesign(BrushDesign):
         stays = "stable" if c.stable else "unstable"
         return (
             f"The controller {can}: sampled at {h.sample_rate_hz / 1e3:g} kHz with "
-            f"{1e6 * h.computation_delay:g} us of computation its loop is proven {stays}, one "
+            f"{1e6 * h.computation_delay:g} µs of computation its loop is proven {stays}, one "
             f"loop at a time it keeps {disk.gain_db:.2g} dB and {disk.phase_deg:.0f} deg of disk "
-            f"margin and bears {1e6 * self.loop.delay_margin:.0f} us of further delay (the "
-            f"thesis's ideal: {1e6 * self.ideal_loop.delay_margin:.2g} us in all). Under the same "
+            f"margin and bears {1e6 * self.loop.delay_margin:.0f} µs of further delay (the "
+            f"thesis's ideal: {1e6 * self.ideal_loop.delay_margin:.2g} µs in all). Under the same "
             f"load it reduces the largest deviation in {gained or 'no axis'}, with forces up to "
             f"{most:.2g} N of {h.actuator_limit:g} N. z has no actuator and stays as it is."
         )
@@ -215,7 +215,7 @@ class BuildableBrushDesign(BrushDesign):
                 _at_once(self.loop),
                 _at_once(self.ideal_loop),
             ),
-            ("delay that it bears besides its own [us]", 1e6 * delays[0], 1e6 * delays[1]),
+            ("delay that it bears besides its own [µs]", 1e6 * delays[0], 1e6 * delays[1]),
             ("unstable below a sample rate of [kHz]", 1e-3 / self.largest_period, slowest / 1e3),
             ("measured signals", len(self.plant.measurement_names), self.ideal.plant.ny),
             ("actuators", len(self.plant.control_names), self.ideal.plant.nu),

@@ -9,7 +9,7 @@ import numpy as np
 
 from robustpolish.loops.figures import LoopFigures
 from robustpolish.loops.margins.disk import decibel
-from robustpolish.si_prefix import prefix_power, prefixed
+from robustpolish.si_prefix import bears_prefix, prefix_power, prefixed
 
 
 def problems(found: LoopFigures) -> list[str]:
@@ -231,9 +231,13 @@ def _noise(found: LoopFigures) -> str:
         )
     worst = max(rows, key=lambda row: row.rms)
     often = "in every sample" if found.loop.is_discrete else "per root hertz"
+    unit, power = worst.source_unit or "unit", 0
+    if bears_prefix(worst.source_unit):  # a metre of noise says little, a micrometre much
+        power = max(0, prefix_power(worst.rms))
+        unit = prefixed(unit, -power)
     return (
-        f"Measurement noise of 1 {worst.source_unit or 'unit'} {often} on {worst.source} moves "
-        f"{worst.control} by {_amount(worst.rms, worst.unit)} RMS."
+        f"Measurement noise of 1 {unit} {often} on {worst.source} moves "
+        f"{worst.control} by {_amount(worst.rms / 10.0**power, worst.unit)} RMS."
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -192,8 +193,10 @@ def _certificate(job: BrushDesign) -> Section:
         ("largest entry of the gain", c.largest_gain),
     )
     order = np.argsort(c.frequencies_hz)
-    modes = tuple(
-        (float(c.frequencies_hz[i]), float(c.damping[i]), float(c.poles[i].real)) for i in order
+    # Pairs, equal axes and delays repeat poles: once each, as the table rounds them.
+    modes = Counter(
+        tuple(float(f"{x:.4g}") for x in (c.frequencies_hz[i], c.damping[i], c.poles[i].real))
+        for i in order
     )
     sampled = (sampled_certificate(job),) if built else ()
     text = (
@@ -212,7 +215,9 @@ def _certificate(job: BrushDesign) -> Section:
             *sampled,
             Table("What was checked", ("quantity", "value"), facts, digits=6),
             Table(
-                "Closed-loop poles", ("frequency [Hz]", "damping ratio", "real part [1/s]"), modes
+                "Closed-loop poles",
+                ("frequency [Hz]", "damping ratio", "real part [1/s]", "poles"),
+                tuple((*mode, count) for mode, count in modes.items()),
             ),
         ),
     )

@@ -76,7 +76,7 @@ def what_could_go_wrong(job: BuildableBrushDesign) -> Section:
         "Slower actuators: " + _slower(job),
         f"Flexible modes that are not in the model: nothing above {upper:.0f} Hz is modelled. "
         f"The loop's gain is last 1 at {crossover:.0f} Hz; a mode above is harmless while it "
-        f"stays below {_spill(job):.3g} um/N at resonance "
+        f"stays below {_spill(job):.3g} µm/N at resonance "
         f"between {crossover / 1e3:.2g} and {h.sample_rate_hz / 2e3:g} kHz. Beyond "
         f"{h.sample_rate_hz / 2e3:g} kHz it appears at another frequency. Measure the gap's "
         "response to the actuator before closing the loop.",
@@ -85,8 +85,8 @@ def what_could_go_wrong(job: BuildableBrushDesign) -> Section:
         f"Noise: {h.sensor_noise * 1e9:g} nm RMS in every reading moves the actuators by "
         f"{max(noise.values()):.2g} N RMS.",
         f"A hub that is not round, or whose material is uneven, looks like a motion at the "
-        f"spindle's {_spin(job):.3g} Hz: the brush then follows {_follows(job):.2g} um for each "
-        "um, unless it is measured and subtracted.",
+        f"spindle's {_spin(job):.3g} Hz: the brush then follows {_follows(job):.2g} µm for each "
+        "µm, unless it is measured and subtracted.",
         f"Saturation: {most:.3g} N of {h.actuator_limit:g} N are used, and "
         f"{100 * clipped:.2g} % of the samples were cut off. The conditioned form of the "
         "controller keeps it from winding up; no norm is proven at the limit.",
@@ -124,8 +124,8 @@ def why_z_stays(job: BuildableBrushDesign) -> Section:
         f"The static part needs integral action or a stiffer rod; {static * 1e9:.0f} nm are "
         "what some kelvin do to an eddy-current sensor, and the robot's own position can correct "
         "what is constant.",
-        f"The overshoot is over within half a period of the mode, {half:.0f} us, where the lags of "
-        f"sensor, computer and actuator alone make {1e6 * job.hardware.lag:.0f} us. So z gets no "
+        f"The overshoot is over within half a period of the mode, {half:.0f} µs, where the lags of "
+        f"sensor, computer and actuator alone make {1e6 * job.hardware.lag:.0f} µs. So z gets no "
         "actuator.",
     )
     shown = {row: job.comparison.responses[row] for row in (rows[0], rows[-1])}
@@ -220,7 +220,7 @@ def _dearest(job: BuildableBrushDesign) -> str:
         f"Reality costs a factor of {built.norm / ideal.norm:.3g} in the norm of y against the "
         f"ideal. Of the limits the one that costs most is relaxed by {best.what}: the norm "
         f"would be {best.norm:.3g} instead of {built.norm:.3g} m/N, the largest deviation "
-        f"{best.deviation * 1e6:.3g} instead of {built.deviation * 1e6:.3g} um. Bandwidths were "
+        f"{best.deviation * 1e6:.3g} instead of {built.deviation * 1e6:.3g} µm. Bandwidths were "
         f"tried in steps of {100 * (1 - POLICY.ratio):.0f} %, so that a difference of 15 % in the "
         "norm says little."
     )
@@ -237,7 +237,7 @@ def _slower(job: BuildableBrushDesign) -> str:
 
 
 def _spill(job: BuildableBrushDesign) -> float:
-    """Return the response in um/N that a mode beyond the crossover may have at most."""
+    """Return the response in µm/N that a mode beyond the crossover may have at most."""
     controller = job.sampled.controller
     half = job.hardware.sample_rate_hz / 2
     crossover = max(c.frequency_hz for m in job.loop.margins for c in m.gain_crossovers)
@@ -261,4 +261,4 @@ def _mode_of_z(job: BuildableBrushDesign) -> float:
 
 
 def _time(seconds: float) -> str:
-    return f"{1e6 * seconds:.3g} us"
+    return f"{1e6 * seconds:.3g} µs"

@@ -48,7 +48,7 @@ def test_the_words_and_tables_tell_both(job):
     assert job.verdict().startswith("The controller can be built: sampled at 20 kHz with 25 us")
     beside, survived = job.tables()
     rows = {row[0]: row[1:] for row in beside.rows}
-    delays = rows["delay that it bears besides its own [us]"]
+    delays = rows["delay that it bears besides its own [µs]"]
     assert delays == (1e6 * job.loop.delay_margin, 1e6 * job.ideal_loop.delay_margin)
     assert rows["measured signals"] == (2, 12)
     assert [row[:2] for row in survived.rows] == [(what, True) for what in job.survived]

@@ -1,5 +1,7 @@
 """The paragraph: what limits a loop, in words that name the number."""
 
+import re
+
 import control
 import numpy as np
 import pytest
@@ -20,6 +22,18 @@ def test_a_loop_that_can_be_built():
     text = words(control.tf([1], [1, 1]), control.tf([-4], [0.01, 1]))
     assert text.startswith("This loop can be built.")
     assert "per root hertz" in text
+
+
+def test_noise_is_as_small_as_a_sensor_may_have():
+    def told(unit):
+        plant = rp.GeneralizedPlant.from_matrices(
+            [[0, 1.0], [-1e6, -20.0]], [[0], [1.0]], [[0], [1.0]], [[1.0, 0]], [[1.0, 0]],
+            measurements=["x"], controls=["F"], units={"x": unit, "F": "N"},
+        )  # fmt: skip
+        return words(plant, control.tf([-1e5], [1e-4, 1]))
+
+    assert re.search(r"noise of 1 µm per root hertz on x moves F by [\d.]+ N RMS", told("m"))
+    assert re.search(r"noise of 1 mm per root hertz on x moves F by \d.*e\+\d+ N RMS", told("mm"))
 
 
 def test_an_unstable_loop_has_no_margins():

@@ -63,7 +63,7 @@ def test_what_could_go_wrong_names_the_numbers_at_which_it_breaks(buildable_job)
     for subject in ("delay", "Slower sampling", "Slower actuators", "Flexible modes", "Noise",
                     "Saturation", "Drift", "Gyroscopic"):  # fmt: skip
         assert subject in points
-    assert f"{1e6 * buildable_job.loop.delay_margin:.3g} us more" in points
+    assert f"{1e6 * buildable_job.loop.delay_margin:.3g} µs more" in points
     assert f"below {buildable_job.slowest_actuator_hz:.0f} Hz" in points
     assert not re.search(r"\b(nan|inf)\b", points)
     (table,) = section.tables

@@ -86,8 +86,8 @@ def _spread(ax: Axes, which: str, values: NDArray) -> None:
     # Rounding leaves poles that are real by nature a little beside the axis.
     size = size[size > 1e-9 * size.max(initial=0.0)]
     if size.size and size.max() > _LUMPED * size.min():
-        # Next to zero a decade takes as much room as elsewhere.
-        threshold = max(size.min(), 1e-6 * size.max())
+        # Next to zero a decade takes as much room as elsewhere; a whole one, for ticks at its ends.
+        threshold = 10.0 ** np.floor(np.log10(max(size.min(), 1e-6 * size.max())))
         (ax.set_xscale if which == "x" else ax.set_yscale)("symlog", linthresh=threshold)
 
 

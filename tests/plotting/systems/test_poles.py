@@ -25,6 +25,10 @@ def test_poles_in_hertz_with_the_forbidden_hatched():
 def test_poles_of_very_different_speed_are_told_apart():
     ax = plotting.plot_poles({"loop": np.array([-1.0, -1e3, -1e6])})
     assert ax.get_xscale() == "symlog"
+    # poles of 0.58/s put no tick where another stands
+    ax = plotting.plot_poles({"loop": np.array([-0.58, -1e3, -1e6])})
+    places = ax.transData.transform([(x, 0.0) for x in ax.get_xticks() if x <= 0])[:, 0]
+    assert np.diff(np.sort(places)).min() > 30
 
 
 def test_discrete_poles_come_with_the_unit_circle():
