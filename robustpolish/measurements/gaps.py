@@ -93,7 +93,7 @@ def fill_gaps(
                 f"{count} missing value{'s' if count > 1 else ''}, the longest gap of {long} at "
                 f"{_places([longest], lines)} ({when})"
             ),
-            f"gaps of at most {LONGEST_GAP} samples, {_MISSING:.0%} of the record in all",
+            f"gaps of at most {LONGEST_GAP} samples, {100 * _MISSING:.0f} % of the record in all",
             f"Read what lies before or behind with between=(START, END), or leave {name!r} out "
             "with columns=.",
         )

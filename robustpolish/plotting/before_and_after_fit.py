@@ -48,17 +48,20 @@ def plot_before_and_after(
         plot_time_series(inside, ax)
         for line in ax.lines:  # one look for one thing in every panel
             line.set(**_STYLES[str(line.get_label())])
-        if len(signals) > 1:
-            ax.legend(loc="best")
+        if ax.get_legend() is not None:
+            ax.get_legend().remove()
     axes[0].set_xlabel("")
     if stretch is not None:
         whole = axes[2]
         plot_time_series(rest, whole)
         for line in whole.lines:
             line.set(**_STYLES[str(line.get_label())])
-        whole.axvspan(stretch.start, stretch.stop, color="#333333", alpha=0.15, label="shown above")
-        whole.legend(loc="best")
-        whole.set_title("the whole record")
+        if whole.get_legend() is not None:
+            whole.get_legend().remove()
+        whole.axvspan(stretch.start, stretch.stop, color="#333333", alpha=0.15)
+        whole.set_title("the whole record; shaded: shown above")
+    # Swings fill every panel: there is no place for names but above them all.
+    figure.legend(handles=axes[0].lines, loc="outside upper center", ncols=len(shown))
     return figure
 
 

@@ -61,8 +61,8 @@ def plot_two_machines(
     plot_time_series({k: d.rename("difference").assign_attrs(unit) for k, d in rest.items()}, apart)
     for line, style in zip(apart.lines, (LINE_STYLES[2], LINE_STYLES[1]), strict=True):
         line.set(**style)
-    label = f"noise, +-{2 * noise:.2g} {unit['units']}"
-    apart.axhspan(-2 * noise, 2 * noise, color="#333333", alpha=0.25, label=label)
+    band = "noise, twice its standard deviation"
+    apart.axhspan(-2 * noise, 2 * noise, color="#333333", alpha=0.25, label=band)
     apart.legend(loc="best")
     return figure
 

@@ -64,7 +64,7 @@ def plot_waterfall(
         ax.tick_params(axis="x", rotation=20)
     ax.set_xlabel("step")
     si_axis(ax.yaxis, str(levels.name or "level"), str(levels.attrs.get("units", "")))
-    ax.margins(y=0.12)
+    ax.margins(y=0.2)  # for the numbers on top of the bars
     # Bars fill the picture: there is no place for names but above it.
     ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     return ax

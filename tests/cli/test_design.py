@@ -98,4 +98,4 @@ def test_the_demo_is_a_controller_that_can_be_built(tmp_path):
     page = (out / "report.html").read_text()
     assert "Can it be built?" in page
     assert "What could go wrong" in page
-    assert f"{1e6 * built['ideal_delay_margin_s']:.3g} us" in page
+    assert f"{1e6 * built['ideal_delay_margin_s']:.3g} µs" in page

@@ -45,7 +45,7 @@ def test_it_gains_within_its_limits(job):
 
 
 def test_the_words_and_tables_tell_both(job):
-    assert job.verdict().startswith("The controller can be built: sampled at 20 kHz with 25 us")
+    assert job.verdict().startswith("The controller can be built: sampled at 20 kHz with 25 µs")
     beside, survived = job.tables()
     rows = {row[0]: row[1:] for row in beside.rows}
     delays = rows["delay that it bears besides its own [µs]"]

@@ -40,5 +40,8 @@ def test_a_stretch_is_shown_large_and_marked_in_the_whole():
         times = np.asarray(ax.lines[0].get_xdata())
         assert (times[0], times[-1]) == pytest.approx((2.0, 4.0))
     assert len(whole.lines[0].get_xdata()) == 100
-    assert [str(h) for h in whole.get_legend_handles_labels()[1]] == ["after", "shown above"]
+    assert whole.patches[0].get_x() == 2.0
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["measured", "after"]
+    assert [ax.get_legend() for ax in figure.axes] == [None] * 3
     assert figure.get_size_inches()[0] == 6.0

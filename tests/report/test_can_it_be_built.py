@@ -31,7 +31,7 @@ def test_margins_and_the_delay_of_the_ideal_stand_side_by_side(buildable_job):
     assert buildable_job.loop.explain() in words
     assert buildable_job.sampled.message in words
     ideal = 1e6 * buildable_job.ideal_loop.delay_margin
-    assert f"ideal bears a delay of {ideal:.3g} us" in words
+    assert f"ideal bears a delay of {ideal:.3g} µs" in words
     assert len(section.pictures) == 1
     beside, costs = section.tables
     rows = {row[0]: row[1:] for row in beside.rows}

@@ -18,15 +18,17 @@ def explain(analysis: ResidualFigures) -> str:
     lines = ["Where the error is:"]
     for name in analysis.channels["output"].values:
         share = float(analysis.channels.sel(output=name))
-        lines.append(f"  {name}: {share:.0%} of the error, NRMSE {analysis.nrmse[str(name)]:.3g}")
+        lines.append(
+            f"  {name}: {_percent(share)} of the error, NRMSE {analysis.nrmse[str(name)]:.3g}"
+        )
     lines += [_time(analysis), _frequency(analysis), *_lines(analysis), *_places(analysis)]
     lines += _phase(analysis)
     if analysis.contact is not None:
         share = analysis.overall(analysis.contact)
         time = float(analysis.contact["samples"][0])
         lines.append(
-            f"  contact: {float(share[0]):.0%} of the error in {time:.0%} of the samples; "
-            f"the rest in free flight"
+            f"  contact: {_percent(share[0])} of the error in {_percent(time)} of the "
+            "samples; the rest in free flight"
         )
     return "\n".join([*lines, "Tests (99 % bands, 1 % by chance):", *_tests(analysis)])
 
@@ -35,7 +37,7 @@ def _time(analysis: ResidualFigures) -> str:
     share = analysis.overall(analysis.windows)
     worst = int(np.argmax(share.values))
     begin, end = (float(share[key][worst]) for key in ("begin", "end"))
-    return f"  time: most in {begin:.4g} to {end:.4g} s, {float(share[worst]):.0%} of the error"
+    return f"  time: most in {begin:.4g} to {end:.4g} s, {_percent(share[worst])} of the error"
 
 
 def _frequency(analysis: ResidualFigures) -> str:
@@ -45,7 +47,7 @@ def _frequency(analysis: ResidualFigures) -> str:
     inside = [f for f in analysis.modes["frequency"].values if low <= f < high]
     marks = ", ".join(f"the mode at {f:.4g} Hz" for f in inside)
     note = f", which holds {marks}" if marks else ""
-    return f"  frequency: most in {low:.4g} to {high:.4g} Hz, {float(share[worst]):.0%}{note}"
+    return f"  frequency: most in {low:.4g} to {high:.4g} Hz, {_percent(share[worst])}{note}"
 
 
 def _lines(analysis: ResidualFigures) -> list[str]:
@@ -54,7 +56,7 @@ def _lines(analysis: ResidualFigures) -> list[str]:
         share = analysis.overall(table)
         for frequency, value in zip(share["frequency"].values, share.values, strict=True):
             if value > 0.1:
-                found.append(f"  near the {what} at {frequency:.4g} Hz: {value:.0%}")
+                found.append(f"  near the {what} at {frequency:.4g} Hz: {_percent(value)}")
     return found
 
 
@@ -71,8 +73,8 @@ def _places(analysis: ResidualFigures) -> list[str]:
                 unit = place.surface[what].attrs["units"]
                 at = float(share[what][worst])
                 found.append(
-                    f"  {what} of {name} near {at:.3g} {unit}: {float(share[worst]):.0%} of the "
-                    f"error in {samples[worst]:.1%} of the samples"
+                    f"  {what} of {name} near {at:.3g} {unit}: {_percent(share[worst])} of "
+                    f"the error in {_percent(samples[worst], 1)} of the samples"
                 )
     return found
 
@@ -85,20 +87,21 @@ def _phase(analysis: ResidualFigures) -> list[str]:
     if share.values[worst] < _DENSE / share.size:
         return ["  spin phase: evenly spread"]
     angle = np.degrees(float(share["phase"][worst]))
-    return [f"  spin phase: most near {angle:.0f} deg, {float(share[worst]):.0%} of the error"]
+    return [f"  spin phase: most near {angle:.0f} deg, {_percent(share[worst])} of the error"]
 
 
 def _tests(analysis: ResidualFigures) -> list[str]:
     lines = [
-        f"  autocorrelation of {name}: {test.flagged_share:.1%} of the lags outside, "
+        f"  autocorrelation of {name}: {_percent(test.flagged_share, 1)} of the lags outside, "
         f"largest {test.largest:.2f}"
         for name, test in analysis.autocorrelation.items()
     ]
     for (source, name), test in analysis.cross_correlation.items():
         coherent = analysis.coherence[source, name]
         lines.append(
-            f"  {source} with {name}: correlation outside at {test.flagged_share:.1%} of the lags, "
-            f"coherence above chance at {coherent.flagged_share:.1%} of the frequencies"
+            f"  {source} with {name}: correlation outside at {_percent(test.flagged_share, 1)} of "
+            f"the lags, coherence above chance at {_percent(coherent.flagged_share, 1)} of the "
+            "frequencies"
         )
     return lines
 
@@ -137,3 +140,7 @@ def to_dict(analysis: ResidualFigures) -> dict[str, Any]:
 def _table(array: xr.DataArray) -> dict[str, Any]:
     coordinates = {str(name): value.values.tolist() for name, value in array.coords.items()}
     return {**coordinates, "share": array.values.tolist()}
+
+
+def _percent(share: Any, digits: int = 0) -> str:
+    return f"{100 * float(share):.{digits}f} %"

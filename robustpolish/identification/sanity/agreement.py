@@ -48,8 +48,8 @@ def signs(gains: Mapping[str, CoherentGain]) -> list[str]:
             "sign of the input and the direction it acts in"
         ]
     return [
-        f"{name} moves against the model, at {gains[name].reversed:.0%} of the frequencies that "
-        "reach it. Check the direction of its sensor"
+        f"{name} moves against the model, at {100 * gains[name].reversed:.0f} % of the frequencies "
+        "that reach it. Check the direction of its sensor"
         + (" or of the input" if len(gains) == 1 else "")
         for name in turned
     ]
@@ -133,8 +133,8 @@ def exchanged(gains: Mapping[tuple[str, str], CoherentGain], kinds: Mapping[str,
         if max(near) < LIMITS.crossed and min(far) > LIMITS.straight * max(near):
             found.append(
                 f"{first} and {second} look exchanged: each follows the model of the other one "
-                f"(within {max(near):.0%} at half of the frequencies). Check the cables, or read "
-                "with rename="
+                f"(within {100 * max(near):.0f} % at half of the frequencies). Check the cables, "
+                "or read with rename="
             )
     return found
 

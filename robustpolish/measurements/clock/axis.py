@@ -62,7 +62,7 @@ class UniformTime:
             return ""
         return (
             f"{name} changes fast for its irregular clock: every second sample predicts the others "
-            f"to {missed / size:.0%} only; record it faster or at a fixed rate"
+            f"to {100 * missed / size:.0f} % only; record it faster or at a fixed rate"
         )
 
 
@@ -123,7 +123,9 @@ def uniform_time(time: Vector, name: str = "time") -> UniformTime:
         return _irregular(time, steps)
     if exact:
         return UniformTime(grid, grid[number.astype(int)], _gap_note(counts, missing))
-    note = f"time jittered by up to {worst:.3g} s ({worst / step:.0%} of a step): resampled"
+    note = (
+        f"time jittered by up to {worst:.3g} s ({100 * (worst / step):.0f} % of a step): resampled"
+    )
     if missing:
         note += f"; {_gap_note(counts, missing)}"
     # Only times inside the record can be interpolated.
