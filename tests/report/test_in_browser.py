@@ -157,3 +157,56 @@ def test_it_prints_on_few_pages(show):
     )
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
     assert (hidden, rule) == ("none", "avoid")
+
+
+# WCAG's contrast of every piece of text against what it stands on; figures are white everywhere.
+_CONTRASTS = """
+const lit = c => {
+  const [r, g, b] = c.match(/[\\d.]+/g).map(Number).map(v => v / 255)
+    .map(v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+};
+const below = e => {
+  const c = getComputedStyle(e).backgroundColor;
+  return c === 'rgba(0, 0, 0, 0)' && e.parentElement ? below(e.parentElement) : c;
+};
+return [...document.querySelectorAll('h1, h2, p, li, th, td, caption, figcaption')].map(e => {
+  const [x, y] = [lit(getComputedStyle(e).color), lit(below(e))];
+  return (Math.max(x, y) + 0.05) / (Math.min(x, y) + 0.05);
+}).concat(lit(below(document.body)));
+"""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_is_legible_in_the_light_and_in_the_dark(show, scheme):
+    browser = show(1280)
+    theme = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", theme)
+    *contrasts, paper = browser.execute_script(_CONTRASTS)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+    assert len(contrasts) > 20
+    assert min(contrasts) >= 4.5  # what WCAG asks of text of normal size
+    assert (paper < 0.1) == (scheme == "dark")
+
+
+def test_the_keyboard_does_all_that_a_mouse_does(show):
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.common.keys import Keys
+
+    browser = show(1280)
+    head = browser.find_element(By.CSS_SELECTOR, "th")
+    for key, sorting in ((Keys.SPACE, "ascending"), (Keys.ENTER, "descending")):
+        head.send_keys(key)
+        assert head.get_attribute("aria-sort") == sorting
+    browser.find_element(By.CSS_SELECTOR, "figure button").send_keys(Keys.ENTER)
+    assert browser.find_elements(By.CSS_SELECTOR, "dialog[open]")
+    browser.switch_to.active_element.send_keys(Keys.ESCAPE)
+    assert not browser.find_elements(By.CSS_SELECTOR, "dialog[open]")
+    # and the tabulator gets to all of it, in the order of the page, with a mark that is seen
+    stops = browser.execute_script(
+        "return [...document.querySelectorAll('figure button, th')].map(e => e.tabIndex)"
+    )
+    assert set(stops) == {0}
+    browser.find_element(By.TAG_NAME, "body").send_keys(Keys.TAB)
+    outline = browser.execute_script("return getComputedStyle(document.activeElement).outlineStyle")
+    assert outline == "solid"
