@@ -92,23 +92,36 @@ def _spread(ax: Axes, which: str, values: NDArray) -> None:
 
 
 def _hatch_outside(ax: Axes, L: NDArray, M: NDArray, scale: float, hatch: str) -> None:
-    """Hatch what lies outside a region, within the axes' limits."""
-    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
-    x, y = _grid(ax.xaxis, left, right), _grid(ax.yaxis, low, high)
-    s = x[None, :] + 1j * scale * y[:, None]
-    matrices = L + s[..., None, None] * M + np.conj(s)[..., None, None] * M.T
-    excess = np.linalg.eigvalsh(matrices)[..., -1]
-    if (excess >= 0).any():
-        top = max(float(excess.max()), 1e-300)
-        outside: Any = ax.contourf(
-            x, y, excess, levels=[0.0, 1.01 * top], colors="none", hatches=[hatch]
-        )
-        outside.set_edgecolor("#bbbbbb")
-        outside.set_linewidth(0.0)
-    if (excess >= 0).any() and (excess < 0).any():
-        ax.contour(x, y, excess, levels=[0.0], colors="#666666", linewidths=0.8)
-    ax.set_xlim(left, right)
-    ax.set_ylim(low, high)
+    """Hatch what lies outside a region, up to the axes' limits, also when these change."""
+    drawn: list[Any] = []
+
+    def draw(_: Any = None) -> None:
+        while drawn:
+            drawn.pop().remove()
+        (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+        x, y = _grid(ax.xaxis, left, right), _grid(ax.yaxis, low, high)
+        s = x[None, :] + 1j * scale * y[:, None]
+        matrices = L + s[..., None, None] * M + np.conj(s)[..., None, None] * M.T
+        excess = np.linalg.eigvalsh(matrices)[..., -1]
+        kept = ax.get_autoscalex_on(), ax.get_autoscaley_on()
+        ax.autoscale(False)  # what is drawn here follows the limits and must not move them
+        if (excess >= 0).any():
+            top = max(float(excess.max()), 1e-300)
+            levels = [0.0, 1.01 * top]
+            outside: Any = ax.contourf(x, y, excess, levels=levels, colors="none", hatches=[hatch])
+            outside.set_edgecolor("#bbbbbb")
+            outside.set_linewidth(0.0)
+            drawn.append(outside)
+        if (excess >= 0).any() and (excess < 0).any():
+            drawn.append(ax.contour(x, y, excess, levels=[0.0], colors="#666666", linewidths=0.8))
+        ax.set_autoscalex_on(kept[0])
+        ax.set_autoscaley_on(kept[1])
+
+    ax.set_xlim(*ax.get_xlim())
+    ax.set_ylim(*ax.get_ylim())
+    draw()
+    ax.callbacks.connect("xlim_changed", draw)
+    ax.callbacks.connect("ylim_changed", draw)
 
 
 def _grid(axis: Axis, low: float, high: float) -> NDArray:

@@ -22,6 +22,18 @@ def test_poles_in_hertz_with_the_forbidden_hatched():
     np.testing.assert_allclose(line[:, 0], -20, atol=0.1)
 
 
+def test_what_is_forbidden_is_hatched_up_to_new_limits():
+    ax = plotting.plot_poles({"loop": [-100.0, -30.0 + 5j]}, {"slow": ([[40.0]], [[1.0]])})
+    ax.set_xlim(-500.0, 700.0)
+    ax.set_ylim(-90.0, 90.0)
+    assert (ax.get_xlim(), ax.get_ylim()) == ((-500.0, 700.0), (-90.0, 90.0))
+    hatched = next(drawn for drawn in ax.collections if drawn.hatches)
+    ends = hatched.get_paths()[0].vertices
+    np.testing.assert_allclose(ends.max(axis=0), (700.0, 90.0))
+    np.testing.assert_allclose(ends.min(axis=0), (-20.0, -90.0), atol=1.0)
+    assert len(ax.collections) == 2
+
+
 def test_poles_of_very_different_speed_are_told_apart():
     ax = plotting.plot_poles({"loop": np.array([-1.0, -1e3, -1e6])})
     assert ax.get_xscale() == "symlog"
