@@ -24,8 +24,7 @@ import numba
 import numpy as np
 from numba.core import config, event
 
-from robustpolish import clock
-from robustpolish.long_calls import working
+from robustpolish.long_calls import clock_stands, working
 from robustpolish.versions import __version__
 
 _lock = threading.RLock()
@@ -66,7 +65,7 @@ class _Aside(event.Listener):
         """Begin with the outermost of the functions that are being compiled."""
         self._depth += 1
         if self._depth == 1:
-            self._block.enter_context(clock.standing())
+            self._block.enter_context(clock_stands())
             function = getattr(event.data["dispatcher"], "py_func", None)
             if getattr(function, "__module__", "").startswith(_PACKAGE):
                 self._block.enter_context(working("Compiling (once)"))

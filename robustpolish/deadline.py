@@ -11,9 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-from robustpolish import clock
 from robustpolish.errors import SolverError
-from robustpolish.long_calls import Budget
+from robustpolish.long_calls import Budget, now
 
 GRACE = 0.5
 """Seconds beyond its limit that a call may take for a proof that is nearly complete."""
@@ -46,7 +45,7 @@ def ends_with(budget: Budget, grace: float | None = None) -> Iterator[None]:
     >>> with ends_with(Budget(seconds=10.0)):
     ...     look_at_the_clock()
     """
-    ends = clock.now() + budget.seconds - budget.elapsed
+    ends = now() + budget.seconds - budget.elapsed
     ends += GRACE if grace is None else grace
     token = _until.set(min(_until.get(), ends))
     try:
@@ -63,8 +62,8 @@ def ends_with(budget: Budget, grace: float | None = None) -> Iterator[None]:
 @contextmanager
 def for_a_part(part: float) -> Iterator[None]:
     """Leave the block a part of the time that is left, so that something else can follow it."""
-    now = clock.now()
-    token = _until.set(now + part * (_until.get() - now))
+    begins = now()
+    token = _until.set(begins + part * (_until.get() - begins))
     try:
         yield
     finally:
@@ -83,4 +82,4 @@ def look_at_the_clock(needed: float = 0.0) -> None:
 
 def is_over(needed: float = 0.0) -> bool:
     """Return whether the time is over, for what may end with as much as it has proven."""
-    return clock.now() + needed > _until.get()
+    return now() + needed > _until.get()

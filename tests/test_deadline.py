@@ -7,9 +7,8 @@ import pytest
 
 import robustpolish as rp
 from robustpolish import deadline
-from robustpolish.clock import standing
 from robustpolish.deadline import OutOfTimeError, ends_with, for_a_part, look_at_the_clock
-from robustpolish.long_calls import Budget
+from robustpolish.long_calls import Budget, clock_stands
 
 
 @pytest.fixture
@@ -87,7 +86,7 @@ def test_a_search_stops_before_the_time_of_its_proof(clock):
 
 def test_compiling_takes_no_time_of_a_limit(clock):
     with ends_with(Budget(seconds=1.0)):
-        with standing():
+        with clock_stands():
             clock[0] += 20.0
             look_at_the_clock(needed=1.4)
         look_at_the_clock(needed=1.4)

@@ -206,7 +206,7 @@ def _priced(A: Array, b: Array, total: float, samples: int, bending: Sequence[Ar
         gram = np.zeros((n, n))
         gram[here, here] = rows.T @ rows
         grams.append(gram)
-        ranks.append(int(np.linalg.matrix_rank(rows)))
+        ranks.append(int(np.linalg.matrix_rank(rows)) if rows.size else 0)
         units.append(float(np.trace(A[here, here]) / (np.trace(gram) or 1.0)))
         first += rows.shape[1]
 

@@ -29,7 +29,7 @@ def look(near):
         (["--near"], "own True"),
         (["--model", "m", "--far"], "other m None True"),
         (["--plant=p"], "other None p False"),
-        (["--far"], "No such option '--far'. It needs --model or --plant."),
+        (["--far"], "It needs --model or --plant."),
         (["--model", "m", "--near"], "It is one of the polishing robot."),
         (["--neither"], "No such option"),
         (["--help"], "For any other machine"),
