@@ -21,7 +21,7 @@ def test_paths_that_leave_the_mould_or_end_too_soon():
 
 
 def test_bulges_are_refused_but_saddles_and_planes_are_not():
-    refused("bulges by 100 um", surface=rp.Mould.from_formula("-x**2 - y**2", **AREA), path=SPIRAL)
+    refused("bulges by 100 µm", surface=rp.Mould.from_formula("-x**2 - y**2", **AREA), path=SPIRAL)
     for text in ("3*y**2 - 2*x**2", "0*x", "0.1*x"):
         mould = rp.Mould.from_formula(text, **AREA)
         assert rp.simulate_brush(duration=0.01, surface=mould, path=SPIRAL).attrs["converged"]

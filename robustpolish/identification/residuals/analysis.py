@@ -76,7 +76,7 @@ class ResidualAnalysis(ResidualFigures, Displayed):
     >>> import robustpolish as rp
     >>> analysis = rp.residual_analysis(rp.compare(*rp.datasets.sticky_slide()))
     >>> print(analysis.explain().splitlines()[1].split(",")[0].strip())
-    x: 100% of the error
+    x: 100 % of the error
     >>> round(float(analysis.overall(analysis.windows).sum()), 6), analysis.worst
     (1.0, 'x')
     >>> analysis.plot().get_ylabel(), analysis.plot_surface(place="x").get_ylabel()
