@@ -136,7 +136,8 @@ def under_the_brush(designs: Mapping[str, rp.Design]) -> str:
             deviation = table["deviation"].sel(row=row).to_numpy()
             gain = table["improvement"].sel(row=row).to_numpy()
             cells[str(row)] += [
-                f"{1e6 * d:.3g} um ({g:+.2f} %)" for d, g in zip(deviation, gain, strict=True)
+                f"{1e6 * d:.3g}\N{NO-BREAK SPACE}µm ({g:+.2f}\N{NO-BREAK SPACE}%)"
+                for d, g in zip(deviation, gain, strict=True)
             ]
     lines += [f"| {row} | " + " | ".join(texts) + " |" for row, texts in cells.items()]
     return "\n".join(lines)

@@ -45,6 +45,15 @@ return [all.length, found];
 """
 
 
+# What a reader has to scroll sideways: wide tables of numbers may ask for it, the rest may not.
+_SCROLLED = """
+const columns = e => e.querySelector('tr')?.children.length || 0;
+return [...document.querySelectorAll('article pre, article .math-block, article table')]
+  .filter(e => e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1 && columns(e) < 5)
+  .map(e => `${e.tagName.toLowerCase()} "${e.textContent.trim().slice(0, 40)}"`);
+"""
+
+
 @contextmanager
 def open_browser(profile):
     """Open Chromium without a window; `profile` is a folder of its own."""
@@ -81,6 +90,11 @@ def too_wide(browser, width):
     looked_at, found = browser.execute_script(_TOO_WIDE, width)
     assert looked_at > 0, f"{browser.current_url} has no content"
     return found
+
+
+def scrolled(browser):
+    """Return the code, formulae and tables of words of a page that go on beyond their boxes."""
+    return browser.execute_script(_SCROLLED)
 
 
 def links_in(browser, selector):

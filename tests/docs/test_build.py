@@ -3,6 +3,7 @@
 The notebooks have tests of their own and are not executed here.
 """
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -47,6 +48,16 @@ def test_the_pages_build_without_a_warning(built):
     assert "succ" not in page.split("<article")[1].split("</article>")[0]
 
 
+def test_formulae_hold_no_command_that_nobody_understood(built):
+    _, folder = built
+    formulae = {
+        page.name: re.findall(r"<math.*?</math>", page.read_text(encoding="utf-8"), re.DOTALL)
+        for page in folder.glob("theory_*.html")
+    }
+    assert sum(map(len, formulae.values())) > 100
+    assert [(page, f) for page, found in formulae.items() for f in found if "\\" in f] == []
+
+
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory):
     with chromium.open_browser(tmp_path_factory.mktemp("profile")) as driver:
@@ -71,6 +82,6 @@ class TestInABrowser:
         found = {}
         for page in pages:
             chromium.show(browser, page, width)
-            if wide := chromium.too_wide(browser, width):
+            if wide := chromium.too_wide(browser, width) + chromium.scrolled(browser):
                 found[str(page.relative_to(folder))] = wide[:3]
         assert found == {}
