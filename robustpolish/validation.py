@@ -182,7 +182,7 @@ def matrix(
     want = "a real matrix" if shape == (None, None) else f"a real matrix of shape {_show(shape)}"
     try:
         given: Any = np.asarray(value)  # rows of different lengths end here
-        array = given.real.astype(float)
+        array = (given.real if given.dtype.kind == "c" else given).astype(float)
     except (TypeError, ValueError):
         raise invalid(argument, value, want, "Pass nested lists or a NumPy array.") from None
     if np.iscomplexobj(given):

@@ -44,7 +44,7 @@ def _with_gaps(values: np.ndarray, good: list[int], count: int) -> np.ndarray:
     """Return values at all points: nan, not a time or empty text where there is none."""
     if values.dtype.kind in "biu":
         values = values.astype(float)
-    blank = {"U": "", "m": np.timedelta64("NaT"), "M": np.datetime64("NaT")}
-    kept = np.full((count, *values.shape[1:]), blank.get(values.dtype.kind, np.nan), values.dtype)
+    blank = {"U": "", "m": "NaT", "M": "NaT"}.get(values.dtype.kind, np.nan)
+    kept = np.full((count, *values.shape[1:]), blank, values.dtype)
     kept[good] = values
     return kept

@@ -67,7 +67,7 @@ def test_no_reader_opens_what_is_no_regular_file(reader, tmp_path):
     refused(read, zero, match="a device")
     refused(read, tmp_path / f"none{suffix}", match="o such file")
     refused(read, tmp_path / f"{'a' * 300}{suffix}", match="File name too long")
-    refused(read, tmp_path / f"a\0b{suffix}", match="null byte")
+    refused(read, tmp_path / f"a\0b{suffix}", match="embedded null")
 
 
 def test_every_reader_has_a_limit_that_can_be_raised(reader, tmp_path):

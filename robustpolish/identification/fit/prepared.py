@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robustpolish.arrays import Array
+from robustpolish.errors import InvalidInputError
 from robustpolish.identification.fit.held_out import sides
 from robustpolish.identification.observer.kalman import (
     FREE,
@@ -25,6 +26,9 @@ from robustpolish.identification.record import Record, least_samples, liveliest
 from robustpolish.identification.repeats import Repeats, repeats
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid
+
+# Forces that are so many times those that the motion takes are in other units.
+_OUT_OF_PROPORTION = 1e7
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,20 +177,33 @@ class PreparedRecord:
         return fitted_starts(run, pieces, sizes, others)
 
 
+def _moving_force(model: MechanicalModel, amplitude: float, scales: Scales) -> float:
+    """Return the largest force that a motion of this size takes in the model."""
+    m, omega = model.matrices, scales.bandwidth
+    rows = [np.abs(np.diag(matrix)) for matrix in (m.K, m.C * omega, m.M * omega**2)]
+    return float(np.max(np.sum(rows, axis=0)) * amplitude)
+
+
+def _no_such_motion(amplitude: float, scales: Scales) -> InvalidInputError:
+    return invalid(
+        "data",
+        described(f"motions of {amplitude:.3g} with forces of {np.max(scales.force):.3g}"),
+        "motions that the model can have",
+        "Check the units of the columns, and the model's masses and stiffnesses.",
+    )
+
+
 def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedRecord:
     """Prepare a record for fits of a model and its extensions."""
     scales = scales_of(model, record)
     amplitude = amplitude_of(model, record, scales.bandwidth)
     linear = model.without_effects()
+    if 0 < _OUT_OF_PROPORTION * _moving_force(model, amplitude, scales) < np.max(scales.force):
+        raise _no_such_motion(amplitude, scales)
     try:
         motion = smooth(linear, record, scales, amplitude, policy.following)
     except np.linalg.LinAlgError as error:
-        raise invalid(
-            "data",
-            described(f"motions of {amplitude:.3g} with forces of {np.max(scales.force):.3g}"),
-            "motions that the model can have",
-            "Check the units of the columns, and the model's masses and stiffnesses.",
-        ) from error
+        raise _no_such_motion(amplitude, scales) from error
     repeated = repeats(model, record)
     if repeated is not None:
         scales = replace(scales, noise=repeated.noise)

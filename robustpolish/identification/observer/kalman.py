@@ -23,6 +23,8 @@ from robustpolish.simulation.system import NonlinearSystem
 _QUIETEST = 1e-5
 # Share of the highest density up to which a spectrum may be leakage of its window.
 _LEAKS = 1e-4
+# Error of the observer's equation, as a share of its solution, from which it is none.
+_UNSOLVED = 1e-2
 # A force that lasts cannot be told from a displacement by a sensor that does not see one.
 _LEAK = {VELOCITY: 20.0, ACCELERATION: 4.0}
 
@@ -152,6 +154,11 @@ def riccati(F: Array, C: Array, Q: Array, R: Array, N: Array) -> Array:
     """Solve the filter's discrete Riccati equation by doubling, states and outputs scaled.
 
     Structure-preserving doubling: Chu, Fan, Lin, Wang (2004), Int. J. Control 77(8), 767-788.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If rounding leaves no solution, as with forces without proportion to the motion.
     """
     F = F - N @ np.linalg.solve(R, C)
     Q = Q - N @ np.linalg.solve(R, N.T)
@@ -173,7 +180,12 @@ def riccati(F: Array, C: Array, Q: Array, R: Array, N: Array) -> Array:
         P, G = (P + P.T) / 2, (G + G.T) / 2
         if np.max(np.abs(np.diag(change))) <= 1e-12 * np.max(np.abs(np.diag(P))):
             break
-    return P / np.outer(scale, scale)
+    found = P / np.outer(scale, scale)
+    gain = np.linalg.solve(C @ found @ C.T + R, C @ found @ F.T)
+    error = (F @ found @ F.T - (F @ found @ C.T) @ gain + Q - found) * np.outer(scale, scale)
+    if not np.max(np.abs(error)) <= _UNSOLVED * np.max(np.abs(P)):
+        raise np.linalg.LinAlgError("the observer's equation has no solution within rounding")
+    return found
 
 
 def scales_of(model: MechanicalModel, record: Record) -> Scales:

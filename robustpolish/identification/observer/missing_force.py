@@ -106,11 +106,20 @@ def following(
         Of displacements, see :class:`~robustpolish.identification.observer.run.Runner`.
     levels : sequence of Level
         The first of them if the observer diverges at all.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the observer's equation has no solution at any level.
     """
-    best, chosen = np.inf, None
+    best, chosen, unsolved = np.inf, None, None
     piece = StartedPiece(record, rest(model))
     for level in levels:
-        run = Runner(model, record.dt, amplitude, level, scales).run(model)
+        try:
+            run = Runner(model, record.dt, amplitude, level, scales).run(model)
+        except np.linalg.LinAlgError as error:
+            unsolved = error
+            continue
         found = run.over(piece, keep=True)
         tail = (record.Y - found.outputs)[record.samples // 20 :]
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -119,7 +128,9 @@ def following(
         if chosen is None or score < best:
             chosen = level, found
             best = np.inf if np.isnan(score) else score
-    assert chosen is not None
+    if chosen is None:
+        assert unsolved is not None
+        raise unsolved
     return chosen
 
 

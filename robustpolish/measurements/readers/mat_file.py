@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import io
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,11 @@ from robustpolish.measurements.readers.hdf5_file import SIGNATURE, read_hdf5
 from robustpolish.measurements.readers.mat_structure import UnpacksTooFarError, readable_variables
 from robustpolish.measurements.readers.named_arrays import table_of
 
+# SciPy from 1.18 on asks which kind of sparse matrix is meant; none is kept.
+_OPTIONS: dict[str, Any] = (
+    {"spmatrix": False} if "spmatrix" in inspect.signature(scipy.io.loadmat).parameters else {}
+)
+
 
 def read_mat(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> RawTable:
     """Read the vectors of a MATLAB file.
@@ -29,7 +35,7 @@ def read_mat(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> R
         return read_hdf5(path, table, wanted)
     try:
         names = readable_variables(whole, wanted.largest)
-        found = scipy.io.loadmat(io.BytesIO(whole), variable_names=names)
+        found = scipy.io.loadmat(io.BytesIO(whole), variable_names=names, **_OPTIONS)
     except UnpacksTooFarError as error:
         raise wanted.too_large(path, error.size, packed=True) from None
     except Exception as error:  # SciPy raises many kinds for a damaged file

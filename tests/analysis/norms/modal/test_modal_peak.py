@@ -58,7 +58,9 @@ def test_a_gain_that_is_the_same_everywhere():
     system = control.ss(A, B, -B.T @ np.linalg.inv(X), 1)
     G = rescaled(realisation("system", system))
     found = peak_of(G, 1e-6, 1e-6)
-    assert found.lower * G.gain <= 1 <= found.upper * G.gain <= 1 + 2e-6
+    # rounded matrices are not quite inner: the largest gain is 1 to some ten digits
+    assert found.lower * G.gain <= 1 + 1e-9
+    assert 1 <= found.upper * G.gain <= 1 + 2e-6
 
 
 def test_the_gain_may_be_largest_at_infinity():
