@@ -130,9 +130,9 @@ def prescale(system: control.StateSpace, band: Sequence[float] | None = None) ->
     .. math:: \epsilon\, \bigl(\|C R\| (\|A\| + \omega) \|R B\| + \|C\| \|R B\|
               + \|C R\| \|B\| + \|D\|\bigr)
 
-    in Frobenius norms, where :math:`R = (i\omega I - A)^{-1}`; relative to the norm of the response that is the accuracy.
-    Starting from the balanced states, each scale is halved or doubled as long as the
-    worst accuracy over the band falls. The result is never worse than the
+    in Frobenius norms, where :math:`R = (i\omega I - A)^{-1}`; relative to the norm of the
+    response that is the accuracy. Starting from the balanced states, each scale is halved or
+    doubled as long as the worst accuracy over the band falls. The result is never worse than the
     system as it came. The idea is that of MATLAB's `prescale`, not its algorithm.
 
     Parameters
