@@ -67,7 +67,13 @@ class Coverage:
 
 
 def response(model: Realisation, omega: float) -> AnyMatrix:
-    """Return M at a frequency, infinity included, in double precision."""
+    """Return M at a frequency, infinity included, in double precision.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If rounding sees a pole there.
+    """
     D = model.D.astype(complex)
     if not model.states or not math.isfinite(omega):
         return D
@@ -85,8 +91,15 @@ class _Cover:
         self.last: list[Vector] = []
 
     def scalings(self, omega: float) -> Level | None:
-        """Return scalings that prove the level at a frequency, or raise the level."""
-        inequality = Inequality(self.space, response(self.model, omega)[None])
+        """Return scalings that prove the level at a frequency, or raise the level.
+
+        None where there are none, or where rounding sees a pole at the frequency.
+        """
+        try:
+            gain = response(self.model, omega)
+        except np.linalg.LinAlgError:
+            return None
+        inequality = Inequality(self.space, gain[None])
         starts = [started(inequality), *(at(inequality, Level(0.0, x)) for x in self.last)]
         start = min(starts, key=lambda level: level.square)
         if not math.isfinite(start.square):

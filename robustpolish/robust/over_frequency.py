@@ -62,8 +62,11 @@ class Asked:
         return Space(self.loop.structure, self.fixed)
 
     def bounds_at(self, x: float) -> tuple[float, float]:
-        """Return both bounds at a frequency of the model; the lower one nan if none was found."""
-        M = response(self.loop.model, x)
+        """Return both bounds at a frequency of the model; nan those that were not found."""
+        try:
+            M = response(self.loop.model, x)
+        except np.linalg.LinAlgError:
+            return math.nan, math.nan
         inequality = Inequality(self.space, M[None])
         level = self._least(inequality)
         if not math.isfinite(level.square):

@@ -72,6 +72,7 @@ def crossings(loop: LoopModel, rays: Sequence[Vector] | None = None) -> list[Cro
     Returns
     -------
     list of Crossing
+        Empty where the search would be too large, or rounding hides where the poles are.
     """
     model, structure = loop.model, loop.structure
     real = [k for k, block in enumerate(structure.blocks) if block.kind == "real"]
@@ -81,7 +82,10 @@ def crossings(loop: LoopModel, rays: Sequence[Vector] | None = None) -> list[Cro
     A = model.A
     n = len(A)
     lyapunov = np.kron(A, np.eye(n)) + np.kron(np.eye(n), A)
-    inverse: Any = np.linalg.inv(lyapunov)
+    try:
+        inverse: Any = np.linalg.inv(lyapunov)
+    except np.linalg.LinAlgError:
+        return []  # poles so near the axis, or of such sizes, that rounding sees them on it
     found: list[Crossing] = []
     for corner in _corners(structure, real) if rays is None else rays:
         deltas = np.zeros(len(structure.blocks))
