@@ -23,6 +23,7 @@ _COMMANDS = {
     "refit": "Fit the numbers of a mechanical model to measurements.",
     "diagnose": "Name the effects that a mechanical model lacks.",
     "tell-apart": "Find the experiment that tells two models apart which a measurement does not.",
+    "warm-up": "Compile now what is compiled on first use, once per user and version.",
 }
 
 

@@ -30,6 +30,8 @@ _BEYOND = 2.0
 _SAME = 1e-9
 # What is left of a difference that a relative error cannot make, relative to the plant.
 _LEFT = 1e-9
+# Relative distance from a pole at which a response stands for the one there.
+_BESIDE = 1e-8
 # Real part over size below which a pole counts as one on the axis, on neither side.
 _AXIS = 1e-8
 
@@ -86,11 +88,23 @@ def read_family(plants: Any, nominal: Any) -> Family:
 
 
 def response(system: control.StateSpace, omega: Vector) -> AnyArray:
-    """Return the response of a system, shape (frequencies, outputs, inputs)."""
+    """Return the response of a system, shape (frequencies, outputs, inputs).
+
+    At a pole on the axis it is the one beside it: what the errors of plants that share the pole
+    tend to is finite.
+    """
+    values = _response(system, omega)
+    at_pole = ~np.isfinite(values).all(axis=(1, 2))
+    if at_pole.any():
+        values[at_pole] = _response(system, omega[at_pole] * (1 + _BESIDE))
+    return values
+
+
+def _response(system: control.StateSpace, omega: Vector) -> AnyArray:
     points = 1j * omega
     if system.dt:
         points = np.exp(points * (1.0 if system.dt is True else system.dt))
-    values = np.asarray(system(points, squeeze=False))
+    values = np.asarray(system(points, squeeze=False, warn_infinite=False))
     return np.moveaxis(values, -1, 0)
 
 

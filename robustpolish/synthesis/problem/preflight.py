@@ -20,7 +20,6 @@ from robustpolish.models.plant.wired import NOISE_PREFIX
 from robustpolish.synthesis.problem.scaling import scale_plant
 from robustpolish.validation import described, invalid
 
-"""What the names of added measurement noise begin with."""
 _SUSPECT = 1e-7
 # A price or a noise below this, in scaled units, counts as none.
 _WEAKEST = 1e-6
@@ -109,8 +108,8 @@ class Preflight:
         P = plant
         return replace(
             self,
-            control_zeros=zeros_on_axis(control.StateSpace(P.A, P.B2, P.C1, P.D12, P.dt)),
-            measurement_zeros=zeros_on_axis(control.StateSpace(P.A, P.B1, P.C2, P.D21, P.dt)),
+            control_zeros=_zeros(P.A, P.B2, P.C1, P.D12, P.dt),
+            measurement_zeros=_zeros(P.A, P.B1, P.C2, P.D21, P.dt),
         )
 
     @property
@@ -131,6 +130,13 @@ class Preflight:
                     f"{where} rad/s."
                 )
         return tuple(found)
+
+
+def _zeros(A: Matrix, B: Matrix, C: Matrix, D: Matrix, dt: Any) -> tuple[AxisZero, ...]:
+    """Return the zeros on the axis of a channel; none where it has no signals."""
+    if not B.shape[1] or not C.shape[0]:
+        return ()
+    return zeros_on_axis(control.StateSpace(A, B, C, D, dt))
 
 
 def diagnose(plant: GeneralizedPlant) -> Preflight:

@@ -70,3 +70,10 @@ UNSTABLE = control.tf([1.0], [1.0, -1.0])
 def test_families_that_do_not_go_together(plants, nominal, says):
     with pytest.raises(rp.InvalidInputError, match=says):
         read_family(plants, nominal)
+
+
+def test_the_response_at_a_pole_is_the_one_beside_it():
+    swing = control.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0)
+    at, beside = response(swing, np.array([1.0, 1 + 1e-8]))
+    assert np.isfinite(at).all()
+    assert at == pytest.approx(beside)
