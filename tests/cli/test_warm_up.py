@@ -7,8 +7,8 @@ import sys
 import pytest
 from click.testing import CliRunner
 
-from robustpolish.cli.warm_up.first_calls import CALLS
 from robustpolish.cli.main import main
+from robustpolish.cli.warm_up.first_calls import CALLS
 
 WORK = """
 import warnings
