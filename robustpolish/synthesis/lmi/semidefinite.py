@@ -49,6 +49,13 @@ class ConicForm:
     zero: tuple[tuple[sparse.csr_array, Matrix], ...] = ()
     prescaled: bool = False
 
+    @property
+    def finite(self) -> bool:
+        """Whether no number has left the range of doubles."""
+        blocks = [block[-2:] for block in (*self.psd, *self.nonnegative, *self.zero)]
+        numbers = [self.objective, *(part for G, h in blocks for part in (G.data, h))]
+        return all(bool(np.isfinite(values).all()) for values in numbers)
+
 
 @dataclass(frozen=True, eq=False)
 class SemidefiniteSolution:
@@ -193,6 +200,8 @@ class SemidefiniteProgram:
         """
         run = _backend(backend)
         form = self.conic_form()
+        if not form.finite:
+            return SemidefiniteSolution(None, "numbers beyond doubles", 0.0)
 
         def call() -> tuple[Matrix | None, str]:
             return run(form, solver, tolerance, time_limit)
