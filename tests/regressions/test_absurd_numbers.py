@@ -20,6 +20,7 @@ DRAWN = [
     (20261123, 604, "loop_analysis"), (22, 7, "robust_output_feedback"),  # the latter was late
     (20261128, 9349, "structured_singular_value"), (20261129, 659, "output_feedback"),
     (20261130, 8328, "cover"), (20261201, 6340, "robust_state_feedback"),
+    (20261202, 4809, "singular_values"), (20261202, 5944, "singular_values"),
 ]  # fmt: skip
 HUGE = (1e160, 1e300, 1e308)
 TINY = (1e-160, 1e-310, 5e-324)

@@ -34,7 +34,7 @@ def singular_values(
     -------
     xarray.DataArray
         Over ``frequency`` in Hz and ``singular_value`` (0 is the largest), in output units per
-        input unit. Infinite at a pole on the boundary of stability.
+        input unit. Infinite at a pole on the boundary of stability, and where it is beyond doubles.
 
     Raises
     ------
@@ -96,4 +96,6 @@ def _at(model: Realisation, angle: float) -> Vector:
         except np.linalg.LinAlgError:
             return np.full(min(model.D.shape), np.inf)
         response = response + model.C @ inner
+        if not np.isfinite(response).all():  # beyond doubles beside a pole that it all but hits
+            return np.full(min(model.D.shape), np.inf)
     return np.asarray(np.linalg.svd(response, compute_uv=False), dtype=float)

@@ -32,7 +32,7 @@ def norms() -> None:
     """Look for the peaks of systems with one and with several signals."""
     A = np.kron(np.diag(np.arange(1.0, 5.0)), [[-0.1, 1.0], [-1.0, -0.1]])
     for signals in (1, 3):
-        system = control.ss(A, np.ones((8, signals)), np.ones((signals, 8)), 0)
+        system = control.StateSpace(A, np.ones((8, signals)), np.ones((signals, 8)), 0)
         for given in (system, control.c2d(system, 0.1)):
             rp.hinf_norm(given)
             rp.h2_norm(given)
