@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from robustpolish.arrays import Matrix
-from robustpolish.exact.exponents import BeyondDoublesError, refuse_beyond, within_doubles
+from robustpolish.exact.even_units import (
+    balance,
+    even_signals,
+    even_states,
+    nearest_exponent,
+    rounded_nothing,
+)
+from robustpolish.exact.exponents import LARGEST, BeyondDoublesError, within_doubles
 from robustpolish.validation import state_space
 
 _lapack: Any = lapack
@@ -144,7 +150,9 @@ def state_scales(
         bordered[n, :n] = _row_sizes(C.T)
     if not np.isfinite(bordered).all():
         raise BeyondDoublesError
-    scales = _lapack.dgebal(bordered, scale=1, permute=0, overwrite_a=1)[3]
+    rows, columns = np.zeros((2, n + 1), np.int64)
+    balance(bordered, n + 1, rows, columns, False)
+    scales = np.ldexp(1.0, columns)
     return scales[:n], float(scales[n])
 
 
@@ -153,95 +161,40 @@ def rescaled(system: Realisation) -> Realisation:
     if system.states == 0:
         return system
     with within_doubles("system", system.matrices), np.errstate(over="ignore", under="ignore"):
-        units = _Units(system)
-        # The largest entry of A comes first, so that squares neither overflow nor vanish.
-        units.rate(lambda A: float(np.abs(A).max()))
-        units.balance(signals=False)
-        units.rate(typical_rate)
-        units.gains()
-        for _ in range(2):
-            units.balance(signals=True)
-            units.gains()
-        return units.exact()
+        return _rescaled(system)
 
 
-class _Units:
-    """The four matrices as one, and the powers of two that its rows and columns were given.
+def _rescaled(system: Realisation) -> Realisation:
+    n, m, p = system.states, system.B.shape[1], system.C.shape[0]
+    given = np.empty((n + p, n + m))
+    given[:n, :n], given[:n, n:] = system.A, system.B
+    given[n:, :n], given[n:, n:] = system.C, system.D
+    M, rows, columns = given.copy(), np.zeros(n + p, np.int64), np.zeros(n + m, np.int64)
+    rates = [even_states(M, n, rows, columns, not system.discrete), 0]
+    if not system.discrete:
+        rates[1] = nearest_exponent(typical_rate(M[:n, :n]))
+    gains = even_signals(M, n, rows, columns, rates[1])
+    time, gain = _times(system.time, rates), _times(system.gain, gains)
+    if time < _LEAST_NORMAL or not rounded_nothing(M, rows, columns, given, LARGEST):
+        raise BeyondDoublesError
+    return replace(
+        system,
+        A=M[:n, :n].copy(),
+        B=M[:n, n:].copy(),
+        C=M[n:, :n].copy(),
+        D=M[n:, n:].copy(),
+        time=time,
+        gain=gain,
+    )
 
-    What an exponent pushes out of the range of doubles on the way stays lost, so that one look back
-    at the end says whether every step was exact.
-    """
 
-    def __init__(self, system: Realisation) -> None:
-        n, m, p = system.states, system.B.shape[1], system.C.shape[0]
-        self.system, self.n, self.time, self.gain = system, n, system.time, system.gain
-        self.given = np.empty((n + p, n + m))
-        self.given[:n, :n], self.given[:n, n:] = system.A, system.B
-        self.given[n:, :n], self.given[n:, n:] = system.C, system.D
-        self.found = self.given
-        self.rows, self.columns = np.zeros(n + p, np.intc), np.zeros(n + m, np.intc)
-
-    def _times(self, rows: NDArray[np.intc], columns: NDArray[np.intc]) -> None:
-        self.rows += rows
-        self.columns += columns
-        self.found = np.ldexp(self.found, rows[:, None] + columns)
-
-    def rate(self, of: Callable[[Matrix], float]) -> None:
-        """Bring a rate of the state matrix near one; discrete time is left alone."""
-        if self.system.discrete:
-            return
-        time = power_of_two(of(self.found[: self.n, : self.n]))
-        self.time *= time
-        if not _LEAST_NORMAL <= self.time < math.inf:
+def _times(value: float, exponents: Iterable[int]) -> float:
+    """Multiply by powers of two, one after the other, none of which may leave the doubles."""
+    for exponent in exponents:
+        value = float(np.ldexp(value, exponent))
+        if not 0 < value < math.inf:
             raise BeyondDoublesError
-        rows = np.zeros_like(self.rows)
-        rows[: self.n] = -_exponent(time)
-        self._times(rows, np.zeros_like(self.columns))
-
-    def balance(self, signals: bool) -> None:
-        """Balance the states, with the sizes of B and C or without."""
-        n, rows, columns = self.n, np.zeros_like(self.rows), np.zeros_like(self.columns)
-        given = (self.found[:n, n:], self.found[n:, :n]) if signals else ()
-        scales, signal = state_scales(self.found[:n, :n], *given)
-        if not (scales.min() > 0 and scales.max() < math.inf and 0 < signal < math.inf):
-            raise BeyondDoublesError
-        columns[:n] = np.frexp(scales)[1] - 1
-        rows[:n] = -columns[:n]
-        columns[n:] = _exponent(signal)
-        rows[n:] = -_exponent(signal)
-        self._times(rows, columns)
-
-    def gains(self) -> None:
-        """Bring the sizes of B and C near one, the gain takes what they lose."""
-        n, rows, columns = self.n, np.zeros_like(self.rows), np.zeros_like(self.columns)
-        b, c = (power_of_two(size(M)) for M in (self.found[:n, n:], self.found[n:, :n]))
-        self.gain = b * c * self.gain
-        if not 0 < self.gain < math.inf:
-            raise BeyondDoublesError
-        columns[n:], rows[n:] = -_exponent(b), -_exponent(c)
-        self._times(rows, columns)
-
-    def exact(self) -> Realisation:
-        """Return the scaled system, if nothing was rounded."""
-        refuse_beyond(self.found)
-        back = np.ldexp(self.found, -(self.rows[:, None] + self.columns))
-        if not np.array_equal(back, self.given):
-            raise BeyondDoublesError
-        n = self.n
-        return replace(
-            self.system,
-            A=self.found[:n, :n].copy(),
-            B=self.found[:n, n:].copy(),
-            C=self.found[n:, :n].copy(),
-            D=self.found[n:, n:].copy(),
-            time=self.time,
-            gain=self.gain,
-        )
-
-
-def _exponent(power: float) -> int:
-    """Return the exponent of a power of two."""
-    return math.frexp(power)[1] - 1
+    return value
 
 
 def typical_rate(A: Matrix) -> float:
