@@ -26,6 +26,8 @@ _STEPS = 12
 _MOST_SEEDS = 80
 # From more states on modal coordinates are quicker than Hamiltonian matrices.
 _MODAL = 40
+# For more frequencies at once a reduction of the states pays.
+_FEW = 4
 # Brackets this narrow, relative, settle a norm in modal coordinates; up to the second width their
 # peak is where the Hamiltonian matrix starts from, one step instead of a look at every resonance.
 _WIDEST, _WIDEST_START = 1e-4, 1e-2
@@ -133,16 +135,26 @@ def _gains(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> Ar
         values[-1] = np.linalg.norm(D, 2)
     n = len(A)
     if n and finite.size:
-        shifted = 1j * finite[:, None, None] * np.eye(n) - A
-        try:
-            states = np.linalg.solve(shifted, np.broadcast_to(B, (finite.size, *B.shape)))
-        except np.linalg.LinAlgError:
+        found = _responses(A, B, C, D, finite)
+        if found is None or not np.isfinite(found).all():
             return np.full(frequencies.size, np.inf)
-        responses = C @ states + D
-        if not np.isfinite(responses).all():
-            return np.full(frequencies.size, np.inf)
-        values[: finite.size] = np.linalg.svd(responses, compute_uv=False)[:, 0]
+        values[: finite.size] = np.linalg.svd(found, compute_uv=False)[:, 0]
     return values
+
+
+def _responses(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> Array | None:
+    """Return the frequency response, or None if a pole is hit."""
+    n = len(A)
+    if n > _MODAL and frequencies.size > _FEW:
+        from robustpolish.synthesis.certificate.frequency_response import responses  # Numba, too
+
+        return responses(A, B, C, D, frequencies)
+    shifted = 1j * frequencies[:, None, None] * np.eye(n) - A
+    try:
+        states = np.linalg.solve(shifted, np.broadcast_to(B, (frequencies.size, *B.shape)))
+    except np.linalg.LinAlgError:
+        return None
+    return C @ states + D
 
 
 def _crossings(A: Matrix, B: Matrix, C: Matrix, D: Matrix, gamma: float) -> Array | None:

@@ -40,6 +40,8 @@ class SearchPolicy:
         Further distances from the optimum, tried on rungs that came close.
     settled : float
         A relative fall of the norm that is none.
+    nearby : float
+        How far the optimal gamma is expected to move with the axis; looked at first.
     quiet : int
         Rungs without a fall after which a ladder without a lower bound to aim at ends.
     falling : float
@@ -49,9 +51,9 @@ class SearchPolicy:
     costly_states : int
         More states than this make every check of a loop take long, so that fewer are made.
     refined_states : int
-        Beyond so many states of a plant no controllers at further distances from the optimum are
-        tried: each takes as long as all the rest of a rung, and those that keep the tolerance lie
-        between the ones that are there already.
+        Beyond so many states of a plant the first controller that keeps the tolerance ends the
+        search, and none at further distances from the optimum is tried: each takes as long as all
+        the rest of a rung.
     quick_drop : float
         Where checks are costly, none is made on rungs where gamma falls by more than this.
     lmi_states : int
@@ -93,6 +95,7 @@ class SearchPolicy:
     back_offs: tuple[float, ...] = (1.003, 1.0005, 1.01, 1.03)
     refinements: tuple[float, ...] = (1.0005, 1.001, 1.006)
     settled: float = 3e-4
+    nearby: float = 0.02
     quiet: int = 3
     falling: float = 0.9
     largest_gain: float = 1e10

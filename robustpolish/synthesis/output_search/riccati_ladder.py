@@ -77,6 +77,9 @@ class _Descent:
         self.costly = self.plant.nx > POLICY.costly_states
         self.found = Found("riccati", "scipy")
         self.gamma = 1.0
+        # Where every rung takes long, what keeps the tolerance is near enough.
+        self.many = self.plant.nx > POLICY.refined_states
+        self.near = problem.goal if self.many else problem.near
         # A finer tolerance than the usual one asks for finer steps.
         fineness = min(1.0, problem.tolerance / 4e-3)
         self.settled = POLICY.settled * fineness
@@ -95,7 +98,7 @@ class _Descent:
         quiet, failures = 0, 0
         waiting: tuple[NormalisedPlant, GammaBracket, Rung] | None = None
         # A price and a noise on x cost much beside weights that put zeros on the axis.
-        done = found.best <= self.problem.near and any(rung.shift for rung in self.rungs)
+        done = found.best <= self.near and (self.many or any(rung.shift for rung in self.rungs))
         for rung in () if done else (Rung(epsilon) for epsilon in POLICY.epsilons):
             if self.budget.over or failures == 2:
                 break
@@ -119,7 +122,7 @@ class _Descent:
                 continue
             failures = 0
             self._take(candidate, note)
-            if candidate.achieved <= self.problem.near or candidate.gain > POLICY.largest_gain:
+            if candidate.achieved <= self.near or candidate.gain > POLICY.largest_gain:
                 break
             if candidate.achieved <= before[1] * 1.1:
                 quiet = quiet + 1 if candidate.achieved > before[1] * (1 - self.settled) else 0
@@ -129,7 +132,7 @@ class _Descent:
             candidate = self._confirmed(*waiting)
             found.candidates += [] if candidate is None else [candidate]
         found.falling = not regular and found.best > self.problem.goal and self._is_falling()
-        if self.plant.nx <= POLICY.refined_states:
+        if not self.many:
             self._refine()
         return found
 
@@ -170,18 +173,30 @@ class _Descent:
         """
         if not has_full_rank(self.plant):
             return 0
+        bound = self.problem.bound
+        bracket = None if bound is None else bound.bracket
         for rung in (Rung(0.0), *_SHIFTS):
             if self.budget.over:
                 break
             normal = rung.normalised(self.plant)
-            bracket = search_gamma(normal.halves, 1.0, self.settled, self.budget)
+            bracket = self._regular_bracket(normal, bracket, moved=rung.shift > 0)
             candidate = None if bracket is None else self._confirmed(normal, bracket, rung)
             if bracket is None or candidate is None:
                 continue
             self._take(candidate, self._noted(rung, bracket.upper))
-            if candidate.achieved <= self.problem.near or self.problem.bound is None:
+            if candidate.achieved <= self.near or self.problem.bound is None:
                 break
         return len(self.rungs)
+
+    def _regular_bracket(
+        self, normal: NormalisedPlant, known: GammaBracket | None, moved: bool
+    ) -> GammaBracket | None:
+        """Go on from what is known of this plant, or if its axis was moved, look near by first."""
+        start = 1.0
+        if moved and known is not None:
+            start, near = known.upper * (1 + POLICY.nearby), POLICY.nearby
+            known = search_gamma(normal.halves, start, near, self.budget, near)
+        return search_gamma(normal.halves, start, self.settled, self.budget, known=known)
 
     def _bracket(self, normal: NormalisedPlant) -> GammaBracket | None:
         """Find the optimal gamma of one rung: coarsely while it falls fast, then finely."""

@@ -60,14 +60,6 @@ class GammaPolicy:
 _POLICY = GammaPolicy()
 
 
-class LowerBound(NamedTuple):
-    """A norm below which no controller comes, and how that is known."""
-
-    value: float
-    how: str
-    proven: bool = True  # an estimate may lie above norms that are reached
-
-
 class GammaBracket(NamedTuple):
     """A feasible gamma and one below which nothing was feasible."""
 
@@ -75,6 +67,15 @@ class GammaBracket(NamedTuple):
     lower: float
     solution: Attempt
     attempts: int
+
+
+class LowerBound(NamedTuple):
+    """A norm below which no controller comes, and how that is known."""
+
+    value: float
+    how: str
+    proven: bool = True  # an estimate may lie above norms that are reached
+    bracket: GammaBracket | None = None  # of the equations of a regular plant, in doubles
 
 
 def lower_bound(plant: PlantMatrices, tolerance: float, budget: Budget) -> LowerBound | None:
@@ -101,7 +102,7 @@ def lower_bound(plant: PlantMatrices, tolerance: float, budget: Budget) -> Lower
     guess = _estimate(plant, tolerance, budget)
     if plant.nx <= PROVABLE_STATES:
         proven = proven_bound(plant, 1.0 if guess is None else guess.value, tolerance)
-        return LowerBound(proven, PROVEN)
+        return LowerBound(proven, PROVEN, bracket=guess and guess.bracket)
     return guess
 
 
@@ -114,13 +115,13 @@ def _estimate(plant: PlantMatrices, tolerance: float, budget: Budget) -> LowerBo
         # Zeros on the axis are the commonest reason to fail; with it moved they lie beside it.
         beside = shifted(plant, -_POLICY.beside)
         found.append(_infimum(halves, beside, tolerance, budget))
-    known = [value for value in found if value is not None]
+    known = [bracket.lower for bracket in found if bracket is not None]
     how = "estimated by Riccati equations in double precision"
     if known:
-        return LowerBound(min(known), how, False)
-    value = _infimum(reduced_halves, regularise(plant, _POLICY.hardly), tolerance, budget)
+        return LowerBound(min(known), how, False, found[0] if regular else None)
+    bracket = _infimum(reduced_halves, regularise(plant, _POLICY.hardly), tolerance, budget)
     how += f" of a plant with a price and a noise of {_POLICY.hardly:.0e}"
-    return None if value is None else LowerBound(value, how, False)
+    return None if bracket is None else LowerBound(bracket.lower, how, False)
 
 
 def _infimum(
@@ -128,10 +129,9 @@ def _infimum(
     plant: PlantMatrices,
     tolerance: float,
     budget: Budget,
-) -> float | None:
+) -> GammaBracket | None:
     found = halves(plant)
-    bracket = None if found is None else search_gamma(found, 1.0, tolerance, budget)
-    return None if bracket is None else bracket.lower
+    return None if found is None else search_gamma(found, 1.0, tolerance, budget)
 
 
 def _regular_halves(plant: PlantMatrices) -> TwoHalves:
@@ -246,12 +246,14 @@ def _middle(lower: float, upper: float) -> float:
 def _secant(
     points: list[tuple[float, float]], lower: float, upper: float, tolerance: float
 ) -> float | None:
-    """Propose the zero of coupling - gamma, moved towards the unknown side by a little."""
+    """Propose the zero of coupling - gamma, moved towards the unknown side by a little.
+
+    None where it lies outside of the bracket: there X or Y ceases to exist before.
+    """
     if len(points) < 2:
         return None
     (a, fa), (b, fb) = points[-2:]
     if fa == fb:
         return None
-    root = b - fb * (b - a) / (fb - fa)
-    inside = min(max(root * (1 + tolerance / 3), lower * (1 + tolerance / 3)), upper)
-    return inside if lower < inside < upper * (1 - tolerance / 10) else None
+    root = (b - fb * (b - a) / (fb - fa)) * (1 + tolerance / 3)
+    return root if lower < root < upper * (1 - tolerance / 10) else None

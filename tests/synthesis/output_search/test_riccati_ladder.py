@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from hard_plants import flexible_structure
 from output_tasks import LAG_HINF, settings, task, unstable_lag
 from published_plants import scherer_1997
 
@@ -62,3 +63,19 @@ def test_it_ends_with_its_work():
     assert short.exhausted
     assert len(found.history) < len(full.history)
     assert short.spent < 0.4 * whole.spent
+
+
+def test_what_the_lower_bound_has_tried_is_not_tried_again():
+    bounded, blind = task(scherer_1997()), task(scherer_1997(), bounded=False)
+    known = bounded.bound.bracket
+    first, other = search(bounded).history[0], search(blind).history[0]
+    assert first["gamma"] == known.upper != other["gamma"]
+    assert other["gamma"] == pytest.approx(known.upper, rel=1e-3)
+
+
+def test_the_optimal_gamma_is_found_near_by_where_the_axis_is_moved():
+    plant = flexible_structure(12)  # lightly damped: no controller of the plant itself is near
+    found = search(task(plant, tolerance=1e-3))
+    gammas = [entry["gamma"] for entry in found.history if "shift" in entry]
+    assert gammas
+    assert gammas[0] >= found.history[0]["gamma"]
