@@ -198,6 +198,7 @@ from .synthesis import (
     RobustStateFeedback,
     ScheduledDesign,
     Sector,
+    TradeOff,
     Tunable,
     TunableBlock,
     TunedBlock,
@@ -228,6 +229,7 @@ from .synthesis import (
     static_gain,
     static_output_feedback,
     structured_output_feedback,
+    trade_off,
     tunable,
 )
 from .versions import show_versions
@@ -323,6 +325,7 @@ __all__ = [
     "Surface",
     "ToldApart",
     "ToolPath",
+    "TradeOff",
     "Tunable",
     "TunableBlock",
     "TunedBlock",
@@ -434,6 +437,7 @@ __all__ = [
     "structured_singular_value",
     "sweep",
     "tell_apart",
+    "trade_off",
     "tunable",
     "uncertain_complex",
     "uncertain_dynamics",

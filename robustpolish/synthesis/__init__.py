@@ -36,6 +36,7 @@ from robustpolish.synthesis.methods.published_controllers import (
 from robustpolish.synthesis.methods.state_feedback import state_feedback
 from robustpolish.synthesis.methods.static_output_feedback import static_output_feedback
 from robustpolish.synthesis.methods.structured_output_feedback import structured_output_feedback
+from robustpolish.synthesis.methods.trade_off import TradeOff, trade_off
 from robustpolish.synthesis.polytopes.robust_gain import RobustStateFeedback
 from robustpolish.synthesis.polytopes.robust_state_feedback import robust_state_feedback
 from robustpolish.synthesis.polytopes.scheduled_design import ScheduledDesign
@@ -61,6 +62,7 @@ __all__ = [
     "RobustStateFeedback",
     "ScheduledDesign",
     "Sector",
+    "TradeOff",
     "Tunable",
     "TunableBlock",
     "TunedBlock",
@@ -92,5 +94,6 @@ __all__ = [
     "static_gain",
     "static_output_feedback",
     "structured_output_feedback",
+    "trade_off",
     "tunable",
 ]
