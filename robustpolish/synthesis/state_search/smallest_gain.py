@@ -72,8 +72,8 @@ class SmallestGain:
         smallest = min(kept, key=lambda g: self.size(g.F))
         history = found.history + smallest.history if smallest is not found else found.history
         smallest = replace(smallest, status="suboptimal", history=history)
-        # A descent leaves poles where they need not be in a region.
-        if not smallest.F.any() or self.engine.regions or self.budget.over:
+        # A descent leaves poles where they need not be in a region, and a norm that is not zero.
+        if not (smallest.F.any() and target > 0) or self.engine.regions or self.budget.over:
             return smallest
         return self._lowered(target, smallest)
 

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+import robustpolish as rp
 from robustpolish.long_calls import Budget
 from robustpolish.synthesis.certificate.certificate import Norm
 from robustpolish.synthesis.problem.full_state import state_gain_norm
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.riccati.state import RiccatiStateEngine
+from robustpolish.synthesis.state_search.engine import StateGain
 from robustpolish.synthesis.state_search.smallest_gain import SmallestGain
 from tests.synthesis.state_search.test_part_search import lag
 
@@ -53,3 +55,12 @@ def test_no_control_is_the_smallest_of_all():
 def test_a_found_gain_is_returned_where_nothing_is_smaller():
     kit, best = search(lag(a=1.0))
     assert kit.within(best.achieved * (1 + 1e-9), best).achieved <= best.achieved * (1 + 1e-9)
+
+
+def test_a_norm_of_zero_is_kept_without_a_descent():
+    unseen = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[0.0]], [[1.0]])
+    plant, one = PlantMatrices.of(unseen), np.eye(1)
+    kit = SmallestGain(RiccatiStateEngine("hinf"), plant, one, one, Budget())
+    found = kit.within(0.0, StateGain(np.array([[-5.0]]), 0.0, 0.0))
+    assert found.achieved == 0.0
+    assert found.F.item() < -1.0
