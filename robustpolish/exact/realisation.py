@@ -12,13 +12,6 @@ import numpy as np
 from scipy.linalg import lapack
 
 from robustpolish.arrays import Matrix
-from robustpolish.exact.even_units import (
-    balance,
-    even_signals,
-    even_states,
-    nearest_exponent,
-    rounded_nothing,
-)
 from robustpolish.exact.exponents import LARGEST, BeyondDoublesError, within_doubles
 from robustpolish.validation import state_space
 
@@ -150,6 +143,8 @@ def state_scales(
         bordered[n, :n] = _row_sizes(C.T)
     if not np.isfinite(bordered).all():
         raise BeyondDoublesError
+    from robustpolish.exact.even_units import balance  # imports Numba
+
     rows, columns = np.zeros((2, n + 1), np.int64)
     balance(bordered, n + 1, rows, columns, False)
     scales = np.ldexp(1.0, columns)
@@ -165,6 +160,14 @@ def rescaled(system: Realisation) -> Realisation:
 
 
 def _rescaled(system: Realisation) -> Realisation:
+    # Imports Numba, which what only holds a realisation does without.
+    from robustpolish.exact.even_units import (
+        even_signals,
+        even_states,
+        nearest_exponent,
+        rounded_nothing,
+    )
+
     n, m, p = system.states, system.B.shape[1], system.C.shape[0]
     given = np.empty((n + p, n + m))
     given[:n, :n], given[:n, n:] = system.A, system.B

@@ -12,8 +12,10 @@ from typing import Any
 import flint
 import numpy as np
 
+from robustpolish.deadline import look_at_the_clock
 from robustpolish.exact.balls import Ball, ball, block, identity, symmetric, zeros
 from robustpolish.exact.columns import part
+from robustpolish.long_calls import now
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,8 @@ class LongPolicy:
 
 
 _POLICY = LongPolicy()
+# So much longer twice the bits take, at most.
+_TWICE_THE_BITS = 4.0
 
 
 class UndecidedError(ArithmeticError):
@@ -173,12 +177,8 @@ def _unstable_factor(H: Ball) -> list[Any] | None:
         ]
     )
     slope = squares.derivative()
-    try:
-        roots = squares.roots(maxprec=_POLICY.roots * flint.ctx.prec)
-    except ValueError as error:
-        raise UndecidedError from error
     factor = flint.acb_poly([1])
-    for enclosed in roots:
+    for enclosed in _roots(squares):
         root = enclosed.mid()
         for _ in range(2 * int(np.log2(flint.ctx.prec))):
             root = (root - squares(root) / slope(root)).mid()
@@ -189,6 +189,19 @@ def _unstable_factor(H: Ball) -> list[Any] | None:
             raise UndecidedError
         factor *= flint.acb_poly([-value if value.real > 0 else value, 1])
     return [c.real.mid() for c in factor.coeffs()]
+
+
+def _roots(polynomial: Any) -> list[Any]:
+    """Enclose the roots with twice the bits again and again, as long as there is time for it."""
+    bits, spent = flint.ctx.prec, 0.0
+    while bits <= _POLICY.roots * flint.ctx.prec:
+        look_at_the_clock(_TWICE_THE_BITS * spent)
+        begins = now()
+        try:
+            return polynomial.roots(maxprec=bits)
+        except ValueError:  # some are not told apart
+            bits, spent = 2 * bits, now() - begins
+    raise UndecidedError
 
 
 def _has_root_beside(polynomial: Any, where: Any) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from robustpolish.deadline import is_over
+from robustpolish.deadline import OutOfTimeError, look_at_the_clock
 from robustpolish.exact.balls import precision
 from robustpolish.exact.riccati import UndecidedError
 from robustpolish.synthesis.problem.matrices import PlantMatrices
@@ -78,9 +78,12 @@ def proven_bound(plant: PlantMatrices, guess: float, tolerance: float) -> float:
     step = _POLICY.first * tolerance
     trial = max(guess, _POLICY.least) / (1 + step)
     for _ in range(_POLICY.steps):
-        if is_over():
+        try:
+            look_at_the_clock()
+            out_of_reach = trials.are_out_of_reach(trial)
+        except OutOfTimeError:
             break
-        if trials.are_out_of_reach(trial):
+        if out_of_reach:
             lower = trial
         else:
             upper = trial
