@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
+from robustpolish.arrays import AnyArray, Array
 from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.arrays import Array
 from robustpolish.compiling import njit
 
 
-def responses(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> Array:
+def responses(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> AnyArray:
     """Return D + C (i x - A)^-1 B at every frequency x.
 
     Parameters

@@ -14,8 +14,8 @@ import numpy as np
 
 from robustpolish.analysis.norms.modal.modal_form import modal_form
 from robustpolish.analysis.poles.eigen import eigensystem
+from robustpolish.arrays import AnyArray, Array
 from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.arrays import Array
 from robustpolish.exact.realisation import Realisation
 from robustpolish.synthesis.problem.matrices import balancing_scale
 
@@ -142,7 +142,7 @@ def _gains(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> Ar
     return values
 
 
-def _responses(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> Array | None:
+def _responses(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> AnyArray | None:
     """Return the frequency response, or None if a pole is hit."""
     n = len(A)
     if n > _MODAL and frequencies.size > _FEW:
