@@ -92,6 +92,7 @@ FORWARDED = (
     "robustpolish.design_machine",
     "robustpolish.read_design_task",
     "robustpolish.effects.Effect.with_parameters",
+    "robustpolish.trade_off",
 )
 
 
@@ -121,6 +122,8 @@ def test_forwarded_keywords_are_refused_too():
         rp.BrushParameters.for_run(1, no_such_keyword=1)
     with pytest.raises(TypeError, match="no_such_keyword"):
         rp.air_bearing().replace(no_such_keyword=1)
+    with pytest.raises(TypeError, match="no_such_keyword"):
+        rp.trade_off(rp.air_bearing(), [1.0], no_such_keyword=1)
     for forwarding in (rp.design_machine, rp.read_design_task):
         with pytest.raises(rp.InvalidInputError, match="no_such_keyword"):
             forwarding(rp.air_bearing(), no_such_keyword=1)

@@ -24,6 +24,7 @@ ELSEWHERE = {
     "compare_coupled": "takes designs and a brush record",
     "linearize_with_brush": "takes a machine with a brush",
     "simulate_coupled": "takes designs and a brush record",
+    "trade_off": "notes what state_feedback raises",
     "uncertain_dynamics": "makes a system of a number",
     "uncertain_complex": "makes a system of a number",
     "uncertain_real": "makes a system of a number",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
@@ -105,7 +106,7 @@ def trade_off(
     ----------
     plant : GeneralizedPlant
     control_weights : array_like, shape (k,)
-        Prices, in units of z per unit of u, above zero and different; the `control_weight` of
+        Prices, in units of z per unit of u, above zero; the `control_weight` of
         each design.
     synthesis : callable
         :func:`state_feedback`, :func:`output_feedback` or another function that takes the plant and
@@ -128,7 +129,9 @@ def trade_off(
     Raises
     ------
     InvalidInputError
-        If the weights are no different positive numbers.
+        If the weights are no positive numbers.
+    TypeError
+        If `synthesis` has no such argument.
 
     Notes
     -----
@@ -157,6 +160,7 @@ def trade_off(
         raise invalid(
             "control_weight", settings["control_weight"], "nothing", "Write control_weights=[...]."
         )
+    inspect.signature(synthesis).bind_partial(plant, control_weight=1.0, **settings)
     point = partial(_point, plant=plant, synthesis=synthesis, settings=settings)
     grid = {"control_weight": np.unique(weights)}
     found = sweep(point, grid, executor=executor, file=file, progress=progress)

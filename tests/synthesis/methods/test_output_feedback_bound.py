@@ -133,7 +133,7 @@ def test_a_safety_net_that_was_reached_is_said(monkeypatch):
     looks = itertools.count()
     # The clock stands still at first, so that something is found, and then jumps to where there is
     # time for a proof alone.
-    monkeypatch.setattr(time, "monotonic", lambda: 0.0 if next(looks) < 25 else 58.0)
+    monkeypatch.setattr(time, "monotonic", lambda: 0.0 if next(looks) < 60 else 58.0)
     design = output_feedback(random_plant(4, 1))
     assert design.certificate.valid
     assert design.status == "time_limit"
