@@ -12,12 +12,13 @@ import math
 import numpy as np
 
 from robustpolish.compiling import njit
+from robustpolish.exact.exponents import MOST_EXPONENT, nearest_exponent
 
 # Squares of numbers between these neither overflow nor vanish.
 _SMALL, _BIG = 1e-140, 1e140
 # LAPACK's dgebal does not move a scale beyond these, nor for less than a twentieth of the size.
 _LEAST, _MOST, _WORTH = 2.0**-969, 2.0**969, 0.95
-_MOST_EXPONENT = 1000
+_nearest = njit(cache=True)(nearest_exponent)
 
 
 @njit(cache=True, error_model="numpy")
@@ -26,7 +27,7 @@ def even_states(M, n, rows, columns, continuous):  # type: ignore[no-untyped-def
 
     The largest entry comes first, so that squares neither overflow nor vanish.
     """
-    unit = nearest_exponent(np.abs(M[:n, :n]).max()) if continuous else 0
+    unit = _nearest(np.abs(M[:n, :n]).max()) if continuous else 0
     _slow_down(M, n, rows, unit)
     balance(M, n, rows, columns, False)
     return unit
@@ -60,15 +61,6 @@ def rounded_nothing(M, rows, columns, given, largest):  # type: ignore[no-untype
 
 
 @njit(cache=True, error_model="numpy")
-def nearest_exponent(value):  # type: ignore[no-untyped-def]  # compiled
-    """Return the exponent of the power of two nearest to a positive number; 0 for others."""
-    if not (value > 0.0 and value < np.inf):
-        return 0
-    exponent = int(np.rint(np.log2(value)))
-    return min(max(exponent, -_MOST_EXPONENT), _MOST_EXPONENT)
-
-
-@njit(cache=True, error_model="numpy")
 def _slow_down(M, n, rows, unit):  # type: ignore[no-untyped-def]  # compiled
     """Divide the rates of all states by a power of two."""
     if unit:
@@ -79,7 +71,7 @@ def _slow_down(M, n, rows, unit):  # type: ignore[no-untyped-def]  # compiled
 @njit(cache=True, error_model="numpy")
 def _even_gains(M, n, rows, columns):  # type: ignore[no-untyped-def]  # compiled
     """Bring the sizes of B and C near one; return the exponent that they lose."""
-    b, c = nearest_exponent(_size(M[:n, n:])), nearest_exponent(_size(M[n:, :n]))
+    b, c = _nearest(_size(M[:n, n:])), _nearest(_size(M[n:, :n]))
     M[:n, n:] *= 2.0**-b
     M[n:, :n] *= 2.0**-c
     for i in range(n, M.shape[0]):
@@ -125,7 +117,7 @@ def _evening(c, r, so_far):  # type: ignore[no-untyped-def]  # compiled
         power, c, r = power + 1, 2.0 * c, r / 2.0
     while c / 2.0 >= r and r < _MOST and min(2.0**power, c / 2.0) > _LEAST:
         power, c, r = power - 1, c / 2.0, 2.0 * r
-    if c + r >= _WORTH * before or abs(so_far + power) > _MOST_EXPONENT:
+    if c + r >= _WORTH * before or abs(so_far + power) > MOST_EXPONENT:
         return 0
     return power
 

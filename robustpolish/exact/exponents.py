@@ -22,6 +22,9 @@ LARGEST = 1e100
 """Entries above it, in units that make a system as even as it can be, are refused: the third power
 of what is computed with them still has to be a double."""
 
+MOST_EXPONENT = 1000
+"""Of powers of two that anything is scaled by."""
+
 
 # The smallest double with all its bits.
 _LEAST = float(np.finfo(float).tiny)
@@ -35,6 +38,21 @@ class BeyondDoublesError(InvalidInputError):
             "the numbers of the system are too far apart for double precision. Choose other units "
             "for states, signals or time, and write 0 for what is nothing."
         )
+
+
+def nearest_exponent(value: float) -> int:
+    """Return the exponent of the power of two nearest to a positive number; 0 for others.
+
+    Compiled code takes it, too.
+
+    Examples
+    --------
+    >>> [nearest_exponent(x) for x in (3.1, 0.3, 0.0, math.inf)]
+    [2, -2, 0, 0]
+    """
+    if not (value > 0 and math.isfinite(value)):
+        return 0
+    return min(max(round(math.log2(value)), -MOST_EXPONENT), MOST_EXPONENT)
 
 
 def scaled(M: Any, *factors: Any) -> Matrix:

@@ -12,7 +12,12 @@ import numpy as np
 from scipy.linalg import lapack
 
 from robustpolish.arrays import Matrix
-from robustpolish.exact.exponents import LARGEST, BeyondDoublesError, within_doubles
+from robustpolish.exact.exponents import (
+    LARGEST,
+    BeyondDoublesError,
+    nearest_exponent,
+    within_doubles,
+)
 from robustpolish.validation import state_space
 
 _lapack: Any = lapack
@@ -91,9 +96,7 @@ def named_like(
 
 def power_of_two(value: float) -> float:
     """Return the power of two nearest to a positive `value`; 1 for zero and infinity."""
-    if not (value > 0 and math.isfinite(value)):
-        return 1.0
-    return 2.0 ** min(max(round(math.log2(value)), -1000), 1000)
+    return 2.0 ** nearest_exponent(value)
 
 
 # Squares between these neither overflow nor lose digits.
@@ -112,14 +115,6 @@ def size(M: Matrix) -> float:
     return largest * float(np.linalg.norm(M / largest))
 
 
-def _row_sizes(M: Matrix) -> Matrix:
-    squares = np.einsum("ij,ij->i", M, M)
-    if squares.size and squares.min() > _LEAST and squares.max() < _MOST:
-        return np.sqrt(squares)
-    largest = float(np.abs(M).max(initial=0.0)) or 1.0
-    return largest * np.linalg.norm(M / largest, axis=1)
-
-
 def state_scales(
     A: Matrix, B: Matrix | None = None, C: Matrix | None = None
 ) -> tuple[Matrix, float]:
@@ -135,20 +130,19 @@ def state_scales(
     signal : float
         B is multiplied by `signal` and C divided by it.
     """
-    n = A.shape[0]
-    bordered = np.zeros((n + 1, n + 1))
-    bordered[:n, :n] = A
-    if B is not None and C is not None:
-        bordered[:n, n] = _row_sizes(B)
-        bordered[n, :n] = _row_sizes(C.T)
-    if not np.isfinite(bordered).all():
-        raise BeyondDoublesError
     from robustpolish.exact.even_units import balance  # imports Numba
 
-    rows, columns = np.zeros((2, n + 1), np.int64)
-    balance(bordered, n + 1, rows, columns, False)
+    n, signals = A.shape[0], False
+    M = np.array(A, dtype=float, order="C")
+    if B is not None and C is not None:
+        M, signals = np.zeros((n + C.shape[0], n + B.shape[1])), True
+        M[:n, :n], M[:n, n:], M[n:, :n] = A, B, C
+    if not np.isfinite(M).all():
+        raise BeyondDoublesError
+    rows, columns = (np.zeros(size, np.int64) for size in M.shape)
+    balance(M, n, rows, columns, signals)
     scales = np.ldexp(1.0, columns)
-    return scales[:n], float(scales[n])
+    return scales[:n], float(scales[n]) if scales.size > n else 1.0
 
 
 def rescaled(system: Realisation) -> Realisation:
@@ -161,12 +155,7 @@ def rescaled(system: Realisation) -> Realisation:
 
 def _rescaled(system: Realisation) -> Realisation:
     # Imports Numba, which what only holds a realisation does without.
-    from robustpolish.exact.even_units import (
-        even_signals,
-        even_states,
-        nearest_exponent,
-        rounded_nothing,
-    )
+    from robustpolish.exact.even_units import even_signals, even_states, rounded_nothing
 
     n, m, p = system.states, system.B.shape[1], system.C.shape[0]
     given = np.empty((n + p, n + m))

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import lapack
 
-from robustpolish.exact.even_units import balance, nearest_exponent, rounded_nothing
+from robustpolish.exact.even_units import balance, rounded_nothing
+from robustpolish.exact.exponents import nearest_exponent
 
 
 @pytest.mark.parametrize("seed", range(10))

@@ -93,9 +93,9 @@ def _at(model: Realisation, angle: float) -> Vector:
     if model.states and math.isfinite(angle):
         try:
             inner = np.linalg.solve(point * np.eye(model.states) - model.A, model.B.astype(complex))
+            response = response + model.C @ inner
         except np.linalg.LinAlgError:
-            return np.full(min(model.D.shape), np.inf)
-        response = response + model.C @ inner
-        if not np.isfinite(response).all():  # beyond doubles beside a pole that it all but hits
+            response = response + np.inf
+        if not np.isfinite(response).all():  # or a pole that it all but hits
             return np.full(min(model.D.shape), np.inf)
     return np.asarray(np.linalg.svd(response, compute_uv=False), dtype=float)

@@ -19,6 +19,7 @@ from robustpolish.effects.effect import kinds
 from robustpolish.effects.kind import EffectKind
 from robustpolish.effects.learned import spline_basis
 from robustpolish.simulation import simulate_model
+from robustpolish.synthesis.certificate.frequency_response import responses
 
 SECONDS = 0.005
 """Of the brush's runs: what is compiled does not depend on it."""
@@ -29,13 +30,15 @@ LEARNED = ("learned_stiffness_9", "learned_damping_9", "learned_force_7x7")
 
 
 def norms() -> None:
-    """Look for the peaks of systems with one and with several signals."""
+    """Scale systems with one and with several signals, and look for their peaks."""
     A = np.kron(np.diag(np.arange(1.0, 5.0)), [[-0.1, 1.0], [-1.0, -0.1]])
     for signals in (1, 3):
         system = control.StateSpace(A, np.ones((8, signals)), np.ones((signals, 8)), 0)
         for given in (system, control.c2d(system, 0.1)):
             rp.hinf_norm(given)
             rp.h2_norm(given)
+            rp.prescale(given)
+    responses(A, np.ones((8, 1)), np.ones((1, 8)), np.ones((1, 1)), np.ones(1))  # large loops
 
 
 def brush_on_a_trough() -> None:

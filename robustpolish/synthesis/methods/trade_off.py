@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal
 
-import control
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -23,7 +22,7 @@ from robustpolish.plotting import plot_gain_against_norm
 from robustpolish.sweeps import sweep
 from robustpolish.synthesis.design.design import Design
 from robustpolish.synthesis.methods.state_feedback import state_feedback
-from robustpolish.validation import described, instance_of, invalid
+from robustpolish.validation import instance_of, invalid, positive
 
 Synthesis = Callable[..., Design]
 _FIGURES = ("performance", "effort", "largest_gain", "fastest_pole")
@@ -150,23 +149,21 @@ def trade_off(
     True
     """
     instance_of("plant", plant, GeneralizedPlant, "a GeneralizedPlant", "Build one first.")
-    weights = np.atleast_1d(np.asarray(control_weights, dtype=float))
-    if weights.ndim != 1 or not (weights > 0).all() or not np.isfinite(weights).all():
-        raise invalid(
-            "control_weights", described(repr(control_weights)), "a list of prices above 0",
-            "A price of zero leaves u free, which has no point on the curve.",
-        )  # fmt: skip
+    # A price of zero leaves u free, which has no point on the curve.
+    listed = control_weights if np.iterable(control_weights) else [control_weights]
+    weights = [positive("control_weights", weight, "of z per unit of u") for weight in listed]
     if "control_weight" in settings:
         raise invalid(
             "control_weight", settings["control_weight"], "nothing", "Write control_weights=[...]."
         )
-    inspect.signature(synthesis).bind_partial(plant, control_weight=1.0, **settings)
+    call = inspect.signature(synthesis).bind_partial(plant, control_weight=1.0, **settings)
+    call.apply_defaults()
     point = partial(_point, plant=plant, synthesis=synthesis, settings=settings)
     grid = {"control_weight": np.unique(weights)}
     found = sweep(point, grid, executor=executor, file=file, progress=progress)
     for name in set(_FIGURES) - set(found):  # where no price has a design
         found[name] = ("control_weight", np.full(found.sizes["control_weight"], np.nan))
-    return TradeOff(settings.get("norm", "hinf"), found)
+    return TradeOff(call.arguments.get("norm", "hinf"), found)
 
 
 def _point(
@@ -179,20 +176,9 @@ def _point(
     design = synthesis(plant, control_weight=control_weight, **settings)
     loop = design.closed_loop
     norm = hinf_norm if design.norm == "hinf" else h2_norm
-    of_z, of_u = (_rows(loop, rows) for rows in (slice(plant.nz), slice(-plant.nu, None)))
-    rates = np.abs(design.certificate.poles)
-    if loop.isdtime(strict=True):
-        rates = np.abs(np.log(design.certificate.poles)) / float(loop.dt)
     return {
-        "performance": float(norm(of_z)),
-        "effort": float(norm(of_u)) / control_weight,
+        "performance": float(norm(loop[: plant.nz, :])),
+        "effort": float(norm(loop[-plant.nu :, :])) / control_weight,
         "largest_gain": float(design.certificate.largest_gain),
-        "fastest_pole": float(rates.max(initial=0.0)) / (2 * np.pi),
+        "fastest_pole": float(design.certificate.frequencies_hz.max(initial=0.0)),
     }
-
-
-def _rows(loop: control.StateSpace, rows: slice) -> control.StateSpace:
-    """Return the loop to some of its outputs."""
-    return control.StateSpace(
-        loop.A, loop.B, loop.C[rows], loop.D[rows], loop.dt, remove_useless_states=False
-    )
