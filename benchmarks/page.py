@@ -19,10 +19,11 @@ INTRODUCTION = """\
 # Benchmarks
 
 Written by `make bench`, as is [benchmarks.json](benchmarks.json) with the same figures; the code is
-in `benchmarks/`, a file per table. All times are of the processor, on one thread, without what is
-compiled once. They depend on the machine, so look at the ratios: our time over the peer's in the
-same run, below one where ours is quicker. *asked* is the largest ratio, or the longest time, that
-is aimed at; a cross marks what is not reached. Where a peer is quicker, the last column says why.
+in `benchmarks/`, a file per table. All times but those of sweeps are of the processor, on one
+thread, without what is compiled once. They depend on the machine, so look at the ratios: our time
+over the peer's in the same run, below one where ours is quicker. *asked* is the largest ratio, or
+the longest time, that is aimed at; a cross marks what is not reached. Where a peer is quicker, the
+last column says why.
 """
 
 

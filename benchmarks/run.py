@@ -13,8 +13,8 @@ import os
 import platform
 import time
 import warnings
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -22,35 +22,31 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 import robustpolish as rp
-from benchmarks import (
-    brush,
-    closed_loop,
-    diagnosis,
-    growth,
-    norms,
-    page,
-    robust,
-    start_up,
-    synthesis,
-)
+from benchmarks import page
 from benchmarks.row import Row
 
 ROOT = Path(__file__).parents[1]
 PEERS = ("numpy", "scipy", "numba", "control", "slycot", "cvxpy", "clarabel")
 
 
-def families(python: Path | None) -> dict[str, Callable[[bool], Iterator[Row]]]:
-    """Return what yields the lines of each family, in the order of the page."""
-    return {
-        "start-up": start_up.rows,
-        "norms": norms.rows,
-        "synthesis": synthesis.rows,
-        "growth": growth.rows,
-        "closed loops": closed_loop.rows,
-        "brush": brush.rows,
-        "diagnosis": partial(diagnosis.rows, python=python),
-        "robust analysis": robust.rows,
-    }
+FAMILIES = {
+    "start-up": "start_up",
+    "norms": "norms",
+    "synthesis": "synthesis",
+    "growth": "growth",
+    "closed loops": "closed_loop",
+    "sweeps": "sweeps",
+    "brush": "brush",
+    "diagnosis": "diagnosis",
+    "robust analysis": "robust",
+}
+"""What yields the lines of each family, in the order of the page, by the name of its module."""
+
+
+def lines(family: str, quick: bool, python: Path | None) -> Iterator[Row]:
+    """Return the lines of a family; only its module is loaded, for workers of a sweep load this."""
+    rows = import_module(f"benchmarks.{FAMILIES[family]}").rows
+    return rows(quick, python) if family == "diagnosis" else rows(quick)
 
 
 def machine() -> dict[str, object]:
@@ -92,22 +88,22 @@ def main() -> None:
     parser.add_argument("--pysindy", type=Path, help="an interpreter that has pysindy")
     parser.add_argument("--note", default="", help="what else is to be known about this run")
     given = parser.parse_args()
-    wanted = families(given.pysindy)
-    if unknown := set(given.only) - set(wanted):
-        parser.error(f"no such family: {', '.join(sorted(unknown))}; there are {', '.join(wanted)}")
+    if unknown := set(given.only) - set(FAMILIES):
+        known = ", ".join(FAMILIES)
+        parser.error(f"no such family: {', '.join(sorted(unknown))}; there are {known}")
     # Plants that are nearly beyond control, and peers' programs, say so; the table is what counts.
     warnings.simplefilter("ignore")
     found = {"machine": machine(), "date": time.strftime("%Y-%m-%d"), "note": given.note}
     out = given.out or (None if given.quick or given.only else ROOT / "docs")
     kept = _kept(out) if given.only else []
     new: list[dict[str, Any]] = []
-    for family in given.only or wanted:
-        for row in wanted[family](given.quick):
+    for family in given.only or FAMILIES:
+        for row in lines(family, given.quick, given.pysindy):
             new.append(row.as_json())
             print(page.line(new[-1]), flush=True)
             if out is not None:  # after each, for a run that ends early
                 others = [row for row in kept if row["family"] not in {r["family"] for r in new}]
-                rows = sorted(others + new, key=lambda row: list(wanted).index(row["family"]))
+                rows = sorted(others + new, key=lambda row: list(FAMILIES).index(row["family"]))
                 _keep(out, found | {"rows": rows})
     print(f"{sum(os.times()[:4]) / 60:.1f} minutes of the processor")
     if silent := [row["task"] for row in new if page.unexplained(row)]:

@@ -256,5 +256,7 @@ def state_space(argument: str, value: Any) -> control.StateSpace:
     remedy = "Convert it with control.ss(...)."
     instance_of(argument, value, control.StateSpace, "a control.StateSpace", remedy)
     for name in "ABCD":
-        matrix(f"{argument}.{name}", getattr(value, name))
+        M = getattr(value, name)
+        if M.dtype != float or not np.isfinite(M).all():
+            matrix(f"{argument}.{name}", M)  # says what is wrong
     return value

@@ -94,7 +94,13 @@ class LoopModel:
         return typical_rate(self.model.A)
 
     def response(self, angle: float) -> tuple[AnyMatrix, AnyMatrix]:
-        """Return M and its slope at the frequency ``rate * tan(angle)``."""
+        """Return M and its slope at the frequency ``rate * tan(angle)``.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If rounding sees a pole there.
+        """
         A, B, C, D = (M.astype(complex) for M in self._matrices)
         if not self.model.states:
             return D, np.zeros_like(D)

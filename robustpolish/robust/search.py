@@ -145,7 +145,10 @@ def _from_witness(
 ) -> Witness | None:
     """Return what a search finds that begins with a witness, at its angle or at an end beside."""
     structure = loop.structure
-    delta, M = witness.matrix(structure), loop.response(at)[0]
+    try:
+        delta, M = witness.matrix(structure), loop.response(at)[0]
+    except np.linalg.LinAlgError:
+        return None
     if at != witness.at or (not moves and _is_real(witness)):
         delta, M = np.real(delta), np.real(M)
     w = np.conj(np.linalg.svd(np.eye(len(delta)) - delta @ M)[2][-1]).astype(complex)

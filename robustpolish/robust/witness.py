@@ -9,6 +9,7 @@ inequality is the worst w if the bound is tight.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -115,6 +116,12 @@ def smallest(
     if not (np.isfinite(w).all() and w.any()):
         return None
     problem = _Problem(structure, response, scale, _turned(w / scale), at, moves, held)
+    with suppress(np.linalg.LinAlgError):  # of a step that hits a pole
+        return _descended(problem, deltas)
+    return None
+
+
+def _descended(problem: _Problem, deltas: tuple[complex | None, ...] | None) -> Witness | None:
     start = problem.start(deltas)
     if start is None:
         return None

@@ -13,7 +13,7 @@ from benchmarks.row import Row, limited, once
 DOCS = Path(__file__).parents[2] / "docs"
 DATA = json.loads((DOCS / "benchmarks.json").read_text(encoding="utf-8"))
 FAMILIES = {
-    "start-up", "norms", "synthesis", "growth", "closed loops", "brush", "diagnosis",
+    "start-up", "norms", "synthesis", "growth", "closed loops", "sweeps", "brush", "diagnosis",
     "robust analysis",
 }  # fmt: skip
 

@@ -22,6 +22,7 @@ DRAWN = [
     (20261130, 8328, "cover"), (20261201, 6340, "robust_state_feedback"),
     (20261202, 4809, "singular_values"), (20261202, 5944, "singular_values"),
     (20261204, 384, "output_feedback"),  # this was late, too
+    (20261124, 2922, "robust_state_feedback"), (20261124, 8839, "robust_stability"),
 ]  # fmt: skip
 HUGE = (1e160, 1e300, 1e308)
 TINY = (1e-160, 1e-310, 5e-324)

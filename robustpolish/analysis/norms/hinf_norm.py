@@ -154,12 +154,11 @@ def hinf_norm(
 
     Notes
     -----
-    Measured on one thread by ``make bench``, on a machine with other work: dense systems of 12
-    states take 4.5 times as long as SLICOT's AB13DD, which proves nothing, 24 states 2.3 times, 60
-    states 2.1 times, 120 states 2.1 times (27 ms) and 400 states 0.4 times (0.32 s); with
-    ``exact=False`` 3.2, 1.5, 1.1, 0.9 and 0.2 times. Where modal coordinates fail, 60 states take
-    up to 2 s. Decoupled parts are treated one by one. The search is compiled at its first use,
-    which takes some 20 s once.
+    Measured on one thread by ``make bench``: dense systems of 12 states take 2.4 times as long as
+    SLICOT's AB13DD, which proves nothing, 24 states 1.5 times, 60 states 1.9 times, 120 states 1.7
+    times (16 ms) and 400 states 0.4 times (0.21 s); with ``exact=False`` 1.4, 0.8, 0.9, 0.9 and 0.2
+    times. Where modal coordinates fail, 60 states take up to 2 s. Decoupled parts are treated one
+    by one. The search is compiled at its first use, which takes some 20 s once.
 
     References
     ----------

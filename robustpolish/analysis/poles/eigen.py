@@ -56,28 +56,18 @@ def eigensystem(M: NDArray[np.float64]) -> Eigensystem:
     real, imag, left, right, failed = lapack.dgeev(M, lwork=_room(n))
     if failed:
         raise np.linalg.LinAlgError("the eigenvalues did not converge")
-    upper = (imag > 0).nonzero()[0]
-    left, right = _complex_vectors(left, upper), _complex_vectors(right, upper)
-    cosines = np.abs(np.einsum("ij,ij->j", left.conj(), right))
+    from robustpolish.analysis.poles.vectors import together  # imports Numba
+
     backward = 10 * EPS * math.sqrt(n) * math.sqrt(np.vdot(M, M))
+    values, cosines, left, right = together(real, imag, left.T, right.T)
     with np.errstate(divide="ignore"):
-        errors = backward / cosines
-    return Eigensystem(real + 1j * imag, errors, right, left)
+        return Eigensystem(values, backward / cosines, right.T, left.T)
 
 
 @lru_cache
 def _room(n: int) -> int:
     """Return the working memory with which LAPACK is quickest."""
     return int(lapack.dgeev_lwork(n)[0])
-
-
-def _complex_vectors(vectors: NDArray[np.float64], upper: NDArray[np.intp]) -> NDArray[Any]:
-    """Put real and imaginary parts, which LAPACK keeps in columns beside each other, together."""
-    whole: Any = vectors.astype(complex)
-    imag = vectors[:, upper + 1]
-    whole.imag[:, upper] = imag
-    whole[:, upper + 1] = whole[:, upper].conj()
-    return whole
 
 
 def pair_text(value: complex) -> str:

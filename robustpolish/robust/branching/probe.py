@@ -32,13 +32,17 @@ def nearby(
     Returns
     -------
     Witness or None
+        None too where rounding sees a pole at the frequency.
     """
     structure = loop.structure
     real = [k for k, block in enumerate(structure.blocks) if block.kind == "real"]
     scale = np.ones(structure.shape[1])
     ends = frequency == 0 or math.isinf(frequency)
     angle = loop.angle(frequency)
-    w = worst_signals(structure, loop.response(angle)[0], numbers)
+    try:
+        w = worst_signals(structure, loop.response(angle)[0], numbers)
+    except np.linalg.LinAlgError:
+        return None
     deltas: list[complex | None] = [None] * len(structure.blocks)
     for k, number in zip(real, numbers, strict=True):
         deltas[k] = complex(number)

@@ -13,7 +13,6 @@ Discrete systems are mapped to the imaginary axis by z = (1 + s)/(1 - s), mode b
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,56 +100,36 @@ def modal_form(model: Realisation, spectrum: Eigensystem, proven: bool) -> Modal
     proven : bool
         False takes the estimated errors of the eigenvalues for `coupling`, which is quicker.
     """
+    # Imports Numba, which takes as long as all the rest together.
+    from robustpolish.analysis.norms.modal.inverse import inverse, signals
+
     if model.D.shape[0] < model.D.shape[1]:
         A, B, C, D = model.A.T, model.C.T, model.B.T, model.D.T
         right, left = spectrum.left.conj(), spectrum.right.conj()
     else:
         A, B, C, D = model.A, model.B, model.C, model.D
         right, left = spectrum.right, spectrum.left
-    turned = left.conj().T
-    cosines = np.einsum("ij,ji->i", turned, right)
-    if not np.abs(cosines).min() > 1e-8:
+    rows = np.ascontiguousarray(right.T)
+    X, gap, least = inverse(np.ascontiguousarray(left.T), rows)
+    if not least > 1e-8:
         return None
-    X = turned / cosines[:, None]  # nearly the inverse of the right eigenvectors
-    gap = _inverse_gap(X, right)
     if not gap < 0.1 and spectrum.values.size > 1:  # multiple eigenvalues
         try:
-            X = np.linalg.inv(right)
+            X, gap, _ = inverse(np.linalg.inv(right).conj(), rows)
         except np.linalg.LinAlgError:
             return None
-        gap = _inverse_gap(X, right)
     if not gap < 0.1:
         return None
+    gap *= _OUTWARD
     if not proven:
-        signals = _estimated_signals(B, C, right, X)
-        return _on_the_axis(
-            model.discrete, spectrum.values, spectrum.errors, spectrum.errors, *signals, D
-        )
+        b, c, *errors = signals(X, rows, *(np.array(M, complex, order="C") for M in (B, C)))
+        values, estimates = spectrum.values, spectrum.errors
+        seen, reached = (c, errors[1]), (b, errors[0])
+        return _on_the_axis(model.discrete, values, estimates, estimates, reached, seen, D)
     values, coupling = _remainder(A, right, X, spectrum.values.astype(np.clongdouble), gap)
-    rows = coupling.sum(axis=1) * _OUTWARD
-    signals = _reached(B, right, X, gap), _seen(C, right)
-    return _on_the_axis(model.discrete, values, coupling, rows, *signals, D)
-
-
-def _estimated_signals(
-    B: AnyArray, C: AnyArray, V: AnyArray, X: AnyArray
-) -> tuple[tuple[AnyArray, Vector], tuple[AnyArray, Vector]]:
-    """Return V^-1 B and C V with estimates of the errors of their rows and columns."""
-    b = X @ B
-    b = b + X @ (B - V @ b)
-    c = C @ V
-    few = 4 * EPS * math.sqrt(V.shape[0])
-    b_error = few * math.sqrt(np.vdot(B, B)) * _lengths(X)
-    return (b, b_error), (c, np.full(V.shape[0], few * math.sqrt(np.vdot(C, C))))
-
-
-def _inverse_gap(X: AnyArray, V: AnyArray) -> float:
-    """Bound the row-sum norm of 1 - X V."""
-    n = V.shape[0]
-    product = X @ V
-    product.flat[:: n + 1] -= 1
-    rounding = 4 * (n + 4) * EPS * (np.abs(X) @ np.abs(V).sum(axis=1))
-    return float((np.abs(product).sum(axis=1) + rounding).max(initial=0.0)) * _OUTWARD
+    sums = coupling.sum(axis=1) * _OUTWARD
+    reached, seen = _reached(B, right, X, gap), _seen(C, right)
+    return _on_the_axis(model.discrete, values, coupling, sums, reached, seen, D)
 
 
 def _remainder(

@@ -74,7 +74,8 @@ class Coordinates:
         Raises
         ------
         numpy.linalg.LinAlgError
-            If Y is not positive.
+            If Y is not positive, or if what takes us back is beyond doubles: units shrink without
+            end where a gain of zero is the best.
         """
         values, vectors = np.linalg.eigh((Y + Y.T) / 2)
         if not values[-1] > 0:
@@ -90,4 +91,7 @@ class Coordinates:
             rates, directions = np.linalg.eigh(-(S + S.T))
             rates = np.maximum(rates, np.abs(rates).max() * POLICY.smallest_share)
             E = directions / np.sqrt(rates)
-        return Coordinates(self.T @ step, self.V * size, E, self.unit)
+        T, V = self.T @ step, self.V * size
+        if not all(np.isfinite(np.linalg.inv(M)).all() for M in (T, V)):
+            raise linalg.LinAlgError("the coordinates are beyond doubles")
+        return Coordinates(T, V, E, self.unit)
