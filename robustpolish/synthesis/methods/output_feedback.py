@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -33,8 +33,9 @@ from robustpolish.synthesis.methods.fixed_order import (
 )
 from robustpolish.synthesis.methods.structured_design import Orders
 from robustpolish.synthesis.output_search.choice import Chosen, choose
-from robustpolish.synthesis.output_search.engine import Found, Settings, Task
-from robustpolish.synthesis.output_search.engines import METHODS, ORDER
+from robustpolish.synthesis.output_search.engine import Settings
+from robustpolish.synthesis.output_search.engines import METHODS
+from robustpolish.synthesis.output_search.part_search import PartSearch
 from robustpolish.synthesis.output_search.policy import POLICY
 from robustpolish.synthesis.problem.decoupling import (
     PlantPart,
@@ -46,13 +47,7 @@ from robustpolish.synthesis.problem.decoupling import (
 from robustpolish.synthesis.problem.fixed_modes import refuse_unstable
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.preflight import Preflight, diagnose, noisy, priced, refuse
-from robustpolish.synthesis.problem.scaling import SolverPlant
-from robustpolish.synthesis.riccati.infimum import lower_bound
-from robustpolish.synthesis.riccati.lqg import (
-    cancel_feedthrough,
-    h2_lower_bound,
-    no_finite_h2_norm,
-)
+from robustpolish.synthesis.riccati.lqg import no_finite_h2_norm
 from robustpolish.synthesis.structured_search.policy import TIME_LIMIT
 from robustpolish.validation import described, instance_of, invalid, one_of, positive
 
@@ -161,6 +156,11 @@ def output_feedback(
 
     Discrete-time plants are mapped to continuous time for the H-infinity norm, which keeps it
     exactly, and solved by discrete Riccati equations for the H2 norm.
+
+    A plant of more than 100 states is searched without those that change its response by less than
+    1e-8 of its largest Hankel singular value, if these are at least half of them: the controller
+    has as few states. The certificate is that of the whole plant; where its loop has another norm,
+    or its equations a solution below the bound, all states are searched. The message says so.
 
     Examples
     --------
@@ -314,63 +314,11 @@ def _solve_parts(
             # Norms of parts add up for the H2 norm, so that only a single one can be told.
             alone = settings.norm == "hinf" or len(parts) == 1
             own = settings if alone else replace(settings, wanted=ANY_NORM)
-            searched[key] = _search(with_signals(P), own, diagnosis, share)
+            searched[key] = PartSearch.of(with_signals(P), own, diagnosis, share)
     # No part has to be much better than the one that decides the norm of the whole.
     enough = POLICY.enough * max((s.best for s in searched.values()), default=0.0)
     chosen = {key: _choose(search, diagnosis, enough) for key, search in searched.items()}
     return [None if key is None else chosen[key] for key in keys]
-
-
-@dataclass(frozen=True, eq=False)
-class PartSearch:
-    """One part in the units of the engines, what they found, and the work left to choose."""
-
-    part: SolverPlant
-    problem: Task
-    searches: list[Found]
-    budget: Budget
-
-    @property
-    def best(self) -> float:
-        """The smallest norm found, in the plant's units; zero if none was found."""
-        found = min((search.best for search in self.searches), default=np.inf)
-        return self.part.norm(found, self.problem.norm) if np.isfinite(found) else 0.0
-
-
-def _search(
-    plant: GeneralizedPlant, settings: Settings, diagnosis: Preflight, budget: Budget
-) -> PartSearch:
-    """Scale a part, bound its norm from below and let the engines search."""
-    norm = settings.norm
-    part = SolverPlant.of(plant, mapped=norm == "hinf")
-    matrices, search = part.matrices, budget.share(POLICY.search_share)
-    feedback = None
-    accuracy = POLICY.bound_accuracy * min(settings.tolerance, 1e-2)
-    if norm == "hinf":
-        bound = lower_bound(matrices, accuracy, search)
-    else:
-        matrices, feedback = cancel_feedthrough(matrices)
-        bound = h2_lower_bound(matrices)
-    wanted = settings.wanted.in_unit(part.norm(1.0, norm))
-    if bound is not None and bound.value > wanted.below and bound.proven:
-        raise out_of_reach(settings.wanted, part.norm(bound.value, norm), norm, bound.how)
-    problem = Task(matrices, norm, diagnosis.regular_feedthrough, settings.tolerance, bound, wanted)
-    searches: list[Found] = []
-    for engine in (kind(settings) for kind in ORDER[norm, settings.method]):
-        if any(found.best <= problem.goal for found in searches):
-            break
-        if engine.adds(problem, searches):
-            searches.append(engine.search(problem, search))
-    if search.exhausted:
-        searches[-1].remarks.append("The work allowed was spent; allow more with effort.")
-    best = min(found.best for found in searches)
-    if bound is not None and best < bound.value * (1 - POLICY.spoilt):
-        problem = replace(problem, bound=None)
-    if feedback is not None and feedback.any():
-        problem = replace(problem, plant=part.matrices)
-        for found in searches:
-            found.candidates = [c.beside(feedback) for c in found.candidates]
-    return PartSearch(part, problem, searches, budget)
 
 
 def _keep(
@@ -395,6 +343,8 @@ def _choose(search: PartSearch, diagnosis: Preflight, enough: float) -> Chosen:
     chosen, reasons = choose(search.part, search.problem, search.searches, enough, search.budget)
     if chosen is not None:
         return chosen
+    if search.shortened:
+        return _choose(search.with_all_states(), diagnosis, enough)
     why = "; ".join(dict.fromkeys(reasons)) or "no engine found a stabilising controller"
     remarks = [remark for found in search.searches for remark in found.remarks]
     original = search.part.original

@@ -77,7 +77,7 @@ def choose(
         owner = owners[id(candidate)]
         short = _simplified(problem, candidate, _given_away(problem, candidate, limit), budget)
         for each in (short, candidate) if short is not candidate else (candidate,):
-            budget.spend(POLICY.certificate_work * step_cost(problem.plant.nx + each.order))
+            budget.spend(POLICY.certificate_work * step_cost(part.matrices.nx + each.order))
             try:
                 with for_a_part(1.0 if last else POLICY.first_proof):
                     found = _certified(part, each, problem, reasons)

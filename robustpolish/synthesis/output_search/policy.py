@@ -65,6 +65,10 @@ class SearchPolicy:
         Up to so many states of a loop an exact norm is quick where doubles cannot tell.
     zero_states : int
         Up to so many states of a plant its zeros on the axis are looked for, to explain a result.
+    truncated_states : int
+        With more states than this the equations take so long that fewer are tried first.
+    harmless : float
+        A relative change of the norm by states that were left out which is none.
     as_good_as_zero : float
         An infimum that is approached without end counts as zero below this share of the norm at
         the start of the descent; smaller norms would cost gain for nothing (AC1, UWV).
@@ -106,6 +110,8 @@ class SearchPolicy:
     modal_loop_states: int = 100
     exact_loop_states: int = 16
     zero_states: int = 30
+    truncated_states: int = 100
+    harmless: float = 3e-4
     as_good_as_zero: float = 1e-6
     enough: float = 0.01
     h2_epsilons: tuple[float, ...] = tuple(10.0 ** (-k / 2) for k in range(2, 19))

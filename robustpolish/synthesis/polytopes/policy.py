@@ -31,6 +31,9 @@ class PolytopePolicy:
     back_offs : tuple of float
         How far the gain may move from the smallest bound to get smaller, one after the other until
         a proof succeeds: it often grows without limit towards the optimum.
+    broken : float
+        A bound exceeded by more is broken: the smallest gains lie at the edge of inequalities whose
+        numbers span twenty decades, and on some processors rounding carries them over it by 1e-3.
     room : float
         The same where an answer only serves for coordinates.
     slacks : tuple of float
@@ -50,6 +53,7 @@ class PolytopePolicy:
     turn_rooms: tuple[float, ...] = (0.1, 0.01, 0.001)
     gain_of_turn: float = 1e-3
     back_offs: tuple[float, ...] = (0.01, 0.03, 0.1)
+    broken: float = 1e-6
     room: float = 0.3
     slacks: tuple[float, ...] = (3e-4, 3e-3, 3e-2)
     shrinkings: int = 5

@@ -31,6 +31,7 @@ from robustpolish.synthesis.polytopes.inequalities import (
 )
 from robustpolish.synthesis.polytopes.policy import POLICY
 from robustpolish.synthesis.polytopes.proof import Found, analysed
+from robustpolish.synthesis.problem.full_state import state_gain_norm
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 
 
@@ -95,9 +96,20 @@ def candidates(problem: GainProblem, solver: ProgramSolver) -> Iterator[GainFoun
         smaller = _program(problem, best.easy, tilt, solver, limit)
         for _ in range(POLICY.rounds):
             again = smaller and _program(problem, smaller.easy, tilt, solver, limit, True)
-            smaller = again or smaller
+            if again is None or not _is_kept(problem, again.found):
+                break
+            smaller = again
         if smaller is not None:
             yield _in_turns(problem, smaller, back_off, solver) if one_of_many else smaller.found
+
+
+def _is_kept(problem: GainProblem, found: GainFound) -> bool:
+    """Tell whether the loops of the vertices keep the bound, which rounding may break."""
+    norms = (
+        state_gain_norm(p, F, problem.question.norm)
+        for p, F in zip(problem.plants, found.gains, strict=True)
+    )
+    return max(norms) <= found.claimed * (1 + POLICY.broken)
 
 
 def _best_tilt(problem: GainProblem, solver: ProgramSolver) -> tuple[_Solved | None, float]:

@@ -99,15 +99,15 @@ def lower_bound(plant: PlantMatrices, tolerance: float, budget: Budget) -> Lower
         Proven, or for a plant too large for that an estimate; None where the equations have no
         solution in double precision for any gamma.
     """
-    guess = _estimate(plant, tolerance, budget)
+    guess = estimated_bound(plant, tolerance, budget)
     if plant.nx <= PROVABLE_STATES:
         proven = proven_bound(plant, 1.0 if guess is None else guess.value, tolerance)
         return LowerBound(proven, PROVEN, bracket=guess and guess.bracket)
     return guess
 
 
-def _estimate(plant: PlantMatrices, tolerance: float, budget: Budget) -> LowerBound | None:
-    """Estimate the infimum in double precision."""
+def estimated_bound(plant: PlantMatrices, tolerance: float, budget: Budget) -> LowerBound | None:
+    """Estimate the infimum in double precision, as :func:`lower_bound` without its proof."""
     regular = has_full_rank(plant)
     halves = _regular_halves if regular else reduced_halves
     found = [_infimum(halves, plant, tolerance, budget)]
@@ -122,6 +122,12 @@ def _estimate(plant: PlantMatrices, tolerance: float, budget: Budget) -> LowerBo
     bracket = _infimum(reduced_halves, regularise(plant, _POLICY.hardly), tolerance, budget)
     how += f" of a plant with a price and a noise of {_POLICY.hardly:.0e}"
     return None if bracket is None else LowerBound(bracket.lower, how, False)
+
+
+def is_out_of_reach(plant: PlantMatrices, gamma: float) -> bool:
+    """Tell whether the equations of a plant have no solution in doubles for a norm."""
+    halves = (_regular_halves if has_full_rank(plant) else reduced_halves)(plant)
+    return halves is not None and not halves.attempt(gamma).feasible
 
 
 def _infimum(
