@@ -45,11 +45,13 @@ return [all.length, found];
 """
 
 
-# What a reader has to scroll sideways: wide tables of numbers may ask for it, the rest may not.
+# What a reader has to scroll sideways: on a phone wide tables of numbers may ask for it, the rest
+# may not.
 _SCROLLED = """
+const most = arguments[0] < 641 ? 5 : Infinity;
 const columns = e => e.querySelector('tr')?.children.length || 0;
 return [...document.querySelectorAll('article pre, article .math-block, article table')]
-  .filter(e => e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1 && columns(e) < 5)
+  .filter(e => e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1 && columns(e) < most)
   .map(e => `${e.tagName.toLowerCase()} "${e.textContent.trim().slice(0, 40)}"`);
 """
 
@@ -92,9 +94,9 @@ def too_wide(browser, width):
     return found
 
 
-def scrolled(browser):
-    """Return the code, formulae and tables of words of a page that go on beyond their boxes."""
-    return browser.execute_script(_SCROLLED)
+def scrolled(browser, width):
+    """Return the code, formulae and tables of a page that go on beyond their boxes."""
+    return browser.execute_script(_SCROLLED, width)
 
 
 def links_in(browser, selector):

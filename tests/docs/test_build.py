@@ -82,6 +82,7 @@ class TestInABrowser:
         found = {}
         for page in pages:
             chromium.show(browser, page, width)
-            if wide := chromium.too_wide(browser, width) + chromium.scrolled(browser):
+            wide = chromium.too_wide(browser, width) + chromium.scrolled(browser, width)
+            if wide:
                 found[str(page.relative_to(folder))] = wide[:3]
         assert found == {}
