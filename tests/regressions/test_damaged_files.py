@@ -66,6 +66,8 @@ OTHERS = {
     + b"\0"
     + CORPUS["record/plain.h5"][7361:],
     "infinite among gaps.csv": b"time [s],x [m]\n0,1\n1,\n2,inf\n3,4\n4,1\n5,3\n",
+    "two samples at almost the same time.csv": b"t [s],x [m]\n0,0\n"
+    b"5e-324,1\n2,0\n3,1\n4,1\n5,3\n6,2\n7,1\n8,0\n",
     "no lines.uff": b"\n".join([*CORPUS["response/lines.uff"].split(b"\n")[:13], b"    -1\n"]),
 }  # fmt: skip
 
@@ -97,6 +99,13 @@ def test_damaged_records_are_refused(what, tmp_path):
     read = rp.read_frequency_response if what == "no lines.uff" else rp.read_measurement
     with pytest.raises(rp.InvalidInputError):
         read(path)
+
+
+def test_a_last_sample_long_after_the_others(tmp_path):
+    """As many samples as the steps would have could not be held in memory."""
+    rows = b"t [s],x [m]\n0,1\n1,2\n2,1\n3,2\n4,1\n2147483647,2\n"
+    read = rp.read_measurement(written(tmp_path, "a.csv", rows))
+    assert read.sizes["time"] == 6
 
 
 def test_a_gain_without_entries(tmp_path):

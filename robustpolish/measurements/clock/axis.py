@@ -15,6 +15,7 @@ from robustpolish.validation import described, invalid
 # Shares of the sampling time.
 _ROUNDING = 1e-3  # stamps this close to a uniform grid are one, rounded
 _JITTER = 0.3  # more than this is a clock without a rate of its own
+_NO_STEP = 1e-9  # less than this is the same time: no curve through both is a signal
 # Shares of the record.
 _MISSING = 0.02  # more than this is no lost sample here and there
 _UNRESOLVED = 0.1  # of a channel's own size: between the samples it is a guess
@@ -112,6 +113,8 @@ def uniform_time(time: Vector, name: str = "time") -> UniformTime:
     missing = float(np.sum(counts)) + 1 - time.size
     # With many rounded stamps the median is a rounded step: fit a line through all of them.
     number = np.concatenate([[0.0], np.cumsum(counts)])
+    if missing > max(_MISSING * time.size, 1):
+        return _irregular(time, steps)
     step, start = _line(number, time - time[0])
     worst = float(np.max(np.abs(time - time[0] - start - step * number)))
     exact = worst <= _ROUNDING * step
@@ -119,7 +122,7 @@ def uniform_time(time: Vector, name: str = "time") -> UniformTime:
     exact = exact or worst <= 0.51 * _resolution(time)
     if exact and not missing:
         return UniformTime(grid)
-    if missing > max(_MISSING * time.size, 1) or not (exact or worst <= _JITTER * step):
+    if not (exact or worst <= _JITTER * step):
         return _irregular(time, steps)
     if exact:
         return UniformTime(grid, grid[number.astype(int)], _gap_note(counts, missing))
@@ -158,7 +161,8 @@ def _check_rising(time: Vector, name: str) -> None:
     largest = float(np.max(np.abs(time)))
     if not largest < _LATEST:
         raise invalid(name, described(f"{largest:.3g} s"), "a time in s", "Check its unit.")
-    falls = np.flatnonzero(np.diff(time) <= 0)
+    steps = np.diff(time)
+    falls = np.flatnonzero(steps <= _NO_STEP * max(float(np.median(steps)), 0.0))
     if falls.size:
         i = int(falls[0]) + 1
         raise invalid(
