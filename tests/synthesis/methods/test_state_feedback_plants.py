@@ -54,7 +54,7 @@ def test_random_plants(seed, discrete):
     norms = ("hinf",) if feedthrough and not discrete else ("hinf", "h2")
     weight = 0.5 * unit
     for norm in norms:
-        achieved = []
+        achieved, designs = [], []
         for method in ("riccati", "lmi"):
             design = state_feedback(plant, norm, method, control_weight=weight)
             assert design.certificate.valid
@@ -62,8 +62,15 @@ def test_random_plants(seed, discrete):
             assert design.certificate.achieved == pytest.approx(truth, rel=1e-4)
             assert truth <= design.certificate.claimed * (1 + 1e-4)
             achieved.append(truth)
-        # On many of these plants the H-infinity infimum is a limit of gains beyond 1e9.
-        assert achieved[0] == pytest.approx(achieved[1], rel=1e-3 if norm == "hinf" else 1e-5)
+            designs.append(design)
+        # On many of these plants the H-infinity infimum is a limit of gains beyond 1e9. There
+        # rounding, which differs between processors, decides whether a program is solved (plant 3:
+        # 0.0016 above the optimum on one of them); what is not optimal has to say so.
+        near = 1e-3 if norm == "hinf" else 1e-5
+        if norm == "hinf" and designs[1].status == "suboptimal":
+            near = 1e-2
+        assert achieved[0] == pytest.approx(achieved[1], rel=near)
+        assert max(d.lower_bound or 0.0 for d in designs) <= min(achieved) * (1 + 1e-6)
 
 
 @pytest.mark.parametrize("seed", range(6))
