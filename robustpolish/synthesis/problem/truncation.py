@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -55,7 +56,7 @@ def truncated(plant: PlantMatrices) -> Truncated | None:
     Returns
     -------
     Truncated or None
-        None where most states count. The error is twice the sum of the
+        None where most states count, or doubles cannot tell. The error is twice the sum of the
         Hankel singular values that are left out, which bounds the H-infinity norm of the
         difference.
 
@@ -65,17 +66,18 @@ def truncated(plant: PlantMatrices) -> Truncated | None:
     L-infinity error bounds", Int. J. Control 39 (1984) 1115-1193.
     """
     try:
-        into, back, stable = _split(plant.A)
-        P = plant.in_states(into, back)
-        A, B = P.A[:stable, :stable], np.hstack([P.B1, P.B2])[:stable]
-        T, Ti, values = _balancing(A, B, np.vstack([P.C1, P.C2])[:, :stable])
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of equations that are nearly singular
+            into, back, stable = _split(plant.A)
+            P = plant.in_states(into, back)
+            A, B = P.A[:stable, :stable], np.hstack([P.B1, P.B2])[:stable]
+            T, Ti, values = _balancing(A, B, np.vstack([P.C1, P.C2])[:, :stable])
     except (linalg.LinAlgError, ValueError):
         return None
     left_out = 2 * np.cumsum(values[::-1])[::-1]
     rest = plant.nx - stable
-    small = left_out <= _POLICY.share * values[0]
-    kept = int(np.argmax(small)) if small.any() else values.size
-    if kept + rest > _POLICY.worth * plant.nx or kept == values.size:
+    kept = int(np.count_nonzero(~(left_out <= _POLICY.share * values.max(initial=0.0))))
+    if kept + rest > _POLICY.worth * plant.nx or not 0 < kept < stable:
         return None
     others: Any = np.eye(rest)
     into, back = linalg.block_diag(Ti[:kept], others), linalg.block_diag(T[:, :kept], others)
@@ -101,9 +103,8 @@ def _balancing(A: Matrix, B: Matrix, C: Matrix) -> tuple[Matrix, Matrix, Matrix]
     reach = _root(linalg.solve_continuous_lyapunov(A, -B @ B.T))
     see = _root(linalg.solve_continuous_lyapunov(A.T, -C.T @ C))
     U, values, Vt = np.linalg.svd(see.T @ reach)
-    with np.errstate(all="ignore"):  # of values that are zero, whose states are left out
-        size = np.sqrt(values)
-        return reach @ Vt.T / size, (see @ U / size).T, values
+    size = np.sqrt(values)  # where it is zero, states are left out
+    return reach @ Vt.T / size, (see @ U / size).T, values
 
 
 def _root(gramian: Any) -> Matrix:

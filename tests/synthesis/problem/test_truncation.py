@@ -6,6 +6,7 @@ import pytest
 from hard_plants import flexible_structure, heat_rod, mass_chain
 
 from robustpolish.models import GeneralizedPlant
+from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import SolverPlant
 from robustpolish.synthesis.problem.truncation import truncated
 
@@ -45,6 +46,20 @@ def test_unstable_poles_stay():
 @pytest.mark.parametrize("plant", [flexible_structure(20), mass_chain(20)])
 def test_nothing_is_left_out_where_all_states_count(plant):
     assert truncated(matrices(plant)) is None
+
+
+@pytest.mark.parametrize("size", [1.0, 1e200, 1e-200])
+def test_what_doubles_cannot_tell_is_kept(size):
+    """Nothing stable; and Gramians beyond doubles."""
+    n = 12
+    plant = GeneralizedPlant.from_matrices(
+        np.zeros((n, n)) if size == 1.0 else -np.diag(np.linspace(1, 2, n)),
+        size * np.ones((n, 1)),
+        size * np.ones((n, 1)),
+        size * np.ones((1, n)),
+        size * np.ones((1, n)),
+    )
+    assert truncated(PlantMatrices.of(plant)) is None
 
 
 def test_poles_on_the_axis_stay_as_they_are():
