@@ -1,5 +1,6 @@
 """Files that once blocked, took all memory or ended in somebody else's error; each as found."""
 
+import io
 import json
 import time
 
@@ -119,6 +120,17 @@ def test_sparse_matrices_of_old_matlab_files_are_left_out(tmp_path):
     content = {"t": np.arange(24) / 1e3, "x": MOTION, "S": scipy.sparse.eye(3).tocsc()}
     scipy.io.savemat(path, content, format="4")
     assert list(rp.read_measurement(path)) == ["x"]
+
+
+def test_empty_objects_of_matlab_files_are_left_out(tmp_path):
+    """A cell without an array: SciPy returns None."""
+    good = CORPUS["record/v5.mat"]
+    bad = good[:994] + bytes(64) + good[1058:]
+    content = scipy.io.loadmat(io.BytesIO(bad))
+    assert content["s"].dtype == object
+    assert content["s"].item() is None
+    read = rp.read_measurement(written(tmp_path, "a.mat", bad))
+    assert set(read) >= {"F", "x"}
 
 
 def test_meshes_of_impossible_faces_and_sizes(tmp_path):

@@ -36,14 +36,14 @@ def read_mat(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> R
     try:
         names = readable_variables(whole, wanted.largest)
         found = scipy.io.loadmat(io.BytesIO(whole), variable_names=names, **_OPTIONS)
+        arrays: dict[str, Any] = {}
+        for name, value in found.items():
+            if not name.startswith("__"):
+                _flatten(name, value, arrays)
     except UnpacksTooFarError as error:
         raise wanted.too_large(path, error.size, packed=True) from None
     except Exception as error:  # SciPy raises many kinds for a damaged file
         raise unreadable(path, "MATLAB", error) from None
-    arrays: dict[str, Any] = {}
-    for name, value in found.items():
-        if not name.startswith("__"):
-            _flatten(name, value, arrays)
     return table_of(arrays, table, str(path))
 
 
@@ -52,6 +52,8 @@ def _flatten(name: str, value: Any, arrays: dict[str, Any]) -> None:
     if scipy.sparse.issparse(value):
         return  # no signals; version 4 has them among its matrices
     array = np.asarray(value)
+    if array.dtype == object and array.ndim == 0:
+        return  # nothing of numbers or words, such as MATLAB's empty objects
     items = array.reshape(-1, order="F")
     if array.dtype.names:
         for i, item in enumerate(items, 1):
