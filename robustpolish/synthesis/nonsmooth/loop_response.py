@@ -87,8 +87,11 @@ class LoopResponse:
     def crossings(self, level: float) -> Vector:
         """Frequencies at which a singular value equals `level`, increasing."""
         A, B, C, D = self.A, self.B, self.C, self.D
-        R = level**2 * np.eye(D.shape[1]) - D.T @ D
-        S = level**2 * np.eye(D.shape[0]) - D @ D.T
+        square = level * level
+        if not np.isfinite(square):
+            return np.zeros(0)  # beyond doubles nobody can tell
+        R = square * np.eye(D.shape[1]) - D.T @ D
+        S = square * np.eye(D.shape[0]) - D @ D.T
         try:
             RB = np.linalg.solve(R, np.hstack([D.T @ C, B.T]))
             SC = np.linalg.solve(S, C)

@@ -52,3 +52,8 @@ def test_a_level_is_crossed_where_a_lag_falls_below_it():
     assert found.crossings(0.5) == pytest.approx([np.sqrt(3.0)])
     assert len(found.crossings(1.5)) == 0
     assert 0.0 in found.start()
+
+
+def test_a_level_whose_square_is_beyond_doubles_has_no_crossings():
+    """Found by a random plant: Python's powers of numbers end in errors of their own."""
+    assert len(response(scalar_loop()).crossings(1e200)) == 0
