@@ -65,6 +65,11 @@ class Parameter:
     fit_size : callable, optional
         ``fit_size(values)`` gives the unit of change from the values of all parameters, for one of
         several that share a size and may themselves be near 0.
+    choices : tuple of float
+        Of a number that is a way of acting and no size: the values it may have, the default first.
+    matters_with : str
+        What the kind asks of its model, see `EffectKind.context`, without which all `choices` are
+        the same.
     """
 
     name: str
@@ -78,6 +83,8 @@ class Parameter:
     fit_scale: float = 1.0
     at_least: str = ""
     fit_size: Callable[[Values], float] | None = None
+    choices: tuple[float, ...] = ()
+    matters_with: str = ""
 
     def bounds_from(self, values: Values) -> tuple[float, float]:
         """Return the limits of a fit that starts at `values`.

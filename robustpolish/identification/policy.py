@@ -74,6 +74,9 @@ class Policy:
     near_error : float
         Times the error left by the largest that another may leave to be refitted as well: a look at
         free runs without a fit is no sharper.
+    mimicked : float
+        Share of an effect's force that another kind may leave of it at best to be fitted in its
+        place, begun with the same force.
     far : float
         Times the noise beyond which an error is no noise: something else is missing too, and a
         kind with more parameters bends itself to that ("coulomb and constant force").
@@ -211,6 +214,7 @@ class Policy:
     followed: tuple[int, ...] = (2, 1)
     turnovers: tuple[float, ...] = (0.1, 0.03, 0.01, 0.003)
     near_error: float = 1.3
+    mimicked: float = 0.5
     far: float = 3.0
     alike: tuple[float, float] = (0.003, 0.03)
     lost: float = 5.0

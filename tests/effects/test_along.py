@@ -60,7 +60,7 @@ def test_dahl_friction_builds_up_and_turns_exponentially_over_the_way():
     """Dahl (1976): dz/dx = k (1 - z sign(v) / F), whatever the speed."""
     sliding, stiffness = 2.0, 4000.0
     way = sliding / stiffness
-    force = along("dahl_friction", sliding, stiffness)
+    force = along("dahl_friction", sliding, stiffness, 1.0)
     rising = sliding * (1 - np.exp(-Q / way))
     np.testing.assert_allclose(-force[FIRST], rising[FIRST], atol=2e-3 * sliding)
     back = (np.pi / 80 < TIME) & (3 * np.pi / 80 > TIME)
@@ -68,23 +68,27 @@ def test_dahl_friction_builds_up_and_turns_exponentially_over_the_way():
     falling = -sliding + (top + sliding) * np.exp(-(1e-3 - Q) / way)
     np.testing.assert_allclose(-force[back], falling[back], atol=2e-3 * sliding)
     # over a way far below what a sample covers it is Coulomb friction, and no number overflows
-    sharp = along("dahl_friction", sliding, 1e12)
+    sharp = along("dahl_friction", sliding, 1e12, 1.0)
     moving = (abs(V) > 0.02) & (TIME > 0.01)
     np.testing.assert_allclose(sharp[moving], -sliding * np.sign(V[moving]), rtol=1e-2)
 
 
 def test_behind_a_clearance_dahl_friction_is_nothing_over_the_way_through_it():
     sliding, stiffness, gap = 2.0, 4e5, 2e-4
-    numbers = np.array([sliding, stiffness, gap, CONTEXT["step"]])
-    force = force_along(lookup("dahl_friction"), Motion(TIME, Q[None], V[None], CONTEXT), numbers)
+    motion, kind = Motion(TIME, Q[None], V[None], CONTEXT), lookup("dahl_friction")
+    numbers = np.array([sliding, stiffness, 1.0, gap, CONTEXT["step"]])
+    force = force_along(kind, motion, numbers)
     back = (np.pi / 80 < TIME) & (3 * np.pi / 80 > TIME)
     free = TIME[back][abs(force[0, back]) < 1e-9]
     way = np.ptp(1e-3 * np.sin(40 * free))
     assert way == pytest.approx(2 * gap, abs=2 * 4e-5)  # a sample covers 0.04 mm at most
     # beyond it the force builds up as it does without
-    plain = along("dahl_friction", sliding, stiffness)
+    plain = along("dahl_friction", sliding, stiffness, 1.0)
     late = back & (Q < -5e-4)
     np.testing.assert_allclose(force[0, late], plain[late], rtol=1e-3)
+    # and beside the clearance it is nothing else
+    numbers[2] = 0.0
+    np.testing.assert_array_equal(force_along(kind, motion, numbers)[0], plain)
 
 
 def test_bouc_wen_loops_that_stiffen_follow_their_formula():

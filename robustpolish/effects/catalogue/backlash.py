@@ -5,10 +5,17 @@ from __future__ import annotations
 from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.effects.shapes import Scan
 
+BEHIND_CLEARANCE = Parameter(
+    "behind_clearance", "1", "1 if it acts behind a clearance at its place, 0 beside it",
+    lower=0.0, upper=1.0, default=1.0, fitted=False, choices=(1.0, 0.0), matters_with="clearance",
+)  # fmt: skip
+"""Of an elastic friction: with a clearance it is in series (a damper behind a worn pin), or what
+moves in the clearance rubs as well."""
+
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-    # gives back what the linear spring, p[1], takes inside the clearance; an elastic Coulomb
-    # element at the same place sees the clearance through its context
+    # gives back what the linear spring, p[1], takes inside the clearance; elastic friction at the
+    # same place sees the clearance through its context
     f[0] = p[1] * min(max(q[0], -p[0]), p[0])
 
 

@@ -39,6 +39,11 @@ def _implausible(values: Mapping[str, float]) -> str | None:
     return None
 
 
+def _bend(values: Mapping[str, float]) -> float:
+    """Return the size that beta and gamma share: one of them may be near 0."""
+    return max(abs(values["beta"]), abs(values["gamma"])) or 1.0
+
+
 def _state_sizes(values: Mapping[str, float], q: float, v: float) -> tuple[float, ...]:
     return (values["force"],)
 
@@ -51,8 +56,16 @@ KIND = EffectKind(
         Parameter("force", "F", "force that beta and gamma refer to", lower=0.0, fitted=False),
         Parameter("stiffness", "F/L", "hysteretic stiffness at small motion", lower=0.0),
         Parameter("exponent", "1", "sharpness of yielding", lower=0.5, upper=20.0, default=1.0),
-        Parameter("beta", "1", "of the term with the sign of the velocity", default=0.5),
-        Parameter("gamma", "1", "of the term without, negative if it stiffens", default=0.5),
+        Parameter(
+            "beta", "1", "of the term with the sign of the velocity", default=0.5, fit_size=_bend
+        ),
+        Parameter(
+            "gamma",
+            "1",
+            "of the term without, negative if it stiffens",
+            default=0.5,
+            fit_size=_bend,
+        ),
     ),
     law=_law,
     linear_in=("force",),

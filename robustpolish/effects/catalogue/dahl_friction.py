@@ -6,22 +6,24 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from robustpolish.effects.catalogue.backlash import BEHIND_CLEARANCE
 from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.effects.shapes import Scan
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-    # z is the friction force, p: sliding force, stiffness at reversals, clearance, step. On its way
-    # through a clearance z grows from -reach to reach, and no force acts. A step may overshoot the
-    # sliding force past it: the force is cut off, and the overshoot slides back.
+    # z is the friction force, p: sliding force, stiffness at reversals, whether it acts behind the
+    # clearance, that clearance, step. On its way through a clearance z grows from -reach to reach,
+    # and no force acts. A step may overshoot the sliding force past it: the force is cut off, and
+    # the overshoot slides back.
     size = max(p[0], 1e-300)
-    reach = p[1] * p[2]
+    reach = p[1] * p[2] * p[3]
     if abs(z[0]) < reach:
         dz[0] = p[1] * v[0]
         f[0] = 0.0
     else:
         force = z[0] - np.sign(z[0]) * reach
-        stiffness = p[1] / max(1.0, p[1] * abs(v[0]) / size * p[3])
+        stiffness = p[1] / max(1.0, p[1] * abs(v[0]) / size * p[4])
         dz[0] = stiffness * (v[0] - abs(v[0]) * force / size)
         f[0] = -force
         if reach > 0.0:
@@ -44,6 +46,7 @@ KIND = EffectKind(
     parameters=(
         Parameter("force", "F", "sliding friction force", lower=0.0),
         Parameter("stiffness", "F/L", "stiffness after a reversal", lower=0.0),
+        BEHIND_CLEARANCE,
     ),
     law=_law,
     linear_in=("force",),

@@ -6,16 +6,19 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from robustpolish.effects.catalogue.backlash import BEHIND_CLEARANCE
 from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.effects.shapes import Scan
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-    # z is the elongation between the slider and the end, p: slip force, stiffness, clearance.
+    # z is the elongation between the slider and the end, p: slip force, stiffness, whether it acts
+    # behind the clearance, which comes last.
     # It follows the motion until the slider slips. A step may overshoot the elongation of slip:
     # the force is cut off, and the overshoot slides back with the sliding distance.
     reach = p[0] / max(p[1], 1e-300)
-    longest = reach + p[2]
+    gap = p[2] * p[3]
+    longest = reach + gap
     side = np.sign(z[0])
     over = abs(z[0]) - longest
     if over >= 0.0:
@@ -25,7 +28,7 @@ def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by N
         else:
             dz[0] = v[0]
     else:
-        f[0] = -side * p[1] * max(abs(z[0]) - p[2], 0.0)
+        f[0] = -side * p[1] * max(abs(z[0]) - gap, 0.0)
         dz[0] = v[0]
 
 
@@ -40,6 +43,7 @@ KIND = EffectKind(
     parameters=(
         Parameter("force", "F", "force at which it slips", lower=0.0),
         Parameter("stiffness", "F/L", "stiffness while it sticks", lower=0.0),
+        BEHIND_CLEARANCE,
     ),
     law=_law,
     linear_in=("force",),

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of
 from robustpolish.identification.discover.judge import (
     chosen,
     judgement,
+    more_than_noise,
     objection,
     together,
-    tolerance,
 )
 from robustpolish.identification.discover.passed_over import passed_over
 from robustpolish.identification.discover.reconsider import rounded_friction
 from robustpolish.identification.discover.search import RefittedEffect, Search, Turn
-from robustpolish.identification.fit.homotopy import JudgedFit
 from robustpolish.identification.screening.candidates import places
 from robustpolish.identification.screening.filtered import null_score
 from robustpolish.identification.screening.screen import ScreenedEffect, screen
@@ -87,7 +84,7 @@ def _instead(
     effect, policy, prepared = earned[0].effect, search.policy, search.prepared
     candidates = found.elsewhere(effect, policy.near_error)[: policy.most_elsewhere]
     # within a family less than a visible fall tells kinds apart, if anything but noise is left
-    if effect.definition.family and _more_than_noise(earned[0].fitted, search):
+    if effect.definition.family and more_than_noise(earned[0].fitted, search):
         candidates += rivals_of(effect, search.stage.fit, prepared, search.screening)
     done = {item.screened.place for item in refits}.union(search.barred)
     tried = []
@@ -99,18 +96,6 @@ def _instead(
                 tried.append(RefittedEffect(candidate, fitted))
     here = [item for item in [*refits, *tried] if item.effect.at == effect.at]
     return tried + rounded_friction(here, start, search)
-
-
-def _more_than_noise(fitted: JudgedFit, search: Search) -> bool:
-    """Return whether a fit leaves so much more than noise that two kinds could differ by it.
-
-    Far above white noise it does: what is left of the wrong kind may itself look like noise with a
-    colour.
-    """
-    if not search.at_floor(fitted):
-        return True
-    floor = search.floor_beside(fitted.model, fitted.reproducible)
-    return bool(np.any(fitted.error > (1 + tolerance(search)) * floor))
 
 
 def _refits(search: Search, start: MechanicalModel, found: Hopeful) -> list[RefittedEffect]:

@@ -97,7 +97,8 @@ def _without_idle(search: Search, final: Fit, error: Array, calm: bool) -> tuple
     """Return the final fit without effects or numbers that the whole record leaves open.
 
     An effect that was added early may have nothing left to do beside those that came after it, and
-    of a family at one place a kind with fewer numbers may do the same.
+    of a family at one place a kind with fewer numbers may do the same; so it is asked where numbers
+    are open, or absurd on the whole record.
     """
     first, policy = len(search.reference.effects), search.policy
     for at in reversed(range(first, len(final.model.effects))):
@@ -110,7 +111,8 @@ def _without_idle(search: Search, final: Fit, error: Array, calm: bool) -> tuple
                 del search.steps[2 + at - first]
                 search.reasons.append(f"{effect} was not kept: the others explain as much.")
                 continue
-        if not undetermined(final, at, policy, every=True):
+        absurd = effect.definition.implausible(final.model.effects[at].values)
+        if not absurd and not undetermined(final, at, policy, every=True):
             continue
         for instead in simpler(search, at):
             shorter = _no_worse(search, instead, error, calm, tolerance(search))

@@ -49,14 +49,12 @@ def settle_damping(search: Search) -> Search:
     for at in damped_places(search.stage.model, known):
         search.say(f"laws of damping at {', '.join(at)}")
         here = [(e.kind, e.at) for e in search.stage.model.effects[known:]]
-        # of one family: what looks like something else, beside a damper, damps nothing here; and
-        # with no more numbers, which would only make a decay's end a matter of luck
+        # of one family: what looks like something else, beside a damper, damps nothing here
         alike = [
             p.second
             for p in search.confusions
             if (p.first.kind, p.first.at) in here
             and p.first.definition.family == p.second.definition.family
-            and numbers_of(p.second) <= numbers_of(p.first)
         ]
         trials = _trials(search, search.stage.model, at, cut, alike)
         good = trials.possible(partial(_sound, trials))
@@ -118,6 +116,36 @@ def _chosen(trials: Trials, good: list[Laws]) -> Laws:
     decay leaves a law open, luck decides how it goes on: what a fit to all of it does not need is
     no finding.
     """
+    verdict, found = trials.error_ahead, trials.found
+    plain = [laws for laws in good if not _richer(trials, laws)] or good
+    chosen = _best(trials, plain)
+    # the numbers of a richer kind make a decay's end a matter of luck; but it may be the one law
+    # that takes several others to mimic it
+    fewer = [
+        laws
+        for laws in good
+        if len(found.effects(laws)) < len(found.effects(chosen))
+        and (
+            verdict(laws) <= verdict(chosen) + trials.same
+            or _odds(trials, chosen, laws) > trials.prepared.policy.least_odds
+        )
+    ]
+    return _best(trials, fewer) if fewer else chosen
+
+
+def _richer(trials: Trials, laws: Laws) -> bool:
+    """Return whether a set has a kind of friction with more numbers than the one that was found."""
+    found = trials.found
+    most = max((numbers_of(e) for e in found.here if e.definition.family), default=0)
+    return any(
+        numbers_of(effect) > most
+        for effect in found.effects(laws)
+        if effect.kind in {other.kind for other in found.alike}
+    )
+
+
+def _best(trials: Trials, good: list[Laws]) -> Laws:
+    """Return the set that predicts best, of those as good the one with the fewest effects."""
     verdict, found = trials.error_ahead, trials.found
     good = [laws for laws in good if not any(_idle(trials, laws, fewer) for fewer in good)]
     least = min(verdict(laws) for laws in good)
@@ -198,10 +226,14 @@ def _another_friction(trials: Trials, chosen: Laws, other: Laws) -> bool:
     kinds = [trials.found.laws[i].effect for i in chosen ^ other]
     if len(kinds) != 2 or any(e is None or not e.definition.family for e in kinds):
         return False
-    one, two = trials.fits[chosen], trials.fits[other]
-    told = np.array([len(one.errors) / inflation(error) for error in one.errors.T])
-    odds = float(np.sum(told * np.log(two.rmse / one.rmse)))
-    return abs(odds) < trials.prepared.policy.strong_odds
+    return abs(_odds(trials, chosen, other)) < trials.prepared.policy.strong_odds
+
+
+def _odds(trials: Trials, one: Laws, other: Laws) -> float:
+    """Return the log odds by which the whole record prefers another set of laws to one."""
+    first, second = trials.fits[one], trials.fits[other]
+    told = np.array([len(first.errors) / inflation(error) for error in first.errors.T])
+    return float(np.sum(told * np.log(first.rmse / second.rmse)))
 
 
 def _fitted(trials: Trials, laws: Laws, but: Laws) -> list[Effect]:

@@ -223,6 +223,18 @@ def tolerance(search: Search) -> float:
     return search.policy.same(sum(p.record.samples for p in search.prepared.held_out))
 
 
+def more_than_noise(fitted: JudgedFit, search: Search) -> bool:
+    """Return whether a fit leaves so much more than noise that two kinds could differ by it.
+
+    Far above white noise it does: what is left of the wrong kind may itself look like noise with a
+    colour.
+    """
+    if not search.at_floor(fitted):
+        return True
+    floor = search.floor_beside(fitted.model, fitted.reproducible)
+    return bool(np.any(fitted.error > (1 + tolerance(search)) * floor))
+
+
 def advantage(item: RefittedEffect, numbers: int, search: Search) -> float:
     """Return the log of the error by which a kind has to beat another of its family.
 

@@ -16,10 +16,12 @@ from robustpolish.identification.discover.hopeful import rivals_of
 from robustpolish.identification.discover.judge import (
     advantage,
     judgement,
+    more_than_noise,
     objection,
     tolerance,
     visible_falls,
 )
+from robustpolish.identification.discover.mimicked import Mimic, mimics
 from robustpolish.identification.discover.search import RefittedEffect, Search, numbers_of
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.fit.homotopy import JudgedFit, rms_over
@@ -56,16 +58,16 @@ def without_the_needless(search: Search, last: bool = False) -> Search:
 def renamed(search: Search) -> Search:
     """Return the search with the kinds of each family that are best beside all other effects.
 
-    The rivals of the last effect have been tried beside all others when it was added. Constants at
-    two places are rivals too, the last one as well: a fit from another start may tell them apart.
+    The rivals of the last effect have been tried beside all others when it was added, begun
+    without any of them; where more than noise is left they are begun from each other, too.
+    Constants at two places are rivals as well, the last one too: a fit from another start may tell
+    them apart. Beside another kind some of the others may have nothing left to do.
     """
     first, count = len(search.reference.effects), len(search.stage.model.effects)
+    before = search.stage
     for at in reversed(range(first, count)):
         effect = search.stage.model.effects[at]
-        kind = effect.definition
-        if not kind.family or (at == count - 1 and kind.family != CONSTANT):
-            continue
-        others = _elsewhere(search, at) if kind.family == CONSTANT else _rivals(search, at)
+        others = _others(search, at, last=at == count - 1)
         ranked = sorted(others, key=lambda item: judgement(item.fitted, others))
         for item in ranked:
             apart = judgement(item.fitted, ranked) - judgement(search.stage, ranked)
@@ -74,9 +76,47 @@ def renamed(search: Search) -> Search:
                 search = search.copy()
                 search.stage = item.fitted
                 break
-            if apart < tolerance(search):
+            if apart < tolerance(search) or _as_near_to_all(item.fitted, search):
                 search.confusions.append(confused(effect, item.fitted.model.effects[-1]))
-    return search
+    return search if search.stage is before else without_the_needless(search, last=True)
+
+
+def _as_near_to_all(other: JudgedFit, search: Search) -> bool:
+    """Return whether a fit leaves as little of the whole record, fitted and held out.
+
+    A kind that holds another as a special case may predict a little worse by the luck of its
+    further numbers, and be the right one.
+    """
+    prepared = search.prepared
+    calm = other.reproducible and search.stage.reproducible
+    pieces = prepared.everything if calm else prepared.windows
+    left, least = (
+        float(np.mean(np.log(rms_over(fitted.model, prepared, pieces))))
+        for fitted in (other, search.stage)
+    )
+    return left - least < tolerance(search)
+
+
+def _others(search: Search, at: int, last: bool) -> list[RefittedEffect]:
+    """Refit what may stand in place of an effect."""
+    family = search.stage.model.effects[at].definition.family
+    if not family:
+        return []
+    if family == CONSTANT:
+        return _elsewhere(search, at)
+    return [*([] if last else _rivals(search, at)), *_mimics(search, at)]
+
+
+def _mimics(search: Search, at: int) -> list[RefittedEffect]:
+    """Refit the other kinds from the numbers that make the same force, if that is not enough."""
+    if not more_than_noise(search.stage, search):
+        return []
+    tried = []
+    for mimic in mimics(search.stage.model, at, search.prepared):
+        fitted = _in_place(search, at, mimic.effect) if _close(mimic, search) else None
+        if fitted is not None:
+            tried.append(RefittedEffect(ScreenedEffect(mimic.effect, 0.0, 0.0), fitted))
+    return tried
 
 
 def _elsewhere(search: Search, at: int) -> list[RefittedEffect]:
@@ -115,21 +155,32 @@ def _rivals(search: Search, at: int) -> list[RefittedEffect]:
 
 
 def simpler(search: Search, at: int) -> Iterator[JudgedFit]:
-    """Fit simpler kinds in place of an effect, the fewest numbers first.
+    """Fit kinds with fewer numbers in place of an effect, the fewest first.
 
-    A kind is simpler if the effect has all of its numbers and more: it is tried from their values.
+    They begin with the values that they have in common with it, if it has all of theirs, and with
+    the force that it makes.
     """
     effect = search.stage.model.effects[at]
+    near = [m.effect for m in mimics(search.stage.model, at, search.prepared) if _close(m, search)]
+    fewer = [e for e in (*_in_common(effect), *near) if numbers_of(e) < numbers_of(effect)]
+    for instead in sorted(fewer, key=numbers_of):
+        fitted = _in_place(search, at, instead)
+        if fitted is not None:
+            yield fitted
+
+
+def _in_common(effect: Effect) -> Iterator[Effect]:
+    """Yield the kinds all of whose numbers an effect has, with the values that it has."""
     kind, values = effect.definition, effect.values
-    names = {k: [p.name for p in k.parameters if p.fitted] for k in kinds().values()}
-    for other in sorted(names, key=lambda k: len(names[k])):
-        if other.kind != kind.kind and rivals(other, kind) and set(values) > set(names[other]):
+    for other in kinds().values():
+        names = [p.name for p in other.parameters if p.fitted]
+        if other.kind != kind.kind and rivals(other, kind) and set(values) > set(names):
             turn = [other.turns_over] if other.turns_over in values else []
-            shared = {name: values[name] for name in (*names[other], *turn)}
-            instead = Effect(other.kind, effect.at, shared)
-            fitted = _in_place(search, at, instead)
-            if fitted is not None:
-                yield fitted
+            yield Effect(other.kind, effect.at, {name: values[name] for name in (*names, *turn)})
+
+
+def _close(mimic: Mimic, search: Search) -> bool:
+    return mimic.left < search.policy.mimicked
 
 
 def still_alike(search: Search) -> Search:

@@ -104,7 +104,7 @@ def test_friction_with_memory_stays_as_it_was_found_and_competes_with_coulomb_fr
     assert found.laws[0].effect == Effect("elastic_coulomb_friction", AT, values)
     assert found.laws[0].size == ""
     joined = found.effects(frozenset({0, kinds.index("quadratic_damping")}))
-    assert joined[0].values == pytest.approx(values)
+    assert joined[0].values == pytest.approx(values | {"behind_clearance": 1.0})
     assert joined[1].values["coefficient"] > 0
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.effects import Effect
+from robustpolish.effects import Effect, Motion, force_along
 from robustpolish.identification.discover import reconsider
 from robustpolish.identification.discover.reconsider import (
     renamed,
@@ -115,6 +115,9 @@ def test_a_kind_gives_way_to_a_better_one_of_its_family(monkeypatch, error, take
     monkeypatch.setattr(Search, "fitted_with", fitting(errors))
     candidate = ScreenedEffect(DAHL, 0.0, 0.5)
     monkeypatch.setattr(reconsider, "rivals_of", lambda *given: [candidate])
+    monkeypatch.setattr(reconsider, "mimics", lambda *given: [])
+    monkeypatch.setattr(reconsider, "_as_near_to_all", lambda *given: False)
+    monkeypatch.setattr(reconsider, "without_the_needless", lambda search, last: search)
     found = renamed(search)
     assert (kinds(found)[-1] == "dahl_friction") == taken
     assert bool(found.confusions) == alike
@@ -133,6 +136,8 @@ def test_a_constant_is_asked_for_at_all_other_places(monkeypatch, last):
     found = replace(begun, stage=judged(model, 100.0), linear=judged(model, 100.0))
     for kind, at, values in [(*other, {"stiffness": 2.0}), push][:: 1 if last else -1]:
         found.accept([refitted(found.stage.model, kind, at, values, 10.0)])
+    monkeypatch.setattr(reconsider, "_as_near_to_all", lambda *given: False)
+    monkeypatch.setattr(reconsider, "without_the_needless", lambda search, last: search)
     monkeypatch.setattr(Search, "fitted_with", placed({("m1",): 10.0, ("m2",): 10.01}))
     (pair,) = renamed(found).confusions
     assert (pair.first.at, pair.second.at) == (("m1",), ("m2",))
@@ -152,12 +157,16 @@ def test_simpler_kinds_begin_with_the_values_they_have_in_common(monkeypatch):
         return judged(model.with_effect(effect.kind, effect.at, effect.values), 10.0)
 
     monkeypatch.setattr(Search, "fitted_with", fitted_with)
-    assert len(list(simpler(search, 0))) == len(tried) == 3
-    found = {e.kind: e.parameters for e in tried}
+    assert len(list(simpler(search, 0))) == len(tried)
     both = {"force": 3.0, "stiffness": 50.0}
-    assert found["elastic_coulomb_friction"] == found["dahl_friction"] == both
+    in_common = {e.kind: e.parameters for e in tried if e.values["force"] == 3.0}
+    assert in_common["elastic_coulomb_friction"] == in_common["dahl_friction"] == both
     assert tried[0].kind == "coulomb_friction"
     assert tried[0].values["force"] == 3.0
+    # and with the same force: sharp as it is, it yields like an elastic Coulomb element
+    (other,) = [e for e in tried if e.kind == "elastic_coulomb_friction" and e.parameters != both]
+    assert other.values["force"] == pytest.approx(3.0, rel=0.02)
+    assert other.values["stiffness"] == pytest.approx(50.0, rel=0.05)
 
 
 def test_a_simpler_friction_turns_over_as_gently(monkeypatch):
@@ -168,7 +177,28 @@ def test_a_simpler_friction_turns_over_as_gently(monkeypatch):
     tried = []
     monkeypatch.setattr(Search, "fitted_with", lambda self, model, effect: tried.append(effect))
     assert list(simpler(search, 0)) == []
-    assert [(e.kind, e.values["width"]) for e in tried] == [("coulomb_friction", 0.03)]
+    assert {e.values["width"] for e in tried if e.kind == "coulomb_friction"} == {0.03}
+
+
+def test_where_more_than_noise_is_left_kinds_begin_with_the_force_that_was_found(monkeypatch):
+    """Elastic friction was taken for Dahl's: the right one is found from there, and needs no else.
+
+    The cubic spring had nothing to do but to mend what the wrong friction left.
+    """
+    data = of_rig(noise=0.02)
+    x, v, time = (data[name].to_numpy() for name in ("x", "v", "time"))
+    along = Motion(time, x[None], v[None])
+    elastic = Effect("elastic_coulomb_friction", PLACE, {"force": 3.0, "stiffness": 8.0})
+    push = force_along(elastic.definition, along, np.array([*elastic.values.values(), 0.0]))[0]
+    data = data.assign(f=data["f"] - push)
+    begun = search_of(rig(), data)
+    dahl = begun.fitted_with(
+        begun.stage.model, Effect("dahl_friction", PLACE, {"force": 3.0, "stiffness": 8.0})
+    )
+    both = begun.fitted_with(dahl.model, Effect("cubic_stiffness", PLACE, {"stiffness": 0.1}))
+    found = replace(begun, stage=both, screening=object())
+    monkeypatch.setattr(reconsider, "_rivals", lambda *given: [])
+    assert kinds(renamed(found)) == ["elastic_coulomb_friction"]
 
 
 def test_steps_are_told_anew_where_effects_changed(monkeypatch):

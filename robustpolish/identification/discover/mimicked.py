@@ -1,0 +1,154 @@
+"""Another kind in place of one that was found, with the numbers that make the same force.
+
+Where a kind was found that is not quite the right one, the right one makes nearly the same force
+along the same motion. From there a fit has a short way, with all other numbers as they are; begun
+beside a machine without any such force, whose springs had to do its work, it may end elsewhere.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from robustpolish.arrays import Array
+from robustpolish.effects import Effect, EffectKind, Motion, Shape, force_along, kinds
+from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.observer.missing_force import Smoothed
+from robustpolish.identification.screening.candidates import columns_at, rivals
+from robustpolish.models.mechanical import MechanicalModel
+from robustpolish.models.mechanical.ports import context_of, port_rows
+
+_STARTS, _EVALUATIONS, _STEP = 3, 30, 1e-4
+"""Shapes of screening from which a fit of the force begins, its most runs, and its step."""
+_DIVERGED = 1e3
+"""Error, in sizes of the force, that stands for all larger ones."""
+
+
+class Mimic(NamedTuple):
+    """An effect that makes nearly the force of another.
+
+    Attributes
+    ----------
+    effect : Effect
+    left : float
+        Share of that force which it leaves along the motion, root mean square.
+    """
+
+    effect: Effect
+    left: float
+
+
+def mimics(model: MechanicalModel, at: int, prepared: PreparedRecord) -> list[Mimic]:
+    """Return the rivals of an effect of a fitted model, as near to its force as they get.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    at : int
+        Where the effect stands.
+    prepared : PreparedRecord
+
+    Returns
+    -------
+    list of Mimic
+        The nearest first; without what makes the effect's own force by another name.
+    """
+    effect = model.effects[at]
+    motion = prepared.motion(model, prepared.screened)
+    here = _along(model, effect, motion, prepared)
+    wanted = _force(effect.definition, here, effect.values)
+    if not wanted.any():
+        return []
+    bare = replace(model, effects=(*model.effects[:at], *model.effects[at + 1 :]))
+    found = []
+    for kind, given in _others(effect, here):
+        shapes = columns_at(bare, kind, effect.at, motion, prepared.screened)
+        begun = _begun(kind, [entry.shape for entry in shapes], effect.at, given, here, wanted)
+        fits = [_fitted(kind, values, here, wanted) for values in begun[:_STARTS]]
+        if fits:
+            left, values = min(fits, key=lambda pair: pair[0])
+            found.append(Mimic(Effect.of(kind, effect.at, values), left))
+    return sorted(found, key=lambda mimic: mimic.left)
+
+
+def _others(effect: Effect, here: Motion) -> Iterator[tuple[EffectKind, Mapping[str, float]]]:
+    """Yield the kinds that may stand for one, with every choice that no fit makes.
+
+    What turns over gently goes on to do so.
+    """
+    own = effect.definition
+    for kind in kinds().values():
+        if kind.kind != own.kind and not rivals(kind, own):
+            continue
+        turn = {n: effect.values[n] for n in [kind.turns_over] if n in effect.values}
+        asked = [p for p in kind.parameters if p.choices and here.context.get(p.matters_with)]
+        for chosen in itertools.product(*(p.choices for p in asked)):
+            given = dict(zip((p.name for p in asked), chosen, strict=True))
+            if kind.kind != own.kind or any(effect.values[n] != v for n, v in given.items()):
+                yield kind, turn | given
+
+
+def _along(
+    model: MechanicalModel, effect: Effect, motion: Smoothed, prepared: PreparedRecord
+) -> Motion:
+    rows = port_rows(model, effect)
+    context = context_of(model, effect.at, 0.0)  # along a known motion no step has to be resolved
+    return Motion(prepared.screened.time, rows @ motion.q, rows @ motion.v, context)
+
+
+def _force(kind: EffectKind, here: Motion, values: Mapping[str, float]) -> Array:
+    known = [here.context[name] for name in kind.context]
+    return force_along(kind, here, np.array([*values.values(), *known]))
+
+
+def _begun(
+    kind: EffectKind,
+    shapes: Sequence[Shape],
+    at: tuple[str, ...],
+    given: Mapping[str, float],
+    here: Motion,
+    wanted: Array,
+) -> list[dict[str, float]]:
+    """Return the values of the shapes of screening that are nearest to a force, nearest first."""
+    found = []
+    for shape in shapes:
+        columns = shape.columns.reshape(len(shape.columns), -1).T
+        sizes = np.linalg.lstsq(columns, wanted.ravel(), rcond=None)[0].astype(float)
+        # what pulls the wrong way for now may be needed beside other values
+        sizes = np.where(np.array(shape.signs) * sizes < 0, 0.0, sizes)
+        if sizes.any():
+            values = {**Effect.of(kind, at, shape.values(sizes)).values, **given}
+            left = float(np.sum((_force(kind, here, values) - wanted) ** 2))
+            found.append((left, values))
+    return [values for _, values in sorted(found, key=lambda pair: pair[0])]
+
+
+def _fitted(
+    kind: EffectKind, values: Mapping[str, float], here: Motion, wanted: Array
+) -> tuple[float, dict[str, float]]:
+    """Return the share of a force that a kind leaves at best, and its values."""
+    numbers = [p for p in kind.parameters if p.fitted]
+    first = np.array([values[p.name] for p in numbers])
+    sizes = np.array([p.scale_from(values[p.name], values) for p in numbers])
+    lower, upper = np.array([(p.lower, p.upper) for p in numbers]).T
+    positive = (lower >= 0) & (first > 0)
+    size = float(np.sqrt(np.mean(wanted**2)))
+
+    def read(x: Array) -> dict[str, float]:
+        """Return the first values, moved by x - 1: in logarithms, or in their sizes."""
+        moved = np.where(positive, first * np.exp(x - 1), first + (x - 1) * sizes)
+        told = np.clip(moved, lower, upper).tolist()
+        return {**values, **dict(zip((p.name for p in numbers), told, strict=True))}
+
+    def errors(x: Array) -> Array:
+        off = (_force(kind, here, read(x)) - wanted).ravel() / size
+        return np.clip(np.nan_to_num(off, nan=_DIVERGED), -_DIVERGED, _DIVERGED)
+
+    # steps of the slopes are shares of x, so that x begins at 1
+    found = least_squares(errors, np.ones(len(numbers)), diff_step=_STEP, max_nfev=_EVALUATIONS)
+    return float(np.sqrt(2 * found.cost / wanted.size)), read(found.x)
