@@ -71,7 +71,9 @@ def force_maps(
             at=place.at,
             surface=place.surface,
             size=float(np.sqrt(np.mean(place.force**2))),
-            follows=foretold(place.displacement, place.velocity, place.force, policy.bins, policy.blocks),
+            follows=foretold(
+                place.displacement, place.velocity, place.force, policy.bins, policy.blocks
+            ),
         )
         for place in forces_at_places(model, motion.q, motion.v, motion.force, policy.bins)
     ]
