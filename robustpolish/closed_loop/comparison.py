@@ -93,9 +93,9 @@ class ControllerComparison(Displayed):
         shown = [prefixed(unit, powers.get(unit, 0)) for unit in units]
         header = (
             "",
-            *(f"max |{name}| [{unit}]" for name, unit in zip(signals, shown, strict=True)),
+            *(_headed(f"max |{name}|", unit) for name, unit in zip(signals, shown, strict=True)),
             *(f"{name} improved [%]" for name in signals),
-            f"max |u| [{effort_unit}]",
+            _headed("max |u|", effort_unit),
         )
         body = [
             (
@@ -261,3 +261,8 @@ def _efforts(
 
 def _only(units: set[str]) -> str:
     return units.pop() if len(units) == 1 else ""
+
+
+def _headed(name: str, unit: str) -> str:
+    """Return the head of a column; prices and weighted signals have no unit."""
+    return f"{name} [{unit}]" if unit else name

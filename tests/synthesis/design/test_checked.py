@@ -16,5 +16,5 @@ import robustpolish as rp
     ],
 )
 def test_a_transfer_function_is_not_a_design_yet(use):
-    with pytest.raises(rp.InvalidInputError, match="got TransferFunction.*given_controller"):
+    with pytest.raises(rp.InvalidInputError, match=r"got TransferFunction.*given_controller"):
         use(control.tf([-1.0, -3.0], [0.01, 1.0]))
