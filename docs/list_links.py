@@ -39,9 +39,7 @@ def leads_somewhere(path: Path, target: str) -> bool:
     name = target.split("#")[0]
     if not name:
         return True
-    # notebooks are read as pages of the documentation, among which the build copies them
-    folder = ROOT / "docs/notebooks" if path.parent == ROOT / "notebooks" else path.parent
-    found = (folder / name).resolve()
+    found = (path.parent / name).resolve()
     if found.exists():
         return True
     if not found.is_relative_to(ROOT):

@@ -13,7 +13,6 @@ import os
 import sys
 import threading
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
@@ -277,6 +276,10 @@ def someone_looks() -> bool:
         return False
     if sys.stderr is not None and sys.stderr.isatty():
         return True
+    return _in_notebook()
+
+
+def _in_notebook() -> bool:
     interactive = sys.modules.get("IPython")
     shell = interactive.get_ipython() if interactive else None
     return shell is not None and hasattr(shell, "kernel")
@@ -286,13 +289,10 @@ class _Bar:
     """Waits in a thread of its own, so that no loop needs to know of it."""
 
     def __init__(self, what: str, total: int | None) -> None:
-        # Imported here, for the import changes the filters of warnings, which threads share. In a
-        # notebook without ipywidgets it warns, and then falls back to a bar of text, which will do.
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            from tqdm.auto import tqdm
+        from tqdm import tqdm  # not for those who only import the package
 
         self._make: Any = tqdm
+        self._file: Any = _NotebookLine() if _in_notebook() else sys.stderr
         self._what, self._total = what, total
         self._steps, self._remark = 0, ""
         self._over = threading.Event()
@@ -327,7 +327,9 @@ class _Bar:
         if self._over.wait(PATIENCE):
             return
         form = None if self._total else "{desc} {elapsed}{postfix}"
-        bar: Any = self._make(total=self._total, desc=self._what, bar_format=form, leave=False)
+        bar: Any = self._make(
+            total=self._total, desc=self._what, bar_format=form, leave=False, file=self._file
+        )
         bar.start_t -= PATIENCE  # the time that is shown is that of the work
         while True:
             if self._total:
@@ -336,3 +338,35 @@ class _Bar:
             if self._over.wait(_REFRESH):
                 break
         bar.close()
+
+
+class _NotebookLine:
+    """A file to which bars are written: text that begins with a return replaces what is shown.
+
+    On standard error a notebook would keep a red strip for every bar that was.
+    """
+
+    encoding = "utf-8"
+
+    def __init__(self) -> None:
+        self._shown = ""
+        self._output: Any = None
+
+    def write(self, text: str) -> int:
+        """Show a text instead of the one before; blanks take it away."""
+        line = text.strip()
+        if text and line != self._shown:
+            self._shown = line
+            self._show({"text/plain": line} if line else {"text/html": "", "text/plain": ""})
+        return len(text)
+
+    def flush(self) -> None:
+        """Do nothing: what is written is shown at once."""
+
+    def _show(self, data: dict[str, str]) -> None:
+        if self._output is None:
+            from IPython.display import display
+
+            self._output = display(data, raw=True, display_id=True)
+        else:
+            self._output.update(data, raw=True)

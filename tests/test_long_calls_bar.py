@@ -4,6 +4,8 @@ import io
 import sys
 import time
 
+import nbclient
+import nbformat
 import pytest
 
 from robustpolish import long_calls
@@ -90,3 +92,34 @@ def test_an_error_ends_the_bar(terminal):
     with long_calls.working("Again"):
         time.sleep(0.5)
     assert "Again" in stream.getvalue()
+
+
+CELL = """
+import time
+from robustpolish import long_calls
+long_calls.PATIENCE = 0.2
+with long_calls.working("Polishing", total=4) as tell:
+    for place in range(3):
+        tell(f"place {place}")
+        time.sleep(0.6)
+"""
+
+
+class Client(nbclient.NotebookClient):
+    """Remembers what was shown meanwhile."""
+
+    def process_message(self, msg, cell, cell_index):
+        data = msg["content"].get("data", {})
+        self.shown = [*getattr(self, "shown", []), data.get("text/plain", "")]
+        return super().process_message(msg, cell, cell_index)
+
+
+def test_a_bar_in_a_notebook_leaves_no_red_strip(monkeypatch):
+    monkeypatch.delenv("TQDM_DISABLE", raising=False)
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(CELL)])
+    client = Client(notebook, kernel_name="python3")
+    client.execute()
+    assert any("Polishing" in text and "place 2" in text for text in client.shown)
+    (output,) = notebook.cells[0].outputs
+    assert output.output_type == "display_data"  # not standard error, which is shown in red
+    assert set(output.data.values()) == {""}

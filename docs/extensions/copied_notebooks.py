@@ -18,6 +18,11 @@ from sphinx.config import Config
 
 FOLDER = "notebooks"
 LIST = "list_of_tutorials.txt"  # no source of its own: tutorials.md includes it
+# Links of a notebook lead through the repository; among the pages these stand for their targets.
+PAGES = {
+    b"](../docs/": b"](../",
+    b"](../robustpolish/effects/catalogue)": b"](../effects/index.md)",
+}
 ENTRY = """\
 | [![first picture of {title}]({folder}/{name}.png){{width=180px}}]({folder}/{name}.md) | \
 **[{title}]({folder}/{name}.md)**<br>{question}<br>{{download}}`notebook <{folder}/{name}.ipynb>` |
@@ -34,7 +39,10 @@ def _copy(app: Sphinx, config: Config) -> None:
     entries = ["| what it draws first | what it asks |\n|---|---|\n"]
     for path in texts:
         pair = path.with_suffix(".ipynb")
-        _write(target / path.name, path.read_bytes())
+        text = path.read_bytes()
+        for link, page in PAGES.items():
+            text = text.replace(link, page)
+        _write(target / path.name, text)
         shutil.copyfile(pair, target / pair.name)
         picture = _first_picture(pair)
         if picture:

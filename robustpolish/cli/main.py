@@ -27,6 +27,14 @@ _COMMANDS = {
 }
 
 
+_WITHOUT_MODEL = {
+    "brush": "The brush is the polishing robot's; --mould names another mould.",
+    "export": "The saved design of --design holds its machine.",
+    "tell-apart": "Machines are arguments, after the measurement.",
+}
+"""What to do where somebody looks for the option of the other commands."""
+
+
 class _Group(click.Group):
     """Subcommands that are imported when they are used, so that --help is quick."""
 
@@ -43,6 +51,17 @@ class _Group(click.Group):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             click.echo(f"Error: {refusal(error.filename or 'output', error)}", err=True)
             sys.exit(1)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a subcommand; say where its machine comes from if it has no --model."""
+        try:
+            return super().invoke(ctx)
+        except click.NoSuchOption as error:
+            name = error.ctx.info_name if error.ctx else None
+            if error.option_name not in ("--model", "--plant") or name not in _WITHOUT_MODEL:
+                raise
+            says = f"{error.message} {_WITHOUT_MODEL[name]}"
+            raise click.NoSuchOption(error.option_name, says, ctx=error.ctx) from None
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         del ctx

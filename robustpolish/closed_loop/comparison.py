@@ -17,8 +17,9 @@ from robustpolish.display import Card, Displayed, Table
 from robustpolish.models import GeneralizedPlant
 from robustpolish.plotting import plot_time_series
 from robustpolish.si_prefix import bears_prefix, prefix_power, prefixed
+from robustpolish.synthesis.design.checked import checked_design
 from robustpolish.synthesis.design.design import Design
-from robustpolish.validation import instance_of, invalid, one_of
+from robustpolish.validation import invalid, one_of
 
 SAME_LOAD = "every row is driven by the same disturbance"
 
@@ -92,9 +93,9 @@ class ControllerComparison(Displayed):
         shown = [prefixed(unit, powers.get(unit, 0)) for unit in units]
         header = (
             "",
-            *(f"max |{name}| [{unit}]" for name, unit in zip(signals, shown, strict=True)),
+            *(_headed(f"max |{name}|", unit) for name, unit in zip(signals, shown, strict=True)),
             *(f"{name} improved [%]" for name in signals),
-            f"max |u| [{effort_unit}]",
+            _headed("max |u|", effort_unit),
         )
         body = [
             (
@@ -200,8 +201,7 @@ def compare_controllers(
     if not controllers:
         raise invalid("controllers", controllers, "at least one design", "Pass {'name': design}.")
     for name, design in controllers.items():
-        remedy = "Pass what a synthesis returned."
-        instance_of(f"controllers[{name!r}]", design, Design, "a Design", remedy)
+        checked_design(f"controllers[{name!r}]", design)
     open_plant = next(iter(controllers.values())).plant if plant is None else plant
     responses = simulate_all({"without control": open_plant, **controllers}, disturbance, executor)
     chosen = open_plant.performance_names if signals is None else tuple(signals)
@@ -261,3 +261,8 @@ def _efforts(
 
 def _only(units: set[str]) -> str:
     return units.pop() if len(units) == 1 else ""
+
+
+def _headed(name: str, unit: str) -> str:
+    """Return the head of a column; prices and weighted signals have no unit."""
+    return f"{name} [{unit}]" if unit else name

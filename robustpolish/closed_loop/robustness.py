@@ -14,8 +14,9 @@ from robustpolish.closed_loop.robustness_result import RobustnessCheck
 from robustpolish.closed_loop.studies.trial import PlantOf, Trial, column, linearized
 from robustpolish.models import MechanicalModel
 from robustpolish.sweeps import sweep
+from robustpolish.synthesis.design.checked import checked_design
 from robustpolish.synthesis.design.design import Design
-from robustpolish.validation import described, instance_of, invalid
+from robustpolish.validation import described, invalid
 
 
 class Learned(Protocol):
@@ -99,7 +100,7 @@ def check_robustness(
     >>> check.share_stable, bool(check.worst < 1.5 * design.certificate.achieved)
     (1.0, True)
     """
-    instance_of("design", design, Design, "a Design", "Pass what a synthesis returned.")
+    checked_design("design", design)
     drawn = draw(*_source(learned, standard_errors), samples, seed)
     trial = Trial(
         plant=design.plant,

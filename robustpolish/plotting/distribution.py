@@ -7,8 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from robustpolish.plotting.style import LEVEL, LINE_STYLES, legend, new_axes, si_axis
+
+# Values that hardly scatter have long numbers at their ticks.
+_TICKS = 4
 
 
 def plot_distribution(
@@ -42,6 +46,8 @@ def plot_distribution(
     for style, (name, value) in zip(LINE_STYLES[1:], (marks or {}).items(), strict=False):
         ax.axvline(value, label=name, **style)
     si_axis(ax.xaxis, str(values.name or ""), str(values.attrs.get("units", "")))
+    ax.xaxis.set_major_locator(MaxNLocator(_TICKS))
+    ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_ylabel(f"number per bin ({values.dims[0]})")
     if note:
         ax.set_title(note, fontsize="medium")

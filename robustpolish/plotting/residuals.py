@@ -10,11 +10,15 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import gaussian_filter
 
 from robustpolish.plotting.style import LINE_STYLES, legend, log_axis, new_axes, si_axis
 
 _LAGS = 200
+# Cells over which the line of a surface is smoothed: as wide as the noise of one, no wider than a
+# dead zone.
+_NEIGHBOURS = 1.0
 Banded = tuple[xr.DataArray, xr.DataArray]
 
 
@@ -173,13 +177,30 @@ def plot_coherence(value: xr.DataArray, threshold: float, ax: Axes | None = None
     return ax
 
 
+def _smoothed(shown: xr.Dataset) -> NDArray[np.float64]:
+    """Return forces without the noise of cells that few samples visited, NaN where none did."""
+    force = np.asarray(shown["force"].values, dtype=float)
+    if "samples" not in shown:
+        return force
+    weight = np.where(np.isfinite(force), shown["samples"].values, 0.0)
+    total, share = (
+        gaussian_filter(part, _NEIGHBOURS, mode="constant")
+        for part in (np.nan_to_num(force) * weight, weight)
+    )
+    return np.where(weight > 0, total / np.where(share > 0, share, 1.0), np.nan)
+
+
 def plot_surface(shown: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw a restoring-force surface: ``force`` over ``displacement`` and ``velocity``.
+
+    A white line shows where the force turns: across the displacement a spring is missing, across
+    the velocity a damper or friction.
 
     Parameters
     ----------
     shown : xarray.Dataset
-        ``force`` over ``displacement`` and ``velocity``, with units.
+        ``force`` over ``displacement`` and ``velocity``, with units. Where ``samples`` (the share
+        of the record in each cell) are known the line follows means over neighbouring cells.
     ax : matplotlib.axes.Axes, optional
 
     Returns
@@ -201,7 +222,8 @@ def plot_surface(shown: xr.Dataset, ax: Axes | None = None) -> Axes:
     if known.size > 1 and known.min() < 0 < known.max() and min(force.shape) > 1:
         # Dark pushes one way, light the other, in grey too; the line is where the force turns.
         sides = shown["displacement"].values, shown["velocity"].values
-        ax.contour(*sides, force.values.T, levels=[0.0], colors="white", linewidths=1.5)
+        turns = _smoothed(shown).T
+        ax.contour(*sides, turns, levels=[0.0], colors="white", linewidths=1.5)
         line = Line2D([], [], color="white", linewidth=1.5, label="no force")
         ax.legend(handles=[line], loc="best", facecolor="#333333", labelcolor="white")
     colorbar = ax.figure.colorbar(image, ax=ax)

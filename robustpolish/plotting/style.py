@@ -80,10 +80,18 @@ class _Prefixed(Formatter):
         self._exponent()
 
     def __call__(self, x: float, pos: int | None = None) -> str:
-        return self.fix_minus(f"{x / 10 ** self._exponent():.6g}")
+        return self.fix_minus(f"{x / 10 ** self._exponent():.{self._digits()}g}")
 
     def format_data_short(self, value: float) -> str:
         return EngFormatter(unit=self._unit)(value)
+
+    def _digits(self) -> int:
+        """Return how many digits tell the ticks apart."""
+        axis: Any = self.axis
+        low, high = sorted(axis.get_view_interval())
+        largest = max(abs(low), abs(high))
+        needed = math.log10(largest / (high - low)) + 3 if low < high else 0
+        return min(max(6, math.ceil(needed)), 15)
 
     def _exponent(self) -> int:
         """Return the exponent that suits the axis's limits, and write it into the label."""

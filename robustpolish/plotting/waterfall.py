@@ -42,7 +42,7 @@ def plot_waterfall(
             ax.bar(i, abs(level - before), bottom=min(level, before), **style)
             ax.plot([i - 1.4, i + 0.4], [before, before], color="#333333", linewidth=0.6)
         top = level if i == 0 else max(level, values[i - 1])
-        change = "" if i == 0 else ("↓ " if level <= values[i - 1] else "↑ ")
+        change = "" if i == 0 else ("↓ to " if level <= values[i - 1] else "↑ to ")
         ax.annotate(
             f"{change}{level:.3g}",
             (i, top),

@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import click
+import pytest
 
 import robustpolish as rp
 from robustpolish.cli.main import main
@@ -17,6 +18,16 @@ def test_help_lists_every_command():
         assert "Usage" in run(command, "--help").stdout
     assert rp.__version__ in run("--version").stdout
     assert "No such command" in run("nonsense", code=2).stderr
+
+
+@pytest.mark.parametrize(
+    ("command", "says"), [("brush", "--mould"), ("export", "--design"), ("tell-apart", "arguments")]
+)
+def test_a_command_without_a_model_says_where_its_machine_comes_from(command, says):
+    message = run(command, "--model", "m.toml", code=2).stderr
+    assert "No such option" in message
+    assert says in message
+    assert "Did you mean" not in message
 
 
 def test_only_the_command_that_is_used_is_imported():

@@ -1,5 +1,7 @@
 """Histograms with reference values."""
 
+from itertools import pairwise
+
 import numpy as np
 import xarray as xr
 
@@ -24,3 +26,15 @@ def test_nothing_at_all_leaves_the_marks():
     ax = plot_distribution(xr.DataArray(np.zeros(0), dims="machine"), {"certificate": 1.0})
     assert not ax.patches
     assert names(ax) == ["certificate"]
+
+
+def test_ticks_of_values_that_hardly_scatter_are_told_apart():
+    values = xr.DataArray(1.00002e-4 + 2e-11 * np.linspace(0, 1, 60), dims="machine", name="norm")
+    values.attrs["units"] = "m/N"
+    ax = plot_distribution(values)
+    ax.figure.canvas.draw()
+    labels = [label for label in ax.get_xticklabels() if label.get_text()]
+    assert len({label.get_text() for label in labels}) == len(labels)
+    boxes = [label.get_window_extent() for label in labels]
+    assert all(a.x1 < b.x0 for a, b in pairwise(boxes))
+    assert all(tick == round(tick) for tick in ax.get_yticks())

@@ -24,6 +24,22 @@ def test_the_surface_has_units_and_a_line_where_the_force_turns():
     assert names(ax) == ["no force"]
 
 
+def test_the_line_of_a_surface_ignores_cells_that_few_samples_visited():
+    force = np.outer(np.linspace(-2.0, 2.0, 8), np.ones(6))
+    samples = np.ones((8, 6))
+    force[6, 3], samples[6, 3] = -9.0, 0.01  # one wild sample far from where the force turns
+    force[0, 0] = np.nan
+    dims = ("displacement", "velocity")
+    axes = {"displacement": np.linspace(-1, 1, 8), "velocity": np.linspace(-1, 1, 6)}
+    shown = xr.Dataset({"force": (dims, force)}, axes)
+    x = {}
+    for name, told in (("raw", shown), ("smooth", shown.assign(samples=(dims, samples)))):
+        line = plotting.plot_surface(told).collections[1]
+        x[name] = np.concatenate([path.vertices[:, 0] for path in line.get_paths()])
+    assert x["raw"].max() > 0.4
+    assert np.abs(x["smooth"]).max() < 0.1
+
+
 def test_shares_stand_where_they_belong():
     where = {"begin": ("window", [0.0, 0.5]), "end": ("window", [0.5, 2.0])}
     ax = plotting.plot_window_shares(xr.DataArray([0.25, 0.75], where, "window"))

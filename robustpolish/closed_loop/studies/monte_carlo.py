@@ -27,6 +27,7 @@ from robustpolish.closed_loop.studies.trial import (
 from robustpolish.models import AirBearingParameters, MechanicalModel, air_bearing
 from robustpolish.sweeps import sweep
 from robustpolish.sweeps.distributions import draws
+from robustpolish.synthesis.design.checked import checked_design
 from robustpolish.synthesis.design.design import Design
 from robustpolish.validation import described, instance_of, invalid, is_whole, positive
 
@@ -115,7 +116,7 @@ def monte_carlo(
     >>> bool(study.percentile("peak_y", 95) >= study.percentile("peak_y", 50))
     True
     """
-    instance_of("design", design, Design, "a Design", "Pass what a synthesis returned.")
+    checked_design("design", design)
     brush = BrushParameters() if brush is None else brush
     remedy = "Build them with BrushParameters(...)."
     instance_of("brush", brush, BrushParameters, "BrushParameters", remedy)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from typing import Any
 
@@ -52,9 +53,9 @@ def explain(found: Findings) -> str:
             lines += [f"   {line}" for line in law.describe().splitlines()]
         for name, v in told_numbers(effect).items():
             lines.append(f"   {name} = {plus_minus(v.value, v.stderr)} {v.unit}")
-        lines += [f"   In the residual: {kind.looks_like}"]
-        lines += [f"   Check: {check}" for check in kind.checks]
-        lines += [f"   See {reference}" for reference in kind.references]
+        lines += _folded(f"In the residual: {kind.looks_like}")
+        lines += [line for check in kind.checks for line in _folded(f"Check: {check}")]
+        lines += [line for source in kind.references for line in _folded(f"See {source}")]
     if found.maps and found.verdict in _LEFT:
         lines += ["", "What is left, where displacement and velocity foretell it best:"]
         lines += [f"   {item.describe()}" for item in found.maps[:2]]
@@ -76,6 +77,11 @@ def explain(found: Findings) -> str:
             "so its error judges nothing. Runs led by the data were used instead.",
         ]
     return "\n".join(lines)
+
+
+def _folded(text: str) -> list[str]:
+    """Return lines that no notebook and no terminal breaks in the middle of a word."""
+    return textwrap.wrap(text, 88, initial_indent=" " * 3, subsequent_indent=" " * 6)
 
 
 def law_of(found: Findings, effect: FoundEffect) -> LearnedLaw | None:

@@ -124,18 +124,20 @@ class ResidualAnalysis(ResidualFigures, Displayed):
     def plot_surface(self, ax: Axes | None = None, *, place: str | None = None) -> Axes:
         """Draw the missing force over displacement and velocity at one place.
 
+        The residual of a model with wrong numbers shows their forces too: refit it first.
+
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
             Where to draw; a new figure by default.
         place : str, optional
-            A key of `places`; the first by default.
+            A key of `places`; by default the one whose motion foretells the force best.
 
         Returns
         -------
         matplotlib.axes.Axes
         """
-        name = next(iter(self.places)) if place is None else place
+        name = max(self.places, key=lambda p: self.places[p].follows) if place is None else place
         name = one_of("place", name, tuple(self.places))
         ax = plot_surface(self.places[name].surface, ax)
         ax.set_title(f"missing force at {name}")

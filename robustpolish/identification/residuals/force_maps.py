@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robustpolish.arrays import Array
 from robustpolish.identification.findings.force_map import ForceMap
 from robustpolish.identification.observer.missing_force import Smoothed
+from robustpolish.identification.residuals.foretold import foretold
 from robustpolish.identification.residuals.places import forces_at_places
 from robustpolish.models.mechanical import MechanicalModel
 
@@ -71,7 +71,9 @@ def force_maps(
             at=place.at,
             surface=place.surface,
             size=float(np.sqrt(np.mean(place.force**2))),
-            follows=foretold(place.displacement, place.velocity, place.force, policy),
+            follows=foretold(
+                place.displacement, place.velocity, place.force, policy.bins, policy.blocks
+            ),
         )
         for place in forces_at_places(model, motion.q, motion.v, motion.force, policy.bins)
     ]
@@ -80,44 +82,3 @@ def force_maps(
     }
     seen = [f for f in found if f.size > policy.least * largest[f.unit]]
     return tuple(sorted(seen, key=lambda f: -f.follows)[: policy.most])
-
-
-def foretold(q: Array, v: Array, force: Array, policy: MapPolicy = MAPS) -> float:
-    """Return the share of a force's power that the map of one half of a record says of the other.
-
-    Parameters
-    ----------
-    q, v, force : ndarray, shape (samples,)
-    policy : MapPolicy, optional
-
-    Returns
-    -------
-    float
-        From 0 to 1. Cells that only one half visits count as foretold to be zero.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> time = np.arange(4000) / 100
-    >>> q, v = np.sin(time) + 0.3 * np.sin(7.3 * time), np.cos(time) + 2.2 * np.cos(7.3 * time)
-    >>> foretold(q, v, np.sign(v)) > 0.9, foretold(q, v, rng.standard_normal(4000)) < 0.05
-    (True, True)
-    """
-    total = float(np.sum(force**2))
-    if total == 0:
-        return 0.0
-    bins = policy.bins
-    cell = bins * _cells(q, bins) + _cells(v, bins)
-    half = (np.arange(force.size) * policy.blocks // force.size) % 2
-    left = 0.0
-    for this in (0, 1):
-        other = half != this
-        count = np.bincount(cell[other], minlength=bins**2)
-        mean = np.bincount(cell[other], force[other], bins**2) / np.maximum(count, 1)
-        left += float(np.sum((force[~other] - mean[cell[~other]]) ** 2))
-    return float(np.clip(1 - left / total, 0.0, 1.0))
-
-
-def _cells(values: Array, bins: int) -> np.ndarray:
-    edges = np.linspace(values.min(), values.max(), bins + 1)
-    return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, bins - 1)

@@ -14,6 +14,7 @@ from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.observer.missing_force import motion_of, observed_motion
 from robustpolish.identification.observer.run import StartedPiece, free_run, rest
 from robustpolish.identification.record import record_of
+from robustpolish.identification.residuals.foretold import foretold
 from robustpolish.identification.residuals.shares import surface, value_shares
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import FORCE, UNITS
@@ -35,6 +36,9 @@ class PlaceShares:
     observed : bool
         Whether motion and force were estimated from the measured outputs (by a smoother). If
         that could not be done the motion is the simulated one and the force unknown (NaN).
+    follows : float
+        Share of the missing force's power, from 0 to 1, that displacement and velocity here
+        foretell: what the map of one half of the record says of the other.
     """
 
     at: tuple[str, str]
@@ -42,6 +46,7 @@ class PlaceShares:
     velocity: xr.DataArray
     surface: xr.Dataset
     observed: bool
+    follows: float = 0.0
 
 
 def place_shares(comparison: Comparison, residual: xr.Dataset, bins: int) -> dict[str, PlaceShares]:
@@ -69,6 +74,7 @@ def place_shares(comparison: Comparison, residual: xr.Dataset, bins: int) -> dic
             velocity=value_shares(residual, place.velocity, bins, "velocity"),
             surface=place.surface,
             observed=observed,
+            follows=foretold(place.displacement, place.velocity, place.force, bins),
         )
         for place in forces_at_places(model, q[:, skip:], v[:, skip:], force[:, skip:], bins)
     }

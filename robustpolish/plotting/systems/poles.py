@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import Formatter
 from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.plotting.style import MARKER_STYLES, new_axes, si_axis
@@ -19,6 +20,12 @@ _GRID = 301
 _HATCHES = ("//", "\\\\", "..", "xx")
 # Beyond this ratio of the largest to the smallest part the axis becomes logarithmic.
 _LUMPED = 100
+
+# Rounding splits a double pole by half the digits: a part of this share is none.
+_SPLIT = 1e-6
+
+# Labels that a logarithmic axis through zero has room for, in the large type of a report too.
+_TICKS = 9
 
 
 def plot_poles(
@@ -66,7 +73,8 @@ def plot_poles(
     if not discrete:
         everything: Any = np.concatenate([np.zeros(0, complex), *drawn.values()])
         _spread(ax, "x", everything.real)
-        _spread(ax, "y", everything.imag / scale)
+        swings = np.abs(everything.imag) > _SPLIT * np.abs(everything)
+        _spread(ax, "y", everything.imag[swings] / scale)
     ax.margins(0.08)
     handles = list(ax.get_legend_handles_labels()[0])
     for (name, (L, M)), hatch in zip((regions or {}).items(), cycle(_HATCHES), strict=False):
@@ -89,6 +97,17 @@ def _spread(ax: Axes, which: str, values: NDArray) -> None:
         # Next to zero a decade takes as much room as elsewhere; a whole one, for ticks at its ends.
         threshold = 10.0 ** np.floor(np.log10(max(size.min(), 1e-6 * size.max())))
         (ax.set_xscale if which == "x" else ax.set_yscale)("symlog", linthresh=threshold)
+        axis: Any = ax.xaxis if which == "x" else ax.yaxis
+        axis.get_major_locator().set_params(numticks=_TICKS)
+        axis.set_major_formatter(_decade)
+
+
+def _decade(value: float, _: int | None = None) -> str:
+    """Write zero or a power of ten short: -0.1, -1, 1000, and from 10^4 on with an exponent."""
+    if value == 0 or 1e-3 <= abs(value) < 1e4:
+        return Formatter.fix_minus(f"{value:g}")
+    sign = "-" if value < 0 else ""
+    return f"${sign}10^{{{round(np.log10(abs(value)))}}}$"
 
 
 def _hatch_outside(ax: Axes, L: NDArray, M: NDArray, scale: float, hatch: str) -> None:

@@ -10,8 +10,9 @@ from robustpolish.implementation.sampled.anti_aliasing import (
     filter_system,
     with_filter,
 )
+from robustpolish.synthesis.design.checked import checked_design
 from robustpolish.synthesis.design.design import Design
-from robustpolish.validation import instance_of, one_of, positive
+from robustpolish.validation import one_of, positive
 
 
 def largest_period(
@@ -70,8 +71,7 @@ def largest_period(
     >>> round(rp.largest_period(design, delay_periods=1.0), 4)
     0.2877
     """
-    remedy = "Pass what output_feedback(...) or another method returned."
-    instance_of("design", design, Design, "a Design", remedy)
+    checked_design("design", design)
     plant = checked_plant(design.plant)
     known = [*(m for m in METHODS if m != "matched"), "bilinear", "euler", "backward_diff"]
     one_of("method", method, known, "Short periods spoil the polynomials of 'matched'.")

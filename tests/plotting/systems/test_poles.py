@@ -41,6 +41,15 @@ def test_poles_of_very_different_speed_are_told_apart():
     ax = plotting.plot_poles({"loop": np.array([-0.58, -1e3, -1e6])})
     places = ax.transData.transform([(x, 0.0) for x in ax.get_xticks() if x <= 0])[:, 0]
     assert np.diff(np.sort(places)).min() > 30
+    ax.figure.canvas.draw()
+    labels = [label.get_text() for label in ax.get_xticklabels()]
+    assert {"0", "\N{MINUS SIGN}1", "\N{MINUS SIGN}1000", "$-10^{5}$"} <= set(labels)
+
+
+def test_double_poles_that_rounding_splits_do_not_spread_the_axis():
+    real = np.array([-201 + 1e-6j, -201 - 1e-6j])
+    ax = plotting.plot_poles({"loop": np.array([*real, -5e3 + 4e4j, -5e3 - 4e4j])})
+    assert ax.get_yscale() == "linear"
 
 
 def test_discrete_poles_come_with_the_unit_circle():
