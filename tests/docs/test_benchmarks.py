@@ -7,8 +7,11 @@ import pytest
 
 pytest.importorskip("slycot")
 
+import robustpolish as rp
+from benchmarks.growth import above, certified
 from benchmarks.page import line, page, unexplained
 from benchmarks.row import Row, limited, once
+from tests.synthesis.hard_plants import flexible_structure
 
 DOCS = Path(__file__).parents[2] / "docs"
 DATA = json.loads((DOCS / "benchmarks.json").read_text(encoding="utf-8"))
@@ -70,3 +73,15 @@ def test_calls_are_timed_here_and_in_a_process_that_ends():
     assert limited(10.0, int, "7")[1] == 7
     assert limited(10.0, int, "seven") == (None, "ValueError")
     assert limited(0.2, lambda: sum(iter(int, 1)))[0] is None  # never ends
+
+
+def test_growth_tells_the_gap_to_the_bound_and_what_a_certificate_takes():
+    design = rp.output_feedback(flexible_structure(2), "h2")
+    assert above(design) == "0.0% above the lower bound"
+    states = design.certificate.poles.size
+    for norm, peer in (("hinf", "AB13DD"), ("h2", "AB13BD")):
+        row = certified(norm, design)
+        assert row.task == f"certificate {norm}, {states} closed-loop states"
+        assert row.peer == peer
+        assert "proven below" in row.answers
+        assert row.ratio is not None
