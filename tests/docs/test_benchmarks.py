@@ -10,6 +10,7 @@ pytest.importorskip("slycot")
 import robustpolish as rp
 from benchmarks.growth import above, certified
 from benchmarks.page import line, page, unexplained
+from benchmarks.run import main
 from benchmarks.row import Row, limited, once
 from tests.synthesis.hard_plants import flexible_structure
 
@@ -64,6 +65,13 @@ def test_a_reason_is_kept_where_the_peer_is_quicker(peer_ms, reason, kept, silen
 def test_a_peer_without_an_answer_needs_a_reason():
     assert unexplained(Row("norms", "a task", "ours", 2.0, "peer").as_json())
     assert not unexplained(Row("norms", "a task", "ours", 2.0).as_json())
+
+
+def test_small_sizes_are_not_for_the_page(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["run", "--quick", "--only", "diagnosis", "--out", str(DOCS)])
+    with pytest.raises(SystemExit):
+        main()
+    assert "full sizes" in capsys.readouterr().err
 
 
 def test_calls_are_timed_here_and_in_a_process_that_ends():
