@@ -10,8 +10,8 @@ pytest.importorskip("slycot")
 import robustpolish as rp
 from benchmarks.growth import above, certified
 from benchmarks.page import line, page, unexplained
-from benchmarks.run import main
 from benchmarks.row import Row, limited, once
+from benchmarks.run import main
 from tests.synthesis.hard_plants import flexible_structure
 
 DOCS = Path(__file__).parents[2] / "docs"
