@@ -91,6 +91,8 @@ def main() -> None:
     if unknown := set(given.only) - set(FAMILIES):
         known = ", ".join(FAMILIES)
         parser.error(f"no such family: {', '.join(sorted(unknown))}; there are {known}")
+    if given.quick and given.out and given.out.resolve() == ROOT / "docs":
+        parser.error("--quick is for a look: the page of the documentation holds the full sizes")
     # Plants that are nearly beyond control, and peers' programs, say so; the table is what counts.
     warnings.simplefilter("ignore")
     found = {"machine": machine(), "date": time.strftime("%Y-%m-%d"), "note": given.note}

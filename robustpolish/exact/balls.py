@@ -15,6 +15,7 @@ import flint
 import numpy as np
 
 from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.arrays import Vector
 from robustpolish.deadline import look_at_the_clock
 
 Ball = Any  # flint.arb_mat; python-flint ships no stubs for it
@@ -92,6 +93,21 @@ def symmetric(matrix: Ball) -> Ball:
     return (matrix + matrix.transpose()) * flint.arb(0.5)
 
 
+def scaled(matrix: Ball, rows: Vector, columns: Vector) -> Ball:
+    """Multiply rows and columns by powers of two, which rounds nothing.
+
+    A product with a diagonal matrix takes as long as one with any other: of 400 states five times
+    as long as this.
+    """
+    if not (matrix.nrows() and matrix.ncols()):
+        return matrix
+    left, right = ([flint.arb(float(factor)) for factor in each] for each in (rows, columns))
+    table = zip(left, matrix.tolist(), strict=True)
+    return flint.arb_mat(
+        [[entry * r * c for entry, c in zip(row, right, strict=True)] for r, row in table]
+    )
+
+
 def is_positive_definite(matrix: Ball) -> bool:
     """Prove that every symmetric matrix enclosed by `matrix` is positive definite.
 
@@ -117,8 +133,8 @@ def is_positive_definite(matrix: Ball) -> bool:
     if not (np.isfinite(diagonal).all() and (diagonal > 0).all()):
         return False
     # Powers of two bring the diagonal to about one without rounding.
-    scale = ball(np.diag(np.exp2(-np.round(np.log2(diagonal) / 2))))
-    turned = scale * matrix * scale
+    scale = np.exp2(-np.round(np.log2(diagonal) / 2))
+    turned = scaled(matrix, scale, scale)
     for _ in range(flint.ctx.prec // _BITS_PER_PASS + 1):
         look_at_the_clock()
         centre = midpoint(turned)

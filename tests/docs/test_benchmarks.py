@@ -7,8 +7,12 @@ import pytest
 
 pytest.importorskip("slycot")
 
+import robustpolish as rp
+from benchmarks.growth import above, certified
 from benchmarks.page import line, page, unexplained
 from benchmarks.row import Row, limited, once
+from benchmarks.run import main
+from tests.synthesis.hard_plants import flexible_structure
 
 DOCS = Path(__file__).parents[2] / "docs"
 DATA = json.loads((DOCS / "benchmarks.json").read_text(encoding="utf-8"))
@@ -63,6 +67,13 @@ def test_a_peer_without_an_answer_needs_a_reason():
     assert not unexplained(Row("norms", "a task", "ours", 2.0).as_json())
 
 
+def test_small_sizes_are_not_for_the_page(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["run", "--quick", "--only", "diagnosis", "--out", str(DOCS)])
+    with pytest.raises(SystemExit):
+        main()
+    assert "full sizes" in capsys.readouterr().err
+
+
 def test_calls_are_timed_here_and_in_a_process_that_ends():
     spent, found = once(sum, range(1000))
     assert spent >= 0
@@ -70,3 +81,15 @@ def test_calls_are_timed_here_and_in_a_process_that_ends():
     assert limited(10.0, int, "7")[1] == 7
     assert limited(10.0, int, "seven") == (None, "ValueError")
     assert limited(0.2, lambda: sum(iter(int, 1)))[0] is None  # never ends
+
+
+def test_growth_tells_the_gap_to_the_bound_and_what_a_certificate_takes():
+    design = rp.output_feedback(flexible_structure(2), "h2")
+    assert above(design) == "0.0% above the lower bound"
+    states = design.certificate.poles.size
+    for norm, peer in (("hinf", "AB13DD"), ("h2", "AB13BD")):
+        row = certified(norm, design)
+        assert row.task == f"certificate {norm}, {states} closed-loop states"
+        assert row.peer == peer
+        assert "proven below" in row.answers
+        assert row.ratio is not None

@@ -12,6 +12,7 @@ from robustpolish.exact.balls import (
     magnitude,
     midpoint,
     precision,
+    scaled,
     symmetric,
     zeros,
 )
@@ -70,3 +71,18 @@ def test_an_enclosure_that_holds_an_indefinite_matrix_is_not_proven():
     assert not is_positive_definite(flint.arb_mat([[wide]]))
     assert not is_positive_definite(ball([[1.0, 2.0], [2.0, 1.0]]))
     assert is_positive_definite(zeros(0, 0))
+
+
+def test_rows_and_columns_are_scaled_without_rounding():
+    M = ball(np.array([[1.0, 3.0], [0.1, -7.0], [1e300, 5e-324]]))
+    rows, columns = np.array([2.0**900, 0.5, 1.0]), np.array([2.0**900, 2.0**-10])
+    found = scaled(M, rows, columns)
+    product = ball(np.diag(rows)) * M * ball(np.diag(columns))
+    assert all(entry.is_exact() for entry in found.entries())
+    assert all(a == b for a, b in zip(found.entries(), product.entries(), strict=True))
+
+
+@pytest.mark.parametrize("shape", [(0, 2), (2, 0), (0, 0)])
+def test_nothing_is_scaled_to_nothing(shape):
+    found = scaled(zeros(*shape), np.ones(shape[0]), np.ones(shape[1]))
+    assert (found.nrows(), found.ncols()) == shape

@@ -29,6 +29,9 @@ def run_all(cases, file=None):
 
     Rows that stand in the file are taken from there, the others are added to it.
     """
+    # No sweep of the package: a row is nested text, whose lists are as long as a case has effects,
+    # and not an array over cases; and the file of a sweep belongs to one list of points and one
+    # function, where rows of other cases, of parts and of older sources stand side by side here.
     rows = kept_rows(file)
     left = [case for case in cases if key_of(case) not in rows]
     with ProcessPoolExecutor(_cores()) as pool:

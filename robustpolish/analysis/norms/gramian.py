@@ -49,11 +49,13 @@ def energy(model: Realisation, tolerance: float) -> Energy:
     matrix of the row sums of \|R\|, gives -W <= error <= W, with W the Gramian of E.
     """
     X = np.zeros(model.A.shape, dtype=np.longdouble)
+    B = model.B.astype(np.longdouble)
+    residual = B @ B.T
     best = Energy(0.0, 0.0, math.inf)
     for step in range(6):
-        residual, _ = _residual(model, X)
         X = X + _gramian(model.A, residual.astype(float), model.discrete)
-        found = _bounds(model, X)
+        residual, rounding = _residual(model, X)
+        found = _bounds(model, X, np.abs(residual) + rounding)
         if step and not found.width < 0.5 * best.width:
             break
         best = found
@@ -62,10 +64,10 @@ def energy(model: Realisation, tolerance: float) -> Energy:
     return best
 
 
-def _bounds(model: Realisation, X: Wide) -> Energy:
+def _bounds(model: Realisation, X: Wide, residual: Wide) -> Energy:
+    """Bound the energy that X shows; `residual` bounds the entries of its residual."""
     C = model.C.astype(np.longdouble)
-    residual, rounding = _residual(model, X)
-    rows = np.sum(np.abs(residual) + rounding, axis=1).astype(float)
+    rows = np.sum(residual, axis=1).astype(float)
     W = _gramian(model.A, np.diag(rows), model.discrete)
     error = 2 * float(np.sum((model.C @ W) * model.C))  # twice, for the rounding of W itself
     error += float(4 * _WIDE * X.shape[0] * np.sum((np.abs(C) @ np.abs(X)) * np.abs(C)))
@@ -78,18 +80,23 @@ def _bounds(model: Realisation, X: Wide) -> Energy:
     return Energy(square, max(square - error, 0.0), square + error)
 
 
-def _residual(model: Realisation, X: Wide) -> tuple[Wide, Wide]:
-    """Return the residual of the Lyapunov equation and a bound of its rounding error."""
+def _residual(model: Realisation, X: Wide) -> tuple[Wide, Matrix]:
+    """Return the residual of the Lyapunov equation at a symmetric X, and a bound of its rounding.
+
+    Products in extended precision take most of the time of a large system, so that there is one
+    and its transpose; the bound, for which doubles do, has room for their own rounding.
+    """
     A, B = model.A.astype(np.longdouble), model.B.astype(np.longdouble)
-    a, b, x = np.abs(A), np.abs(B), np.abs(X)
+    a, b, x = np.abs(model.A), np.abs(model.B), np.abs(X).astype(float)
     source, grain = B @ B.T, b @ b.T
     if model.discrete:
         residual = A @ X @ A.T - X + source
         grain = grain + a @ x @ a.T + x
     else:
-        residual = A @ X + X @ A.T + source
-        grain = grain + a @ x + x @ a.T
-    return residual, grain * (2 * (2 * A.shape[0] + B.shape[1]) * _WIDE)
+        moved, size = A @ X, a @ x
+        residual = moved + moved.T + source
+        grain = grain + size + size.T
+    return residual, grain * float(2 * (2 * A.shape[0] + B.shape[1]) * _WIDE)
 
 
 def _gramian(A: Matrix, Q: Matrix, discrete: bool) -> Matrix:

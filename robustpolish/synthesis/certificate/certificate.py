@@ -25,7 +25,12 @@ from robustpolish.models.plant.given_controller import GivenController, controll
 from robustpolish.plotting import plot_poles
 from robustpolish.synthesis.certificate.achieved_norm import achieved_h2, achieved_hinf
 from robustpolish.synthesis.certificate.exact_delays import ExactDelays, exact_delays
-from robustpolish.synthesis.certificate.loop_balls import enclose_loop, enclosed, rounding_level
+from robustpolish.synthesis.certificate.loop_balls import (
+    BITS,
+    enclose_loop,
+    enclosed,
+    rounding_level,
+)
 from robustpolish.synthesis.certificate.norm_proof import NormProof, prove_computed_norm
 from robustpolish.synthesis.certificate.tightest_proof import TIGHT, tightest_proof
 from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries
@@ -270,7 +275,12 @@ def certify(
             achieved = achieved_h2(system, reasons)
         if np.isfinite(achieved):
             proven = tightest_proof(
-                lambda bits: enclose_loop(plant, K, bits), norm, achieved, peak, claimed, step
+                lambda bits: loop if bits == BITS else enclose_loop(plant, K, bits),
+                norm,
+                achieved,
+                peak,
+                claimed,
+                step,
             )
     if proven is not None:
         proof, achieved, peak = proven

@@ -132,8 +132,14 @@ def enclose_loop(plant: GeneralizedPlant, controller: Any, bits: int = BITS) -> 
         Cl = balls.block([[C1 + D12 * on_x, D12 * on_k]])
         Dl = D11 + D12 * on_w
         scale = state_scale(*(balls.midpoint(M) for M in (Al, Bl, Cl)))
-        into, out = balls.ball(np.diag(1 / scale)), balls.ball(np.diag(scale))
-        return LoopBalls(into * Al * out, into * Bl, Cl * out, Dl, scale)
+        into, given, shown = 1 / scale, np.ones(Bl.ncols()), np.ones(Cl.nrows())
+        return LoopBalls(
+            balls.scaled(Al, into, scale),
+            balls.scaled(Bl, into, given),
+            balls.scaled(Cl, shown, scale),
+            Dl,
+            scale,
+        )
 
 
 def cayley(loop: LoopBalls, bits: int = BITS) -> LoopBalls:

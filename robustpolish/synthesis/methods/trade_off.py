@@ -134,9 +134,10 @@ def trade_off(
 
     Notes
     -----
-    Every design starts from nothing, so that the same price gives the same controller, alone or
-    among others and on any number of workers. The H2 curve of state feedback is the limit of what
-    any controller reaches; H-infinity designs lie near theirs, within their tolerance.
+    Every design starts from nothing and not from that of the price beside it, so that the same
+    price gives the same controller, alone or among others and on any number of workers. The H2
+    curve of state feedback is the limit of what any controller reaches; H-infinity designs lie
+    near theirs, within their tolerance.
 
     Examples
     --------

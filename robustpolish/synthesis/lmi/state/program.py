@@ -134,7 +134,9 @@ class StatePrograms:
         else:
             square = h2_inequality(program, q, Y, M, c.E)
         region_inequalities(program, q, Y, M, engine.regions)
-        program.positive(Y)
+        # The inequality of the effort holds Y among its blocks: twice would double the time.
+        if limit is None or demand.gain is not None:
+            program.positive(Y)
         if demand.held is not None:
             left, right = demand.held[0] @ c.V, np.linalg.inv(c.T) @ demand.held[1]
             gain_inequality(program, Y, M, Affine.of(1.0), left, right)
