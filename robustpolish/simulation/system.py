@@ -131,9 +131,10 @@ def needed_substeps(model: MechanicalData, dt: float, amplitude: float) -> int:
     m = model.matrices
     omega = np.sqrt(max(np.max(np.abs(np.diag(m.K) / np.maximum(np.diag(m.M), 1e-300))), 0.0))
     for _, effect in dynamic_effects(model):
-        stiffness, damping, rate = effect.definition.steepness(
-            effect.values, amplitude, min(omega, 1 / dt) * amplitude
-        )
+        with np.errstate(over="ignore"):  # a rate beyond doubles is as fast as any
+            stiffness, damping, rate = effect.definition.steepness(
+                effect.values, amplitude, min(omega, 1 / dt) * amplitude
+            )
         rows = port_rows(model, effect)[:, m.free]
         inverse = np.trace(rows @ m.inverse_mass @ rows.T)
         # laws see to it that no memory fades faster than a step; a few are enough for its rate

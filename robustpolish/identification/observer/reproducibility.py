@@ -128,7 +128,8 @@ def _largest_change(run: RecordRun, piece: StartedPiece, size: Array) -> Array:
     """
     base = run.over(piece, keep=True)
     every = np.hstack([base.states, base.internal])
-    typical = np.std(every, axis=0)
+    with np.errstate(over="ignore"):  # a run may be about to diverge
+        typical = np.std(every, axis=0)
     typical = np.maximum(typical, 1e-3 * np.max(np.abs(every), axis=0))
     typical[run.run.system.states :] = 0.0  # the memory of an effect follows from the motion
     start = piece.start.vector
