@@ -12,6 +12,8 @@ from robustpolish.cli.warm_up.first_calls import CALLS
 
 WORK = """
 import warnings
+import control
+import numpy as np
 import robustpolish as rp
 warnings.simplefilter("ignore")
 model, data = rp.datasets.sticky_slide()
@@ -21,6 +23,11 @@ design = rp.state_feedback(plant, control_weight=1e-7)
 load = rp.simulate_brush(run=1, duration=0.02)
 rp.compare_controllers({"a": design}, load, signals=["x"])
 rp.loop_analysis(design)
+chain = np.diag(-np.arange(1.0, 21.0)) + 3 * np.eye(20, k=1) - 3 * np.eye(20, k=-1)
+system = control.ss(chain, np.eye(20)[:, :2], np.eye(20)[-2:], 0)
+for exact in (True, False):
+    rp.hinf_norm(system, exact=exact)
+rp.h2_norm(system)
 """
 
 
