@@ -21,7 +21,6 @@ from robustpolish.identification.discover.judge import (
     tolerance,
     visible_falls,
 )
-from robustpolish.identification.discover.mimicked import Mimic, mimics
 from robustpolish.identification.discover.search import RefittedEffect, Search, numbers_of
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.fit.homotopy import JudgedFit, rms_over
@@ -29,6 +28,7 @@ from robustpolish.identification.fit.least_squares import Fit, covariance_of, er
 from robustpolish.identification.fit.parameters import turns_over_gently
 from robustpolish.identification.fit.reordered import reordered
 from robustpolish.identification.screening.candidates import places, rivals
+from robustpolish.identification.screening.mimicked import Mimic, mimics
 from robustpolish.identification.screening.screen import ScreenedEffect
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_rows
