@@ -25,7 +25,8 @@ QUICK = (100, 0.5)
 # Of the time that all cores would take at their best.
 EFFICIENCY = 0.9
 SPREAD = 0.1
-
+_ALONE = "there is one core"
+_SHARED = "the processes wait for memory, or their cores are two threads of one"
 
 VARIED = ("brush_mass", "bearing_mass", "bearing_stiffness", "holder_stiffness")
 
@@ -66,5 +67,5 @@ def rows(quick: bool) -> Iterator[Row]:
         "sweeps", f"{count} closed loops of {seconds:g} s, wall clock",
         f"rp.sweep, {cores} processes", spent[None], "one process", spent["serial"],
         f"{same}, {share:.0%} of all cores used",
-        asked=1 / (EFFICIENCY * (cores or 1)), reason="there is one core",
+        asked=1 / (EFFICIENCY * (cores or 1)), reason=_ALONE if cores == 1 else _SHARED,
     )  # fmt: skip
