@@ -12,15 +12,14 @@ from itertools import combinations
 
 import numpy as np
 
-from robustpolish.arrays import Array
+from robustpolish.identification.decays.ahead import error_on, pieces_of
 from robustpolish.identification.decays.cut import Cut
 from robustpolish.identification.decays.laws import DampingLaws, Laws
-from robustpolish.identification.fit.homotopy import homotopy, rms_over
+from robustpolish.identification.fit.homotopy import homotopy
 from robustpolish.identification.fit.least_squares import Fit
 from robustpolish.identification.fit.polished import polished, rounded, speeds_of_turns
 from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
 from robustpolish.identification.observer.run import StartedPiece
-from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
 
 
@@ -53,18 +52,17 @@ class Trials:
             self.errors[laws] = np.inf
             if fitted is not None:
                 self.fits[laws] = fitted
-                self.errors[laws] = _log(fitted.rmse)
+                self.errors[laws] = float(np.mean(np.log(fitted.rmse)))
         return self.errors[laws]
 
     def error_ahead(self, laws: Laws) -> float:
         """Return the mean log of the errors with which a fit to the early parts predicts."""
         if laws not in self.ahead:
             model = self.fits[laws].model
-            fitted = self._fitted(model, laws, self._pieces(model, self.cut.early))
+            fitted = self._fitted(model, laws, pieces_of(model, self.cut.early, self.prepared))
             self.ahead[laws] = np.inf
             if fitted is not None:
-                late = self._pieces(fitted.model, self.cut.late)
-                self.ahead[laws] = _log(rms_over(fitted.model, self.prepared, late))
+                self.ahead[laws] = error_on(fitted.model, self.cut.late, self.prepared)
         return self.ahead[laws]
 
     def possible(self, sound: Callable[[Laws], bool] = lambda laws: True) -> list[Laws]:
@@ -116,12 +114,3 @@ class Trials:
         started, settled = with_rest(model, pieces), prepared.policy.settled
         fits = homotopy(model, prepared, started, reference, spans, prepared.steps, settled=settled)
         return polished(fits[-1], prepared, reference) if fits else None
-
-    def _pieces(self, model: MechanicalModel, parts: Sequence[Record]) -> list[StartedPiece]:
-        linear, motion = model.without_effects(), self.prepared.motion_before
-        return [StartedPiece(part, motion.start(linear, part.first)) for part in parts]
-
-
-def _log(errors: Array) -> float:
-    with np.errstate(divide="ignore"):
-        return float(np.mean(np.log(errors)))

@@ -66,18 +66,25 @@ def settle_damping(search: Search) -> Search:
             settled.confusions = _alike(search, trials, chosen, good)
             _tell(settled, trials, chosen)
             _accept(settled, _without_idle(settled, trials, chosen), chosen)
-            search = _not_worse(search, settled)
+            if not (settled.added > search.added and _worse(search, settled, trials, chosen)):
+                search = settled
     return search
 
 
-def _not_worse(before: Search, after: Search) -> Search:
-    """Return what settles the damping, unless it takes more effects and leaves more when held out.
+def _worse(before: Search, after: Search, trials: Trials, chosen: Laws) -> bool:
+    """Return whether laws leave more when held out than what was found, or predict visibly worse.
 
-    A fit of all laws at once may end elsewhere than the one that the search had reached.
+    A fit of all laws at once may end elsewhere than the one that the search had reached; and a law
+    may take what another force of the machine, which is not known, does to the loud part alone.
     """
-    worse = judgement(after.stage, [before.stage]) - judgement(before.stage, [after.stage])
-    more = after.added > before.added
-    return before if more and worse > -np.log(1 - before.policy.together) else after
+    held_out = judgement(after.stage, [before.stage]) - judgement(before.stage, [after.stage])
+    if held_out > -np.log(1 - before.policy.together):
+        return True
+    found = trials.found.found
+    if not np.isfinite(trials.error(found)):
+        return False
+    ahead = trials.error_ahead(chosen) - trials.error_ahead(found)
+    return bool(ahead > -np.log(1 - before.policy.visible_fall))
 
 
 def _trials(

@@ -13,6 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from robustpolish.identification.decays.ahead import error_ahead
+from robustpolish.identification.decays.cut import cut_decays
 from robustpolish.identification.discover.judge import judgement, objection
 from robustpolish.identification.discover.reconsider import (
     renamed,
@@ -67,9 +69,26 @@ def _each_taken_out(search: Search, grow: Callable[[Search], Search]) -> Search:
 
 
 def _better(search: Search, other: Search) -> Search:
-    """Return the other search if it left visibly less, each effect counted, and is sound."""
+    """Return the other search if it left visibly less, each effect counted, and is sound.
+
+    Where all records are decays, it has to predict their ends as well as the search does.
+    """
     least = _worth(search, other) + np.log(1 - search.policy.together)
-    return other if _worth(other, search) < least and _sound(other) else search
+    if not (_worth(other, search) < least and _sound(other)):
+        return search
+    return search if _misleads(search, other) else other
+
+
+def _misleads(search: Search, other: Search) -> bool:
+    """Return whether the other search predicts visibly worse how decays go on."""
+    prepared, reference = search.prepared, search.reference
+    cut = cut_decays(reference, prepared.record)
+    if cut is None or not (search.stage.reproducible and other.stage.reproducible):
+        return False
+    here, there = (
+        error_ahead(each.stage.model, prepared, reference, cut) for each in (search, other)
+    )
+    return there > here - np.log(1 - search.policy.visible_fall)
 
 
 def _runners_up(search: Search) -> list[tuple[Turn, RefittedEffect]]:

@@ -7,6 +7,7 @@ import pytest
 
 from robustpolish.identification.discover.search import Search, Turn
 from robustpolish.identification.discover.second_look import second_look
+from tests.identification.decays.pendulums import AT, decay, pendulum
 from tests.identification.discover.searches import judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
 
@@ -162,3 +163,17 @@ def test_what_comes_without_an_effect_takes_its_place(begun):
     assert {e.kind for e in found.stage.model.effects} == {"cubic_stiffness", "quadratic_stiffness"}
     assert barred == [(DRAG[:2],), (CUBIC[:2],)]
     assert not found.barred
+
+
+def test_in_a_decay_it_has_to_predict_the_end_too(monkeypatch):
+    """The drag of a pendulum is found; a damping that grows with the angle leaves less, by luck."""
+    found = search_of(pendulum(), decay(coulomb=0.0, drag=0.05))
+    monkeypatch.setattr(Search, "fitted_with", lambda self, model, *added: judged(model, 100.0))
+    own = judged(found.reference, 100.0)
+    begun = replace(found, stage=own, linear=own, steps=[found.steps[0], ("refit", own.model)])
+    drag = refitted(pendulum(), "quadratic_damping", AT, {"coefficient": 0.05}, 20.0)
+    other = refitted(pendulum(), "displacement_dependent_damping", AT, {"coefficient": 0.05}, 21.0)
+    grow, followed = growing({"pendulum_gravity": 10.0})
+    search = went(begun, drag, other)
+    assert second_look(search, grow).stage.model.effects[-1].kind == "quadratic_damping"
+    assert followed
