@@ -135,8 +135,7 @@ class MachineDesign(Displayed):
         loops = {"without control": self.machine.open_loop, "with control": self.loop}
         grids = [singular_values(loop)["frequency"].values for loop in loops.values()]
         grid = np.unique(np.concatenate(grids))
-        units = {c.unit for c in self.channels}
-        unit = units.pop() if len(units) == 1 else ""
+        unit = ", ".join(dict.fromkeys(c.unit for c in self.channels if c.unit))
         gains = {
             name: singular_values(loop, grid).isel(singular_value=0).assign_attrs(units=unit)
             for name, loop in loops.items()

@@ -24,7 +24,8 @@ def plot_gains(
     Parameters
     ----------
     gains : mapping of str to xarray.DataArray
-        Over ``frequency`` in Hz by the name in the legend; the unit comes from the attributes.
+        Over ``frequency`` in Hz by the name in the legend; the unit comes from the attributes, or
+        several of them with commas between, if the gain mixes channels.
     marks : mapping of str to (float, float), optional
         Points to mark: frequency in Hz and gain. A frequency that is not positive and finite
         makes a level line.
@@ -54,6 +55,8 @@ def plot_gains(
         else:
             ax.axhline(value, color="black", linewidth=0.8, linestyle=":", label=label)
     log_axis(ax, "x", "frequency", "Hz")
+    if "," in unit:  # no prefix suits all of them
+        name, unit = f"{name} [{unit}]", ""
     log_axis(ax, "y", name, unit)
     legend(ax, least=1)
     return ax

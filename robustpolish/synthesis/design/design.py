@@ -326,7 +326,9 @@ class Design(Displayed):
             more = {"price": open_loop.noutputs > len(z), "noise": open_loop.ninputs > len(w)}
             added = " and ".join(name for name, there in more.items() if there)
             loops[f"with control, {added}"] = closed_loop
-        unit = self.gain_unit
+        unit, (z_units, w_units) = self.gain_unit, self._units()
+        mixed = z_units and w_units and not unit
+        shown = f"{', '.join(z_units)} per {', '.join(w_units)}" if mixed else unit
         # From the plant's own frequencies on: below them nothing happens in either loop.
         lowest = float(singular_values(open_loop)["frequency"].values.min())
         grids = [singular_values(loop)["frequency"].values for loop in loops.values()]
@@ -334,7 +336,7 @@ class Design(Displayed):
         gains = {
             name: singular_values(loop, grid[grid >= lowest])
             .isel(singular_value=0)
-            .assign_attrs(units=unit)
+            .assign_attrs(units=shown)
             for name, loop in loops.items()
         }
         achieved, peak = self.certificate.achieved, self.certificate.peak_frequency
@@ -380,10 +382,17 @@ class Design(Displayed):
     @property
     def gain_unit(self) -> str:
         """Unit of the gain from w to z, if all z and all w have one each; "" otherwise."""
-        known = self.plant.units
-        z = {known[name] for name in self.plant.performance_names if name in known}
-        w = {known[name] for name in self.plant.disturbance_names if name in known}
-        return f"{z.pop()}/{w.pop()}" if len(z) == len(w) == 1 else ""
+        z, w = self._units()
+        return f"{z[0]}/{w[0]}" if len(z) == len(w) == 1 else ""
+
+    def _units(self) -> tuple[list[str], list[str]]:
+        """Return the units that are known of z and of w, each once."""
+        known, plant = self.plant.units, self.plant
+        z, w = (
+            list(dict.fromkeys(known[name] for name in names if name in known))
+            for names in (plant.performance_names, plant.disturbance_names)
+        )
+        return z, w
 
     def _card(self) -> Card:
         c, plant, order = self.certificate, self.plant, self.controller.nstates

@@ -20,6 +20,12 @@ def test_gains_with_the_norm_marked():
     assert ax.yaxis.get_major_formatter()(1e-6) == "1 µm/N"
 
 
+def test_units_that_differ_among_channels_are_all_told():
+    gain = xr.DataArray([1e-6, 1e-7], {"frequency": [1.0, 2.0]}, "frequency")
+    ax = plotting.plot_gains({"loop": gain.assign_attrs(units="m, rad per N")})
+    assert ax.get_ylabel() == "largest singular value [m, rad per N]"
+
+
 def test_curves_by_name_over_frequency():
     curves = xr.Dataset(
         {"S": ("frequency", [1.0, 2.0]), "T": ("frequency", [3.0, 4.0])},

@@ -60,6 +60,15 @@ def test_the_plot_shows_both_loops_and_the_norm(design):
     assert names(held.plot())[0] == "without control (unstable)"
 
 
+def test_the_plot_tells_units_that_differ():
+    tilting = rp.GeneralizedPlant.from_matrices(
+        -np.eye(2), np.eye(2), [[1.0], [1.0]], np.eye(2), np.eye(2),
+        units={"w1": "N", "w2": "N", "z1": "m", "z2": "rad"},
+    )  # fmt: skip
+    ax = rp.given_controller(tilting, [[-1.0, 0.0]]).plot()
+    assert ax.get_ylabel() == "largest singular value [m, rad per N]"
+
+
 def test_the_plot_compares_like_with_like(design):
     """A price acts in the closed loop only; control does not seem worse for it."""
     plant = design.plant
