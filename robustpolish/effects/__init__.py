@@ -1,6 +1,7 @@
 """The catalogue of physical effects: what a kind is, and one file per kind."""
 
 from robustpolish.effects.along import force_along as force_along
+from robustpolish.effects.along import force_with as force_with
 from robustpolish.effects.along import shapes_along as shapes_along
 from robustpolish.effects.compiled import call_law as call_law
 from robustpolish.effects.compiled import compiled_law as compiled_law

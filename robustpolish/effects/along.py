@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -77,6 +78,24 @@ def force_along(kind: EffectKind, motion: Motion, values: Array) -> Array:
     return _run(law.address, motion.time, q, v, values, start, force, substeps)
 
 
+def force_with(kind: EffectKind, values: Mapping[str, float], motion: Motion) -> Array:
+    """Return the force of a law along a motion, what it asks of its model taken from there.
+
+    Parameters
+    ----------
+    kind : EffectKind
+    values : mapping of str to float
+        Of the parameters by name, in the kind's order.
+    motion : Motion
+
+    Returns
+    -------
+    ndarray, shape (ports, samples)
+    """
+    known = [motion.context.get(name, 0.0) for name in kind.context]
+    return force_along(kind, motion, np.array([*values.values(), *known]))
+
+
 def _substeps(kind: EffectKind, motion: Motion, values: Array) -> int:
     """Return steps per sample that follow the fastest rate of the internal states."""
     rate = 0.0
@@ -146,6 +165,5 @@ def _shape(kind: EffectKind, motion: Motion, choice: tuple[float, ...]) -> Shape
         signals = [kind.on_signal(motion.q[0], motion.time, u) for u in (*units, rest)]
         columns = [(signal - signals[-1])[None] for signal in signals[:-1]]
     else:
-        known = [motion.context.get(name, 0.0) for name in kind.context]
-        columns = [force_along(kind, motion, np.array([*u.values(), *known])) for u in units]
+        columns = [force_with(kind, u, motion) for u in units]
     return Shape(np.stack(columns), values, signs)

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robustpolish.effects import Effect, Motion, force_along, kinds
+from robustpolish.effects import Effect, force_with, kinds
 from robustpolish.identification.observer.missing_force import Smoothed
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.ports import context_of, port_rows
+from robustpolish.models.mechanical.ports import motion_at, port_rows
 
 _SIZES = {
     "coulomb_friction": "force",
@@ -211,9 +211,6 @@ def _damps(effect: Effect) -> bool:
 
 def _power(model: MechanicalModel, effect: Effect, motion: Smoothed, record: Record) -> float:
     """Return what an effect takes from a motion on average, in W."""
-    rows = port_rows(model, effect)
-    context = context_of(model, effect.at, record.dt / 4)
-    along = Motion(record.time, rows @ motion.q, rows @ motion.v, context)
-    values = [*effect.values.values(), *(context[name] for name in effect.definition.context)]
-    force = force_along(effect.definition, along, np.array(values))
+    along = motion_at(model, effect, record.time, motion.q, motion.v, record.dt / 4)
+    force = force_with(effect.definition, effect.values, along)
     return max(-float(np.mean(force * along.v)), 0.0)

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from robustpolish.arrays import Array
-from robustpolish.effects import Motion, force_along
+from robustpolish.effects import force_with
 from robustpolish.identification.observer.kalman import Level, Scales, amplitude_of, scales_of
 from robustpolish.identification.observer.linear_observer import LinearObserver, PortForces
 from robustpolish.identification.observer.run import Runner, Start, StartedPiece, rest
 from robustpolish.identification.record import Record, least_samples
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import (
-    context_of,
     dynamic_effects,
+    motion_at,
     port_matrices,
     port_pairs,
     port_rows,
@@ -74,13 +74,10 @@ def known_forces(
     """Return the forces of a model's effects along a motion."""
     rows, pairs, values = [], [], []
     for _, effect in dynamic_effects(model):
-        here = port_rows(model, effect)
-        context = context_of(model, effect.at, dt / 4)
-        motion = Motion(time, here @ q, here @ v, context)
-        p = [*effect.values.values(), *(context[c] for c in effect.definition.context)]
-        rows.append(here)
+        rows.append(port_rows(model, effect))
         pairs += port_pairs(effect)
-        values.append(force_along(effect.definition, motion, np.array(p)))
+        motion = motion_at(model, effect, time, q, v, dt / 4)
+        values.append(force_with(effect.definition, effect.values, motion))
     if not rows:
         return None
     return PortForces(np.vstack(rows), pairs, np.vstack(values))

@@ -16,12 +16,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from robustpolish.arrays import Array
-from robustpolish.effects import Effect, EffectKind, Motion, Shape, force_along, kinds
+from robustpolish.effects import Effect, EffectKind, Motion, Shape, force_with, kinds
 from robustpolish.identification.fit.prepared import PreparedRecord
-from robustpolish.identification.observer.missing_force import Smoothed
 from robustpolish.identification.screening.candidates import columns_at, rivals
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.ports import context_of, port_rows
+from robustpolish.models.mechanical.ports import motion_at
 
 _STARTS, _EVALUATIONS, _STEP = 3, 30, 1e-4
 """Shapes of screening from which a fit of the force begins, its most runs, and its step."""
@@ -60,8 +59,8 @@ def mimics(model: MechanicalModel, at: int, prepared: PreparedRecord) -> list[Mi
     """
     effect = model.effects[at]
     motion = prepared.motion(model, prepared.screened)
-    here = _along(model, effect, motion, prepared)
-    wanted = _force(effect.definition, here, effect.values)
+    here = motion_at(model, effect, prepared.screened.time, motion.q, motion.v)
+    wanted = force_with(effect.definition, effect.values, here)
     if not wanted.any():
         return []
     bare = replace(model, effects=(*model.effects[:at], *model.effects[at + 1 :]))
@@ -93,19 +92,6 @@ def _others(effect: Effect, here: Motion) -> Iterator[tuple[EffectKind, Mapping[
                 yield kind, turn | given
 
 
-def _along(
-    model: MechanicalModel, effect: Effect, motion: Smoothed, prepared: PreparedRecord
-) -> Motion:
-    rows = port_rows(model, effect)
-    context = context_of(model, effect.at, 0.0)  # along a known motion no step has to be resolved
-    return Motion(prepared.screened.time, rows @ motion.q, rows @ motion.v, context)
-
-
-def _force(kind: EffectKind, here: Motion, values: Mapping[str, float]) -> Array:
-    known = [here.context[name] for name in kind.context]
-    return force_along(kind, here, np.array([*values.values(), *known]))
-
-
 def _begun(
     kind: EffectKind,
     shapes: Sequence[Shape],
@@ -123,7 +109,7 @@ def _begun(
         sizes = np.where(np.array(shape.signs) * sizes < 0, 0.0, sizes)
         if sizes.any():
             values = {**Effect.of(kind, at, shape.values(sizes)).values, **given}
-            left = float(np.sum((_force(kind, here, values) - wanted) ** 2))
+            left = float(np.sum((force_with(kind, values, here) - wanted) ** 2))
             found.append((left, values))
     return [values for _, values in sorted(found, key=lambda pair: pair[0])]
 
@@ -146,7 +132,7 @@ def _fitted(
         return {**values, **dict(zip((p.name for p in numbers), told, strict=True))}
 
     def errors(x: Array) -> Array:
-        off = (_force(kind, here, read(x)) - wanted).ravel() / size
+        off = (force_with(kind, read(x), here) - wanted).ravel() / size
         return np.clip(np.nan_to_num(off, nan=_DIVERGED), -_DIVERGED, _DIVERGED)
 
     # steps of the slopes are shares of x, so that x begins at 1

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustpolish.arrays import Array
-from robustpolish.effects import GROUND, Effect
+from robustpolish.effects import GROUND, Effect, Motion
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.matrices import incidence
 from robustpolish.models.mechanical.parts import FORCE
@@ -118,3 +118,22 @@ def context_of(model: MechanicalData, at: tuple[str, ...], step: float) -> Mappi
             for name, parameter in effect.definition.gives:
                 found[name] = found.get(name, 0.0) + effect.values[parameter]
     return found
+
+
+def motion_at(
+    model: MechanicalData, effect: Effect, time: Array, q: Array, v: Array, step: float = 0.0
+) -> Motion:
+    """Return what an effect sees of a motion at its place.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    effect : Effect
+    time : ndarray, shape (samples,)
+    q, v : ndarray, shape (coordinates, samples)
+        Displacements and velocities of all coordinates.
+    step : float, optional
+        Time step that a law has to resolve; along a known motion it is none.
+    """
+    rows = port_rows(model, effect)
+    return Motion(time, rows @ q, rows @ v, context_of(model, effect.at, step))
