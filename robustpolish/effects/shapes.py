@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 Coefficients = NDArray[np.float64]
 LINE = "line of the force"
@@ -58,8 +59,8 @@ class Scan:
         motion, or powers of these two. ``"per slip"`` is the inverse of a share of the amplitude,
         if that is longer than half a sample's travel: the stiffness of what slips at a unit of
         force. ``"percentile"`` is the displacement at which so many percent of the samples are
-        below, and its mirror image. ``"line of the force"`` is the frequency in Hz of the strongest
-        line of the missing force (0), the second one (1), and so on.
+        below, and its mirror image. ``"line of the force"`` is the frequency in Hz of the line
+        of the missing force that stands out most (0), of the second one (1), and so on.
     shares : tuple of float
     kept : bool
         False for what only rounds a candidate's corners: the effect keeps its default.
@@ -107,13 +108,25 @@ class Scan:
         return [share * size for share in self.shares] if size else []
 
 
+_AROUND = 401
+"""Bins, a quarter of what the record resolves each, over which a spectrum counts as even."""
+_LEAST_AROUND = 1e-6
+"""Share of the largest line below which what is around a line is rounding."""
+
+
 def _lines(motion: Motion, ranks: list[int]) -> list[float]:
-    """Return the frequencies of the strongest lines of the force, refined between the bins."""
+    """Return the frequencies of the most prominent lines of the force, refined between the bins.
+
+    A force that is smoothed from poor sensors drifts: there is more of it at low frequencies than a
+    line has, but spread out.
+    """
     assert motion.force is not None
     force = motion.force[0]
     n = force.size
     spectrum = np.abs(np.fft.rfft((force - force.mean()) * np.hanning(n), 4 * n))
     bins = np.fft.rfftfreq(4 * n, motion.time[1] - motion.time[0])
+    around = median_filter(spectrum, _AROUND, mode="nearest")
+    spectrum /= np.maximum(around, _LEAST_AROUND * spectrum.max(initial=1e-300))
     spectrum[:8] = 0.0
     lines = []
     for _ in range(max(ranks) + 1):

@@ -41,12 +41,21 @@ def test_a_scan_may_follow_powers_of_amplitude_and_speed():
     assert Scan("rate", (-1, 1), (0.5, 1.0)).values(resting) == []
 
 
-def test_a_scan_finds_the_strongest_lines_of_the_force():
+def test_a_scan_finds_the_lines_of_the_force():
     lines = Scan("frequency", "line of the force", (0, 1))
     assert lines.values(MOTION) == []
     force = np.cos(2 * np.pi * 50 * TIME) + 3 * np.cos(2 * np.pi * 120.25 * TIME)
     motion = Motion(TIME, MOTION.q, MOTION.v, force=force[None])
     assert lines.values(motion) == pytest.approx([120.25, 50.0], abs=0.3)
+
+
+def test_a_line_is_what_stands_out_and_not_what_drifts():
+    """A force smoothed from an accelerometer: a wander far larger than the line on it."""
+    drift = np.cumsum(np.random.default_rng(0).standard_normal(TIME.size))
+    force = np.cos(2 * np.pi * 120.25 * TIME) + 10 * (drift - drift.mean()) / drift.std()
+    motion = Motion(TIME, MOTION.q, MOTION.v, force=force[None])
+    found = Scan("frequency", "line of the force", (0,)).values(motion)
+    assert found == pytest.approx([120.25], abs=0.3)
 
 
 def test_a_shape_may_say_where_it_holds():

@@ -76,8 +76,9 @@ def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopef
         seen += [_screened(found, 0, screening) for found in singles]
     taken = {c.place for c in first}
     likely = [c for c in good if c.score > policy.near_best * good[0].score]
-    # a fit tells how far its frequency is from the lines that the motion has by itself
-    outside = [c for c in likeliest if c not in good and stage.model.inputs][:1]
+    # a fit tells how far its frequency is from the lines that the motion has by itself, and in a
+    # decay whether it takes the error away by far
+    outside = [c for c in likeliest if c not in good][:1]
     first += [c for c in _likeliest(likely, policy.most_likely) if c.place not in taken]
     taken = {c.place for c in first}
     further = [c for c in good if c.place not in taken][: policy.most_further] + outside

@@ -81,7 +81,7 @@ def objection(
     effect = after.model.effects[index]
     refused = (
         effect.definition.implausible(effect.values)
-        or line_of_motion(effect, after.model, prepared.record, _line_error(after.fit, index))
+        or _no_line_from_outside(before, after, prepared, index)
         or _within_a_sample(effect, prepared.record)
     )
     if refused:
@@ -143,6 +143,21 @@ def undetermined(fitted: Fit, index: int, policy: Policy, every: bool = False) -
         if not error < policy.determined * abs(size):
             return lead.name
     return None
+
+
+def _no_line_from_outside(
+    before: JudgedFit, after: JudgedFit, prepared: PreparedRecord, index: int
+) -> str | None:
+    """Say whether an effect is a force from outside with a line that the motion has by itself.
+
+    Without inputs a mode may be near a force that is there. What a law of motion does to a decay
+    no line takes away by far.
+    """
+    by_far = np.all(prepared.policy.far * after.error < before.error)
+    if by_far and not after.model.inputs:
+        return None
+    error = _line_error(after.fit, index)
+    return line_of_motion(after.model.effects[index], after.model, prepared.record, error)
 
 
 def _within_a_sample(effect: Effect, record: Record) -> str | None:

@@ -127,6 +127,8 @@ def test_lines_of_the_motion_are_not_refitted(monkeypatch):
         chosen = hopeful(Screening(likely, (), FREE), stage, prepared)
         assert ("harmonic_force" in kinds_of(chosen.first)) == kept
         assert "cubic_stiffness" in kinds_of(chosen.first)
+        # only where nothing else helps
+        assert ("harmonic_force" in kinds_of(chosen.further)) == (not kept)
 
 
 def test_a_missing_spring_is_hopeful():

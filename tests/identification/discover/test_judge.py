@@ -278,3 +278,15 @@ def test_a_decay_has_its_own_line():
         hum = Effect("harmonic_force", "x", {"amplitude": 1.0, "frequency": ratio * own})
         assert bool(line_of_motion(hum, model, record)) == said
     assert line_of_motion(Effect("cubic_stiffness", PLACE), model, record) is None
+
+
+def test_where_it_takes_the_error_away_by_far_a_line_near_a_mode_comes_from_outside():
+    model = oscillator(inputs=[])
+    time = np.arange(2000) / RATE
+    x = 1e-3 * np.exp(-0.5 * time) * np.cos(20 * time)
+    prepared = prepared_of(model, xr.Dataset({"x": ("time", x)}, {"time": time}))
+    own = {"amplitude": 1.0, "frequency": 1.05 * 20 / (2 * np.pi)}
+    for left, refused in ((5.0, True), (3.0, False)):
+        hum = refitted(model, "harmonic_force", "x", own, left)
+        said = objection(judged(model, 10.0), hum.fitted, prepared)
+        assert (said is not None and "by itself" in said) == refused
