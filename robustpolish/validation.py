@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
@@ -257,6 +258,7 @@ def state_space(argument: str, value: Any) -> control.StateSpace:
     instance_of(argument, value, control.StateSpace, "a control.StateSpace", remedy)
     for name in "ABCD":
         M = getattr(value, name)
-        if M.dtype != float or not np.isfinite(M).all():
+        # a sum of squares is finite more quickly than all entries are, but not where it overflows
+        if M.dtype != float or not (math.isfinite(np.vdot(M, M)) or np.isfinite(M).all()):
             matrix(f"{argument}.{name}", M)  # says what is wrong
     return value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import control
@@ -166,24 +166,20 @@ def _rescaled(system: Realisation) -> Realisation:
     if not system.discrete:
         rates[1] = nearest_exponent(typical_rate(M[:n, :n]))
     gains = even_signals(M, n, rows, columns, rates[1])
-    time, gain = _times(system.time, rates), _times(system.gain, gains)
+    time, gain = _times(system.time, rates), _times(system.gain, gains.tolist())
     if time < _LEAST_NORMAL or not rounded_nothing(M, rows, columns, given, LARGEST):
         raise BeyondDoublesError
-    return replace(
-        system,
-        A=M[:n, :n].copy(),
-        B=M[:n, n:].copy(),
-        C=M[n:, :n].copy(),
-        D=M[n:, n:].copy(),
-        time=time,
-        gain=gain,
-    )
+    A, B, C, D = M[:n, :n].copy(), M[:n, n:].copy(), M[n:, :n].copy(), M[n:, n:].copy()
+    return Realisation(A, B, C, D, system.discrete, system.step, time, gain)
 
 
 def _times(value: float, exponents: Iterable[int]) -> float:
     """Multiply by powers of two, one after the other, none of which may leave the doubles."""
     for exponent in exponents:
-        value = float(np.ldexp(value, exponent))
+        try:
+            value = math.ldexp(value, exponent)
+        except OverflowError as error:
+            raise BeyondDoublesError from error
         if not 0 < value < math.inf:
             raise BeyondDoublesError
     return value
@@ -194,9 +190,9 @@ def typical_rate(A: Matrix) -> float:
     if not A.size:
         return 1.0
     factors = _lapack.dgetrf(A)[0]  # silent where A is singular
-    pivots = np.abs(np.diag(factors))
-    if pivots.size and pivots.min() > 1e-6 * pivots.max():  # no eigenvalue is nearly zero
-        return math.exp(np.log(pivots).sum() / pivots.size)
+    pivots = [abs(pivot) for pivot in factors.diagonal().tolist()]
+    if min(pivots) > 1e-6 * max(pivots):  # no eigenvalue is nearly zero
+        return math.exp(sum(map(math.log, pivots)) / len(pivots))
     rates = np.abs(np.linalg.eigvals(A))
     rates = rates[rates > np.finfo(float).eps * size(A)]
     return float(np.exp(np.mean(np.log(rates)))) if rates.size else 1.0

@@ -181,9 +181,10 @@ def hinf_norm(
     if not 1e-12 <= tolerance <= 0.5:
         raise invalid("tolerance", tolerance, "1e-12 to 0.5", "The default is 1e-9.")
     model = realisation("system", system)
-    if model.states <= _ONE_THREAD_ANYWAY:
-        return replace(_norm(model, tolerance, exact), system=system)
-    return replace(same_bits(_norm)(model, tolerance, exact), system=system)
+    norm = _norm if model.states <= _ONE_THREAD_ANYWAY else same_bits(_norm)
+    found = norm(model, tolerance, exact)
+    # by its fields: `replace` would take a fiftieth of the time of a small system
+    return HinfNorm(**{**vars(found), "system": system})
 
 
 def _norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:

@@ -146,8 +146,8 @@ def stability_of(model: Realisation, spectrum: Eigensystem | None = None) -> Sta
     margins = 1 - np.abs(poles) if model.discrete else -poles.real
     worst = int(margins.argmin())
     pole, margin = complex(poles[worst]) * model.time, float(margins[worst]) * model.time
-    clear = np.abs(margins) > errors
-    if clear.all() or (margins < -errors).any():
+    clear = np.count_nonzero(np.abs(margins) > errors)
+    if clear == margins.size or (margins < -errors).any():
         verdict = "stable" if margin > 0 else "unstable"
         return Stability(verdict, pole, margin, False, _sentence(verdict, pole, model.discrete))
     if model.states > COUNTED_STATES:

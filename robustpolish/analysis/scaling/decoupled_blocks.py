@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from robustpolish.arrays import Matrix
 from robustpolish.exact.realisation import Realisation
 from robustpolish.validation import matrix, positive, square
 
@@ -117,9 +118,11 @@ def parts_with_indices(model: Realisation) -> list[tuple[Realisation, tuple[int,
 
 def _is_one_part(model: Realisation) -> bool:
     """Say, sooner than by components, whether all states are coupled and no signal is idle."""
-    if not (model.B.any(axis=0).all() and model.C.any(axis=1).all()):
+    if not (_full(model.B) or model.B.any(axis=0).all()):
         return False
-    if model.states and model.A.all():
+    if not (_full(model.C) or model.C.any(axis=1).all()):
+        return False
+    if model.states and _full(model.A):
         return True
     joined = model.A != 0
     reached = np.zeros(model.states, bool)
@@ -129,6 +132,11 @@ def _is_one_part(model: Realisation) -> bool:
         count = found
         reached |= joined[reached].any(axis=0) | joined[:, reached].any(axis=1)
     return 0 < model.states == count
+
+
+def _full(M: Matrix) -> bool:
+    """Say whether no entry is zero, quicker than `all` does."""
+    return np.count_nonzero(M) == M.size
 
 
 def _part(model: Realisation, block: Block) -> Realisation:

@@ -86,6 +86,40 @@ def signals(X, right, B, C):  # type: ignore[no-untyped-def]  # compiled
 
 
 @njit(cache=True, error_model="numpy")
+def products(b, c, b_error, c_error, outward):  # type: ignore[no-untyped-def]  # compiled
+    """Return what each mode carries from the inputs to the outputs, with bounds.
+
+    Parameters
+    ----------
+    b, c : ndarray of complex, shapes (n, m) and (p, n)
+    b_error, c_error : ndarray, shape (n,)
+        Of the rows of b and of the columns of c.
+    outward : float
+        What the bounds are multiplied by, as their own sums are rounded.
+
+    Returns
+    -------
+    residues : ndarray of complex, shape (n, p * m)
+    shown, moved : ndarray, shape (n,)
+        Norms of the columns of c and of the rows of b.
+    bounds : ndarray, shape (3, n)
+        Of these two, errors included, and of what the errors make of each residue.
+    """
+    n, m, p = b.shape[0], b.shape[1], c.shape[0]
+    residues, bounds = np.empty((n, p * m), np.complex128), np.empty((3, n))
+    shown, moved = np.empty(n), np.empty(n)
+    for k in range(n):
+        shown[k], moved[k] = _size(c[:, k : k + 1]), _size(b[k : k + 1])
+        for i in range(p):
+            for j in range(m):
+                residues[k, i * m + j] = c[i, k] * b[k, j]
+        bounds[0, k] = (shown[k] + c_error[k]) * outward
+        bounds[1, k] = (moved[k] + b_error[k]) * outward
+        bounds[2, k] = (shown[k] * b_error[k] + c_error[k] * (moved[k] + b_error[k])) * outward
+    return residues, shown, moved, bounds
+
+
+@njit(cache=True, error_model="numpy")
 def _size(M):  # type: ignore[no-untyped-def]  # compiled
     square = 0.0
     for i in range(M.shape[0]):

@@ -187,10 +187,13 @@ def _on_the_axis(
     seen: tuple[AnyArray, Vector],
     D: AnyArray,
 ) -> ModalForm | None:
+    from robustpolish.analysis.norms.modal.inverse import products
+
     (b, b_error), (c, c_error) = reached, seen
     n = values.size
-    shown, moved = _lengths(c.T), _lengths(b)
-    residues = c.T[:, :, None] * b[:, None, :]
+    residues, shown, moved, bounds = products(
+        np.ascontiguousarray(b), np.ascontiguousarray(c), b_error, c_error, _OUTWARD
+    )
     direct, D_error = D.astype(complex), 0.0
     if discrete:
         size = np.abs(values)
@@ -203,9 +206,9 @@ def _on_the_axis(
         if not np.isfinite(poles).all():
             return None
         stretch = np.abs(factor).astype(float)
-        direct = direct - np.tensordot(factor.astype(complex), residues, 1)
+        direct = direct - (factor.astype(complex) @ residues).reshape(D.shape)
         D_error = 8 * (n + 8) * EPS * float((shown * moved * stretch).sum() + np.linalg.norm(D))
-        residues = residues * (2 * factor**2).astype(complex)[:, None, None]
+        residues = residues * (2 * factor**2).astype(complex)[:, None]
         sizes = 2 * shown * moved * stretch**2
         imag = poles.imag
     else:
@@ -214,21 +217,14 @@ def _on_the_axis(
     return ModalForm(
         real.astype(float),
         imag,
-        residues.reshape(n, -1),
+        residues,
         sizes * _OUTWARD,
         direct,
         D_error,
         coupling,
         rows,
-        (shown + c_error) * _OUTWARD,
-        (moved + b_error) * _OUTWARD,
-        (shown * b_error + c_error * (moved + b_error)) * _OUTWARD,
+        *bounds,
         stretch * _OUTWARD,
         discrete,
         stable,
     )
-
-
-def _lengths(rows: AnyArray) -> Vector:
-    """Return the lengths of complex rows."""
-    return np.sqrt(np.einsum("ij,ij->i", rows, rows.conj()).real)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -47,7 +48,7 @@ class Modes(NamedTuple):
 
 def modes_of(form: ModalForm) -> Modes:
     """Lay the arrays of a modal form out."""
-    high = form.imag.astype(float)
+    high, D = form.imag.astype(float), np.ascontiguousarray(form.D)
     return Modes(
         form.real,
         high,
@@ -60,8 +61,8 @@ def modes_of(form: ModalForm) -> Modes:
         form.signal_errors,
         form.stretch,
         np.ascontiguousarray(form.coupling.reshape(-1, form.states)),
-        np.ascontiguousarray(form.D),
-        float(np.linalg.norm(form.D)),
+        D,
+        math.sqrt(np.vdot(D, D).real),
         form.D_error,
         form.discrete,
     )
