@@ -102,11 +102,13 @@ def _against(
 
 
 def above(design: rp.Design) -> str:
-    """Say how far a norm lies above what no controller falls below."""
-    if not design.lower_bound:
+    """Say how far a norm lies above what no controller falls below, as far as that is known."""
+    known, estimate = design.lower_bound, design.details["estimated_infimum"]
+    if not (known or estimate):
         return "no lower bound"
-    above = design.certificate.achieved / design.lower_bound - 1
-    return f"{max(above, 0.0):.1%} above the lower bound"
+    above = design.certificate.achieved / (known or estimate) - 1
+    what = "the lower bound" if known else "the infimum as doubles estimate it"
+    return f"{max(above, 0.0):.1%} above {what}"
 
 
 def certified(norm: Norm, design: rp.Design) -> Row:

@@ -86,6 +86,11 @@ def test_calls_are_timed_here_and_in_a_process_that_ends():
 def test_growth_tells_the_gap_to_the_bound_and_what_a_certificate_takes():
     design = rp.output_feedback(flexible_structure(2), "h2")
     assert above(design) == "0.0% above the lower bound"
+    # more states than a bound is proven for
+    large = rp.output_feedback(flexible_structure(11), "hinf")
+    assert large.lower_bound is None
+    assert 0 < large.details["estimated_infimum"] <= large.certificate.achieved
+    assert above(large).endswith("% above the infimum as doubles estimate it")
     states = design.certificate.poles.size
     for norm, peer in (("hinf", "AB13DD"), ("h2", "AB13BD")):
         row = certified(norm, design)

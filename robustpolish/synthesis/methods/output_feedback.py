@@ -132,8 +132,9 @@ def output_feedback(
         "infimum_not_attained" if ever larger gains were still improving it; "time_limit" if
         the safety net was reached; "suboptimal" otherwise. ``details`` hold the ``diagnosis``,
         the ``claim`` of the method, which may be false, the ``work`` done in steps, the range
-        that ``gamma`` asked for, and per part the states (``parts``) and norms
-        (``part_norms``). Its plant includes price and noise.
+        that ``gamma`` asked for, per part the states (``parts``) and norms (``part_norms``),
+        and an ``estimated_infimum`` where no bound is known: of doubles, and no bound. Its plant
+        includes price and noise.
 
     Raises
     ------
@@ -222,6 +223,7 @@ def output_feedback(
         idle = _idle_norms(parts, chosen, norm)
         certificate = _certificate(plant, parts, controller, norm, chosen, idle)
     done = [c for c in chosen if c is not None]
+    known = _is_known(done)
     bound = _joined([*(c.bound.value if c.bound else 0.0 for c in done), *idle], norm)
     _keep(wanted, certificate, bound, done)
     status = _overall(done, certificate, bound, tolerance, budget)
@@ -253,9 +255,10 @@ def output_feedback(
                 "gamma": (wanted.enough, wanted.below) if wanted.asks else None,
                 "claim": _joined([c.claim for c in done], norm),
                 "work": budget.spent,
+                "estimated_infimum": None if known or not bound else bound,
             }
         ),
-        lower_bound=bound if _is_known(done) else None,
+        lower_bound=bound if known else None,
     )
 
 
