@@ -13,6 +13,9 @@ from robustpolish.arrays import Array
 from robustpolish.compiling import njit
 from robustpolish.validation import described, invalid, matrix, state_space
 
+_BLOCK = 2048
+"""Samples after which memory is used again: what stays in the cache of a core is not waited for."""
+
 
 class Response(NamedTuple):
     """Outputs, shape (samples, p), and states, shape (samples, n), at the sampling times."""
@@ -89,13 +92,21 @@ def linear_response(
                 f"the system's sampling time, {system.dt:.6g} s",
                 "Resample the signals to it.",
             )
-        states = _recursion(np.ascontiguousarray(A.T), u @ B.T, x0)
+        transition, now, later = A, B, None
     else:
         transition, now, later = first_order_hold(A, B, step)
-        drive = np.zeros((t.size, n))
-        drive[:-1] = u[:-1] @ now.T + u[1:] @ later.T
-        states = _recursion(np.ascontiguousarray(transition.T), drive, x0)
-    return Response(states @ C.T + u @ D.T, states)
+    transition_T, samples = np.ascontiguousarray(transition.T), t.size
+    states, outputs = np.empty((samples, n)), np.empty((samples, C.shape[0]))
+    states[:1] = x0
+    for begin in range(0, samples, _BLOCK):
+        end = min(begin + _BLOCK, samples)
+        last = min(end, samples - 1)  # no step leads beyond the last sample
+        drive = u[begin:last] @ now.T
+        if later is not None:
+            drive += u[begin + 1 : last + 1] @ later.T
+        _recursion(transition_T, drive, states[begin : last + 1])
+        outputs[begin:end] = states[begin:end] @ C.T + u[begin:end] @ D.T
+    return Response(outputs, states)
 
 
 def first_order_hold(A: Array, B: Array, step: float) -> tuple[Array, Array, Array]:
@@ -152,16 +163,16 @@ def uniform_step(t: Array) -> float:
 
 
 @njit(cache=True)
-def _recursion(transition_T: Array, drive: Array, x0: Array) -> Array:
-    """x[k+1] = transition x[k] + drive[k], with the transition transposed for quick access."""
-    samples, n = drive.shape
-    states = np.empty((samples, n))
-    states[0] = x0
-    for k in range(samples - 1):
+def _recursion(transition_T: Array, drive: Array, states: Array) -> None:
+    """x[k+1] = transition x[k] + drive[k] from the first row of states on.
+
+    The transition is transposed for quick access.
+    """
+    n = states.shape[1]
+    for k in range(drive.shape[0]):
         for i in range(n):
             states[k + 1, i] = drive[k, i]
         for j in range(n):
             x = states[k, j]
             for i in range(n):
                 states[k + 1, i] += transition_T[j, i] * x
-    return states

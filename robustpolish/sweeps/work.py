@@ -12,7 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.sweeps.chunk import SECONDS, Done, Job, end_with_parent, run_chunk
+from robustpolish.sweeps.chunk import SECONDS, Done, Job, begin, run_chunk
 from robustpolish.sweeps.outcome import Outcome
 from robustpolish.validation import described, invalid
 
@@ -124,7 +124,7 @@ def _pool(workers: int) -> ProcessPoolExecutor:
     context = multiprocessing.get_context(kind)
     if kind == "forkserver":
         context.set_forkserver_preload(_PRELOADED)
-    return ProcessPoolExecutor(workers, context, end_with_parent)
+    return ProcessPoolExecutor(workers, context, begin)
 
 
 def _check_start(pool: ProcessPoolExecutor) -> None:
