@@ -328,8 +328,9 @@ class _Bar:
             return
         form = None if self._total else "{desc} {elapsed}{postfix}"
         bar: Any = self._make(
-            total=self._total, desc=self._what, bar_format=form, leave=False, file=self._file
-        )
+            total=self._total, desc=self._what, bar_format=form, leave=False, file=self._file,
+            **_size_if_unknown(self._file),
+        )  # fmt: skip
         bar.start_t -= PATIENCE  # the time that is shown is that of the work
         while True:
             if self._total:
@@ -338,6 +339,18 @@ class _Bar:
             if self._over.wait(_REFRESH):
                 break
         bar.close()
+
+
+def _size_if_unknown(file: Any) -> dict[str, int]:
+    """Return the usual size for a terminal that says it has none, as some serial lines do.
+
+    The bar would take it at its word and stay away; any other size it finds by itself.
+    """
+    try:
+        size = os.get_terminal_size(file.fileno())
+    except (AttributeError, OSError, ValueError):
+        return {}  # no terminal
+    return {} if all(size) else {"ncols": 80, "nrows": 24}
 
 
 class _NotebookLine:

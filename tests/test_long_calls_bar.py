@@ -1,6 +1,7 @@
 """Bars appear for people only, and only when they have waited for a while."""
 
 import io
+import os
 import sys
 import time
 
@@ -123,3 +124,21 @@ def test_a_bar_in_a_notebook_leaves_no_red_strip(monkeypatch):
     (output,) = notebook.cells[0].outputs
     assert output.output_type == "display_data"  # not standard error, which is shown in red
     assert set(output.data.values()) == {""}
+
+
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="terminals of POSIX")
+def test_a_terminal_without_a_size_shows_a_bar(monkeypatch):
+    """A new pseudo-terminal has no rows and columns until somebody says how many."""
+    ours, theirs = os.openpty()
+    os.set_blocking(ours, False)
+    monkeypatch.setattr(long_calls, "PATIENCE", 0.05)
+    monkeypatch.delenv("TQDM_DISABLE", raising=False)
+    with open(theirs, "w", encoding="utf-8") as stream:
+        assert os.get_terminal_size(stream.fileno()).columns == 0
+        monkeypatch.setattr(sys, "stderr", stream)
+        with long_calls.working("Waiting", total=3) as tell:
+            tell("")
+            time.sleep(0.8)
+        shown = os.read(ours, 10_000).decode()
+    os.close(ours)
+    assert "Waiting" in shown
