@@ -289,6 +289,8 @@ class EffectKind:
         Of dry friction: the parameter that is the speed over which it turns over. Where the step of
         a run cannot resolve that, bodies rest until the force gives way, see
         ``simulation/dry_friction.py``. Needs the context ``"mobility"``.
+    swinging : callable, optional
+        Of what swings by itself: the values with a mass in kg at a frequency in Hz, lightly damped.
     looks_like, checks, references
         What it does to the residual, what to check on the machine, sources.
     """
@@ -316,6 +318,7 @@ class EffectKind:
     family: str = ""
     sharp: bool = False
     turns_over: str = ""
+    swinging: Callable[[float, float], Values] | None = None
     looks_like: str = ""
     checks: tuple[str, ...] = ()
     references: tuple[str, ...] = ()

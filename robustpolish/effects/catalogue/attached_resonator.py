@@ -7,9 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.effects.along import force_along
+from robustpolish.effects.along import force_with
 from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.shapes import Motion, Shape
+from robustpolish.effects.shapes import LINE, Motion, Scan, Shape
+
+_LINES = Scan("frequency", LINE, (0, 1))
+_DAMPING = 0.04
+"""Damping ratio that is tried first."""
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
@@ -21,33 +25,40 @@ def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by N
 
 
 def _shapes(motion: Motion) -> list[Shape]:
+    """Try frequencies from where displacements begin to where velocities end, and the lines.
+
+    A mass pulls by its acceleration: what is slow for the displacement may be quick for it.
+    """
     dt = motion.time[1] - motion.time[0]
-    spectrum = np.cumsum(np.abs(np.fft.rfft(motion.q[0] - motion.q[0].mean())) ** 2)
-    if spectrum[-1] == 0.0:
+    if not motion.q[0].any():
         return []
-    bins = np.fft.rfftfreq(motion.q.shape[1], dt)
-    lowest = bins[np.searchsorted(spectrum, 0.01 * spectrum[-1])]
-    highest = bins[np.searchsorted(spectrum, 0.99 * spectrum[-1])]
-    low = max(0.5 * lowest, 3 * bins[1])
-    high = min(2.0 * highest, 0.15 / dt)
+    first = 3 / (motion.q.shape[1] * dt)
+    low = max(0.5 * _frequency_below(motion.q[0], 0.01, dt), first)
+    high = min(2.0 * _frequency_below(motion.v[0], 0.99, dt), 0.15 / dt)
     if high <= low:
         return []
     count = int(np.clip(np.log(high / low) / 0.06, 4, 60))
-    return [_at(motion, frequency) for frequency in np.geomspace(low, high, count)]
+    lines = [f for f in _LINES.values(motion) if first < f < 0.15 / dt]
+    return [_at(motion, frequency) for frequency in (*np.geomspace(low, high, count), *lines)]
+
+
+def _frequency_below(signal: NDArray[np.float64], share: float, dt: float) -> float:
+    """Return the frequency below which a share of a signal's power lies, in Hz."""
+    power = np.cumsum(np.abs(np.fft.rfft(signal - signal.mean())) ** 2)
+    bins = np.fft.rfftfreq(signal.size, dt)
+    return float(bins[np.searchsorted(power, share * power[-1])]) if power[-1] > 0 else 0.0
 
 
 def _at(motion: Motion, frequency: float) -> Shape:
     """Return the pull of a mass, and its derivative, which moves frequency and damping."""
+    column = force_with(KIND, _swinging(1.0, frequency), motion)
+    turned = np.gradient(column[0], motion.time[1] - motion.time[0])[None] / (2 * np.pi * frequency)
+    return Shape(np.stack([column, turned]), lambda c: _swinging(c[0], frequency), (1, 0), _near)
+
+
+def _swinging(mass: float, frequency: float) -> Mapping[str, float]:
     omega = 2 * np.pi * frequency
-    zeta = 0.04
-    column = force_along(KIND, motion, np.array([1.0, omega**2, 2 * zeta * omega]))
-    turned = np.gradient(column[0], motion.time[1] - motion.time[0])[None] / omega
-
-    def values(c: NDArray[np.float64]) -> Mapping[str, float]:
-        mass = float(c[0])
-        return {"mass": mass, "stiffness": mass * omega**2, "damping": 2 * zeta * omega * mass}
-
-    return Shape(np.stack([column, turned]), values, (1, 0), _near)
+    return {"mass": mass, "stiffness": mass * omega**2, "damping": 2 * _DAMPING * omega * mass}
 
 
 def _near(c: NDArray[np.float64]) -> bool:
@@ -77,6 +88,7 @@ KIND = EffectKind(
     gains=_gains,
     state_sizes=_state_sizes,
     states=2,
+    swinging=_swinging,
     looks_like="One narrow band of the residual, with a resonance and a notch beside it in the "
     "frequency response.",
     checks=(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
-from robustpolish.effects import Effect
+from robustpolish.effects import Effect, kinds
 from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of
 from robustpolish.identification.discover.judge import (
     chosen,
@@ -16,10 +17,14 @@ from robustpolish.identification.discover.judge import (
 from robustpolish.identification.discover.passed_over import passed_over
 from robustpolish.identification.discover.reconsider import rounded_friction
 from robustpolish.identification.discover.search import RefittedEffect, Search, Turn
+from robustpolish.identification.fit.homotopy import left_by
 from robustpolish.identification.screening.candidates import places
 from robustpolish.identification.screening.filtered import null_score
 from robustpolish.identification.screening.screen import ScreenedEffect, screen
 from robustpolish.models.mechanical import MechanicalModel
+
+_MOST_LINES, _LIGHT = 2, 0.05
+"""Lines at which something may swing, and the share of the mass that it hangs on to begin with."""
 
 
 def add_one(search: Search) -> bool:
@@ -83,6 +88,10 @@ def _instead(
         return []
     effect, policy, prepared = earned[0].effect, search.policy, search.prepared
     candidates = found.elsewhere(effect, policy.near_error)[: policy.most_elsewhere]
+    if effect.definition.domain == "dof" and effect.definition.states:
+        # what hangs there and hardly loses energy pulls as a force from outside does
+        lines = [c for c in search.screening.candidates if c.effect.definition.line]
+        candidates += [c for c in lines if c.effect.at == effect.at]
     # within a family less than a visible fall tells kinds apart, if anything but noise is left
     if effect.definition.family and more_than_noise(earned[0].fitted, search):
         candidates += rivals_of(effect, search.stage.fit, prepared, search.screening)
@@ -113,7 +122,40 @@ def _refits(search: Search, start: MechanicalModel, found: Hopeful) -> list[Refi
         fitted = search.fitted_with(start, candidate.effect)
         if fitted is not None:
             refits.append(RefittedEffect(candidate, fitted))
-    return refits + _moved(refits, start, search)
+    return _at_lines([*refits, *_moved(refits, start, search)], start, search)
+
+
+def _at_lines(
+    refits: list[RefittedEffect], start: MechanicalModel, search: Search
+) -> list[RefittedEffect]:
+    """Refit what swings by itself at the lines of the missing force too, if nothing else helps.
+
+    It pulls most at the frequency of its own, but a motion that is smoothed without it lacks its
+    notch there, so that screening may prefer a slow and heavy one.
+    """
+    assert search.screening is not None
+    if any(not objection(search.stage, r.fitted, search.prepared) for r in refits):
+        return refits
+    lines = [c for c in search.screening.candidates if c.effect.definition.line]
+    swinging = [kind for kind in kinds().values() if kind.swinging is not None]
+    masses = {dof.name: dof.mass for dof in start.dofs if dof.mass > 0}
+    found = {item.screened.place: item for item in refits}
+    for kind, line in itertools.product(swinging, lines[:_MOST_LINES]):
+        at, named = line.effect.at, line.effect.definition.line
+        assert kind.swinging is not None
+        assert named is not None
+        frequency = line.effect.values[named]
+        if (kind.kind, at) in search.barred or at[0] not in masses or frequency <= 0:
+            continue
+        effect = Effect.of(kind, at, kind.swinging(_LIGHT * masses[at[0]], frequency))
+        search.say(f"refit with {effect} at {frequency:.3g} Hz")
+        fitted = search.fitted_with(start, effect)
+        before = found.get((kind.kind, at))
+        if fitted is None:
+            continue
+        if before is None or left_by(fitted, [before.fitted]) < left_by(before.fitted, [fitted]):
+            found[kind.kind, at] = RefittedEffect(ScreenedEffect(effect, 0.0, 0.0), fitted)
+    return list(found.values())
 
 
 def _preloads(

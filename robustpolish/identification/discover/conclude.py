@@ -231,10 +231,21 @@ def _diagnosis(
         sites=tuple(force_sites(reference)[1]),
         parameters={k: Value(numbers[k], e, unit_of(model, k)) for k, e in deviations.items()},
         covariance=covariance,
-        reasons=(*search.reasons, *verdict.reasons),
+        reasons=(*search.reasons, *_left_open(final, added, search), *verdict.reasons),
         reproducible=calm,
         time=record.axis,
     )
+
+
+def _left_open(final: Fit, added: Sequence[int], search: Search) -> list[str]:
+    """Say of which effects the first number is not determined, though they are there."""
+    leads = {i: undetermined(final, i, search.policy) for i in added}
+    effects = final.model.effects
+    return [
+        f"{effects[i]} is there, but the data leave its {lead} open."
+        for i, lead in leads.items()
+        if lead
+    ]
 
 
 def _whole_error(model: MechanicalModel, search: Search, calm: bool) -> Array:

@@ -11,7 +11,7 @@ from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.findings.confused import confused
-from robustpolish.identification.fit.homotopy import JudgedFit, left_by
+from robustpolish.identification.fit.homotopy import JudgedFit, left_by, rms_over
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import connected
 from robustpolish.identification.fit.prepared import PreparedRecord
@@ -67,15 +67,16 @@ def objection(
         Without and with it.
     prepared : PreparedRecord
     place : int, optional
-        Where it stands among the effects of the model; it is the last one by default.
+        Where it stands among the effects of the model; by default it is the last one, which has
+        just come. Beside others that take the error away, only its own numbers speak for one.
     """
     policy = prepared.policy
-    fall = visible_falls(before, after, policy)
+    fall = visible_falls(before, after, prepared)
     if fall is None:
         most = max(float(np.max(falls(before, after))), 0)
         return f"the held-out error falls by {100 * most:.0f} % only"
     # likelihoods add up: an output that sees nothing of an effect says nothing against it
-    if np.sum(np.log(1 - fall)) > np.log(1 - policy.together):
+    if _log_left(fall) > np.log(1 - policy.together):
         return "one output gains what another loses"
     index = place % len(after.model.effects)
     effect = after.model.effects[index]
@@ -87,7 +88,16 @@ def objection(
     if refused:
         return refused
     lead = undetermined(after.fit, index, policy)
-    return f"its {lead} is not determined" if lead else None
+    # what takes the error away by far is there, though its numbers may stand for each other
+    several = sum(p.fitted for p in effect.definition.parameters) > 1
+    if lead and not (several and place == -1 and _by_far(before, after, policy)):
+        return f"its {lead} is not determined"
+    return None
+
+
+def _by_far(before: JudgedFit, after: JudgedFit, policy: Policy) -> bool:
+    """Return whether each held-out error falls by so much that no noise is involved."""
+    return bool(np.all(policy.far * after.error < before.error))
 
 
 def falls(before: JudgedFit, after: JudgedFit) -> Array:
@@ -97,31 +107,51 @@ def falls(before: JudgedFit, after: JudgedFit) -> Array:
     return 1 - after.short / before.short
 
 
-def visible_falls(before: JudgedFit, after: JudgedFit, policy: Policy) -> Array | None:
+def visible_falls(before: JudgedFit, after: JudgedFit, prepared: PreparedRecord) -> Array | None:
     """Return the share by which each error falls, None if none falls visibly.
 
     The held-out blocks may be the quieter part of a record. Where their errors fall at least half
-    as much as they should, those of the blocks that were fitted to count too; where they are far
-    below those and do not rise, an effect hardly acts there, and the fitted blocks judge it: their
-    errors have to fall by far.
+    as much as they should, those of the blocks that were fitted to count too; where they are below
+    those and do not rise, an effect hardly acts there, and the fitted blocks judge it: their errors
+    have to fall by far.
     """
-    fall = falls(before, after)
+    fall, policy = falls(before, after), prepared.policy
     held_out = float(np.max(fall))
     if _visible(fall, policy):
         return fall
-    if len(before.fit.pieces) != len(after.fit.pieces):
-        return None
-    fitted = 1 - after.fit.rmse / before.fit.rmse
+    loud, left = _fitted_errors(before, after, prepared)
+    fitted = 1 - left / loud
     if held_out >= policy.together:
         return fall if _visible(fitted, policy) else None
-    quiet = np.all(policy.far * before.error < before.fit.rmse) and np.min(fall) > -policy.together
+    quieter = loud / before.error
+    quiet = np.all(quieter > policy.far) and np.min(fall) > -policy.together
+    # not much quieter, and yet at the noise: there nothing may be lost at all
+    quiet = quiet or (np.all(quieter > policy.at_floor) and np.min(fall) >= 0)
     return fitted if quiet and np.max(fitted) > 1 - 1 / policy.far else None
+
+
+def _fitted_errors(
+    before: JudgedFit, after: JudgedFit, prepared: PreparedRecord
+) -> tuple[Array, Array]:
+    """Return the errors of two fits on the blocks that were fitted, over the same windows."""
+    if len(before.fit.pieces) == len(after.fit.pieces):
+        return before.fit.rmse, after.fit.rmse
+    if not (before.reproducible and after.reproducible):
+        return before.fit.rmse, before.fit.rmse  # nothing is known of long runs
+    loud, left = (rms_over(fit.model, prepared, prepared.trial) for fit in (before, after))
+    return loud, left
 
 
 def _visible(fall: Array, policy: Policy) -> bool:
     """Return whether an error falls visibly, or several of them do together."""
-    product = -float(np.sum(np.log(1 - fall)))
-    return bool(np.max(fall) >= policy.visible_fall or product >= -np.log(1 - policy.visible_fall))
+    together = _log_left(fall) <= np.log(1 - policy.visible_fall)
+    return bool(np.max(fall) >= policy.visible_fall or together)
+
+
+def _log_left(fall: Array) -> float:
+    """Return the log of what is left of the product of all errors."""
+    with np.errstate(divide="ignore"):  # an infinite error falls by all of it
+        return float(np.sum(np.log(1 - fall)))
 
 
 def undetermined(fitted: Fit, index: int, policy: Policy, every: bool = False) -> str | None:
@@ -153,8 +183,7 @@ def _no_line_from_outside(
     Without inputs a mode may be near a force that is there. What a law of motion does to a decay
     no line takes away by far.
     """
-    by_far = np.all(prepared.policy.far * after.error < before.error)
-    if by_far and not after.model.inputs:
+    if _by_far(before, after, prepared.policy) and not after.model.inputs:
         return None
     error = _line_error(after.fit, index)
     return line_of_motion(after.model.effects[index], after.model, prepared.record, error)
