@@ -133,8 +133,8 @@ def _at_lines(
     It pulls most at the frequency of its own, but a motion that is smoothed without it lacks its
     notch there, so that screening may prefer a slow and heavy one.
     """
-    assert search.screening is not None
-    if any(not objection(search.stage, r.fitted, search.prepared) for r in refits):
+    helped = any(not objection(search.stage, r.fitted, search.prepared) for r in refits)
+    if helped or search.screening is None:
         return refits
     lines = [c for c in search.screening.candidates if c.effect.definition.line]
     swinging = [kind for kind in kinds().values() if kind.swinging is not None]

@@ -111,22 +111,18 @@ def visible_falls(before: JudgedFit, after: JudgedFit, prepared: PreparedRecord)
     """Return the share by which each error falls, None if none falls visibly.
 
     The held-out blocks may be the quieter part of a record. Where their errors fall at least half
-    as much as they should, those of the blocks that were fitted to count too; where they are below
-    those and do not rise, an effect hardly acts there, and the fitted blocks judge it: their errors
-    have to fall by far.
+    as much as they should, those of the blocks that were fitted to count too; where they are far
+    below those and do not rise, an effect hardly acts there, and the fitted blocks judge it: their
+    errors have to fall by far.
     """
     fall, policy = falls(before, after), prepared.policy
-    held_out = float(np.max(fall))
-    if _visible(fall, policy):
+    if _visible(fall, policy.visible_fall):
         return fall
     loud, left = _fitted_errors(before, after, prepared)
     fitted = 1 - left / loud
-    if held_out >= policy.together:
-        return fall if _visible(fitted, policy) else None
-    quieter = loud / before.error
-    quiet = np.all(quieter > policy.far) and np.min(fall) > -policy.together
-    # not much quieter, and yet at the noise: there nothing may be lost at all
-    quiet = quiet or (np.all(quieter > policy.at_floor) and np.min(fall) >= 0)
+    if _visible(fall, policy.together):
+        return fall if _visible(fitted, policy.visible_fall) else None
+    quiet = np.all(policy.far * before.error < loud) and np.min(fall) > -policy.together
     return fitted if quiet and np.max(fitted) > 1 - 1 / policy.far else None
 
 
@@ -142,10 +138,9 @@ def _fitted_errors(
     return loud, left
 
 
-def _visible(fall: Array, policy: Policy) -> bool:
-    """Return whether an error falls visibly, or several of them do together."""
-    together = _log_left(fall) <= np.log(1 - policy.visible_fall)
-    return bool(np.max(fall) >= policy.visible_fall or together)
+def _visible(fall: Array, least: float) -> bool:
+    """Return whether an error falls by at least a share, or several of them do together."""
+    return bool(np.max(fall) >= least or _log_left(fall) <= np.log(1 - least))
 
 
 def _log_left(fall: Array) -> float:

@@ -2,13 +2,15 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.add_one import _moved, _refits, add_one
+from robustpolish.identification.discover.add_one import _at_lines, _moved, _refits, add_one
 from robustpolish.identification.discover.hopeful import Hopeful
 from robustpolish.identification.discover.search import RefittedEffect
-from robustpolish.identification.screening.screen import ScreenedEffect
+from robustpolish.identification.observer.kalman import FREE
+from robustpolish.identification.screening.screen import ScreenedEffect, Screening
 from tests.hidden_effects.cases import Case, model_of, one, records, two
 from tests.identification.discover.searches import judged, search_of
 
@@ -101,3 +103,16 @@ def test_what_swings_by_itself_is_tried_at_all_places():
     mass = found.fitted.model.effects[-1].values["mass"]
     assert mass == pytest.approx(0.1, rel=0.1)
     assert all(found.fitted.error < fitted.error)
+
+
+def test_what_swings_by_itself_is_tried_at_the_lines_of_the_force():
+    """Screening has not named it: a slow and heavy mass seemed to explain more."""
+    at, values = ("x",), [0.1, 0.1 * 60.0**2, 0.3]
+    case = Case("hanging", two(), [("attached_resonator", at, values)], drive=8.0, samples=1500)
+    search = search_of(model_of(case), records(case)[0][0])
+    line = Effect("harmonic_force", at, {"amplitude": 1.0, "frequency": 62.0 / (2 * np.pi)})
+    search.screening = Screening((ScreenedEffect(line, 100.0, 0.1),), (), FREE)
+    (found,) = _at_lines([], search.stage.model, search)
+    assert (found.effect.kind, found.effect.at) == ("attached_resonator", at)
+    assert found.fitted.model.effects[-1].values["mass"] == pytest.approx(0.1, rel=0.1)
+    assert _at_lines([found], search.stage.model, search) == [found]  # it helps: no more is tried

@@ -89,6 +89,25 @@ def test_where_what_is_held_out_is_far_quieter_the_fitted_blocks_judge(
     assert objection(sized(before, 2.5), sized(after, 0.5), search.prepared) is not None
 
 
+def test_several_outputs_may_fall_by_half_of_that_together(search):
+    """The fitted blocks count where held-out errors fall by a tenth in all, none of them alone."""
+    before, after = judged(MODEL, [10.0, 10.0, 10.0]), cubic([9.1, 9.3, 9.9]).fitted
+    loud = sized(before, 20.0)
+    assert objection(loud, sized(after, 5.0), search.prepared) is None
+    assert objection(loud, sized(after, 18.0), search.prepared) is not None
+    less = cubic([9.7, 9.8, 9.9]).fitted
+    assert objection(loud, sized(less, 5.0), search.prepared) is not None
+
+
+def test_numbers_that_stand_for_each_other_keep_nothing_out_that_takes_the_error_away(search):
+    """Of a mass that hangs somewhere a free decay tells the frequency, and hardly the mass."""
+    loops = {"force": 1.0, "stiffness": 5.0, "exponent": 1.0}
+    for left, refused in ((4.0, True), (2.0, False)):
+        vague = refitted(MODEL, "bouc_wen_hysteresis", PLACE, loops, left, share=0.7)
+        said = objection(judged(MODEL, 10.0), vague.fitted, search.prepared)
+        assert (said is not None) == refused
+
+
 def sized(found, rms):
     """The same with another error where it was fitted."""
     errors = found.fit.errors * rms / found.fit.rmse
