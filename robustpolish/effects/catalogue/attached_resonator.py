@@ -53,7 +53,11 @@ def _at(motion: Motion, frequency: float) -> Shape:
     """Return the pull of a mass, and its derivative, which moves frequency and damping."""
     column = force_with(KIND, _swinging(1.0, frequency), motion)
     turned = np.gradient(column[0], motion.time[1] - motion.time[0])[None] / (2 * np.pi * frequency)
-    return Shape(np.stack([column, turned]), lambda c: _swinging(c[0], frequency), (1, 0), _near)
+
+    def values(c: NDArray[np.float64]) -> Mapping[str, float]:
+        return _swinging(float(c[0]), frequency)
+
+    return Shape(np.stack([column, turned]), values, (1, 0), _near)
 
 
 def _swinging(mass: float, frequency: float) -> Mapping[str, float]:
