@@ -28,7 +28,7 @@ def test_a_place_is_named_and_described():
 def test_the_picture_shows_the_force():
     ax = a_map().plot()
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("displacement [mm]", "velocity [mm/s]")
-    assert ax.get_title(loc="left") == "missing force at x"
+    assert ax.get_title() == "missing force at x"
     shown = np.asarray(ax.collections[0].get_array(), dtype=float)
     assert shown.max() == pytest.approx(2.0)
     assert shown.shape == (4, 5)

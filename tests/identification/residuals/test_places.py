@@ -36,8 +36,8 @@ def test_the_place_whose_motion_foretells_the_force_is_drawn():
     truth = model().with_effect("cubic_stiffness", ("a", "b"), {"stiffness": 1e11})
     result = analyse(record(truth))
     assert result.places["a - b"].follows > 0.3
-    assert result.plot_surface().get_title(loc="left") == "missing force at a - b"
-    assert result.plot_surface(place="a").get_title(loc="left") == "missing force at a"
+    assert result.plot_surface().get_title() == "missing force at a - b"
+    assert result.plot_surface(place="a").get_title() == "missing force at a"
 
 
 def test_errors_at_large_motion_are_seen_in_the_bins():
