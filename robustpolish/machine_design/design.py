@@ -135,7 +135,8 @@ class MachineDesign(Displayed):
         loops = {"without control": self.machine.open_loop, "with control": self.loop}
         grids = [singular_values(loop)["frequency"].values for loop in loops.values()]
         grid = np.unique(np.concatenate(grids))
-        unit = ", ".join(dict.fromkeys(c.unit for c in self.channels if c.unit))
+        units = dict.fromkeys(c.unit for c in self.channels)
+        unit = ", ".join(units) if all(units) else ""
         gains = {
             name: singular_values(loop, grid).isel(singular_value=0).assign_attrs(units=unit)
             for name, loop in loops.items()
