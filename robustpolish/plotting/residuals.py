@@ -68,7 +68,7 @@ def plot_residual_analysis(
     for source, (value, threshold) in coherences.items():
         plot_coherence(value, threshold, next(axes)).set_title(f"coherence with {source}")
     for place, shown in surfaces.items():
-        plot_surface(shown, next(axes)).set_title(f"missing force at {place}", loc="left")
+        plot_surface(shown, next(axes)).set_title(f"missing force at {place}")
     for ax in axes:
         ax.set_axis_off()
     return figure
@@ -225,11 +225,11 @@ def plot_surface(shown: xr.Dataset, ax: Axes | None = None) -> Axes:
         turns = _smoothed(shown).T
         ax.contour(*sides, turns, levels=[0.0], colors="white", linewidths=1.5)
         line = Line2D([], [], color="white", linewidth=1.5, label="no force")
-        # off the map, and beside a title on the left
+        # off the map, in the room below the bar of its colours: titles stand above
         ax.legend(
-            handles=[line], loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2,
+            handles=[line], loc="upper left", bbox_to_anchor=(1.0, -0.02),
             facecolor="#333333", labelcolor="white", fontsize="small",
-        )  # fmt: skip
+        ).set_in_layout(False)  # fmt: skip
     colorbar = ax.figure.colorbar(image, ax=ax)
     si_axis(colorbar.ax.yaxis, "force", str(force.attrs.get("units", "")))
     for axis, dim in ((ax.xaxis, "displacement"), (ax.yaxis, "velocity")):

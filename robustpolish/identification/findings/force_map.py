@@ -88,5 +88,5 @@ class ForceMap(Displayed):
         matplotlib.axes.Axes
         """
         ax = plot_surface(self.surface, ax)
-        ax.set_title(f"missing force at {self.name}", loc="left")
+        ax.set_title(f"missing force at {self.name}")
         return ax

@@ -140,7 +140,7 @@ class ResidualAnalysis(ResidualFigures, Displayed):
         name = max(self.places, key=lambda p: self.places[p].follows) if place is None else place
         name = one_of("place", name, tuple(self.places))
         ax = plot_surface(self.places[name].surface, ax)
-        ax.set_title(f"missing force at {name}", loc="left")
+        ax.set_title(f"missing force at {name}")
         return ax
 
     def _marks(self) -> dict[str, NDArray[np.float64]]:
