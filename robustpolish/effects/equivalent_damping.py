@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustpolish.effects.along import force_along
+from robustpolish.effects.along import force_with
 from robustpolish.effects.effect import Effect
 from robustpolish.effects.shapes import Motion
 from robustpolish.validation import described, instance_of, invalid, positive
@@ -81,8 +81,7 @@ def energy_per_cycle(effect: Effect, amplitude: float, frequency: float) -> floa
     cycles = _CYCLES if kind.has_memory else 1
     phase = 2 * math.pi * np.arange(cycles * _SAMPLES + 1) / _SAMPLES
     q, v = A * np.sin(phase)[None], A * w * np.cos(phase)[None]
-    values = np.array([*effect.values.values(), *(0.0 for _ in kind.context)])
-    power = -force_along(kind, Motion(phase / w, q, v), values)[0] * v[0]
+    power = -force_with(kind, effect.values, Motion(phase / w, q, v))[0] * v[0]
     # The motion is periodic: the mean over a cycle converges faster than any other rule.
     each = power[:-1].reshape(cycles, _SAMPLES).mean(axis=1) * 2 * math.pi / w
     change = float(np.ptp(each[-2:]))

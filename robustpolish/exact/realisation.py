@@ -11,7 +11,7 @@ import control
 import numpy as np
 from scipy.linalg import lapack
 
-from robustpolish.arrays import Matrix
+from robustpolish.arrays import AnyMatrix, Matrix
 from robustpolish.exact.exponents import (
     LARGEST,
     BeyondDoublesError,
@@ -104,9 +104,9 @@ _LEAST, _MOST = 1e-260, 1e260
 _LEAST_NORMAL = float(np.finfo(float).tiny)
 
 
-def size(M: Matrix) -> float:
+def size(M: AnyMatrix) -> float:
     """Return the Frobenius norm, without overflow."""
-    square = np.vdot(M, M)
+    square = np.vdot(M, M).real
     if _LEAST < square < _MOST:
         return math.sqrt(square)
     largest = float(np.abs(M).max(initial=0.0))

@@ -61,6 +61,9 @@ class Policy:
     most_likely, most_large, most_further, most_elsewhere : int
         Refits of the likeliest, of the largest in free runs over windows of each length, of
         further ones where all of these fail, and of what would be added at other places.
+    most_lines, light : int, float
+        Lines of the missing force at which something that hangs on a machine is tried where nothing
+        else helps, and the share of the mass it hangs on with which it begins.
     most_paired : int
         How many of the best are tried beside each other.
     most_pairs : int
@@ -208,6 +211,8 @@ class Policy:
     most_large: int = 3
     most_further: int = 4
     most_elsewhere: int = 2
+    most_lines: int = 2
+    light: float = 0.05
     most_paired: int = 3
     most_pairs: int = 3
     most_likely: int = 2

@@ -12,6 +12,7 @@ import numpy as np
 
 from robustpolish.identification.decays.cut import Cut
 from robustpolish.identification.fit.homotopy import homotopy, rms_over
+from robustpolish.identification.fit.least_squares import Fit
 from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
 from robustpolish.identification.observer.run import StartedPiece
 from robustpolish.identification.record import Record
@@ -37,11 +38,21 @@ def error_ahead(
     float
         Infinite if no fit ends well.
     """
-    pieces = pieces_of(model, cut.early, prepared)
+    fitted = fitted_to(pieces_of(model, cut.early, prepared), model, prepared, reference)
+    return np.inf if fitted is None else error_on(fitted.model, cut.late, prepared)
+
+
+def fitted_to(
+    pieces: Sequence[StartedPiece],
+    model: MechanicalModel,
+    prepared: PreparedRecord,
+    reference: MechanicalModel,
+) -> Fit | None:
+    """Return a fit to pieces of decays, None if none ends well; arguments as above."""
     spans = prepared.spans(pieces, prepared.policy.growth)
     started, settled = with_rest(model, pieces), prepared.policy.settled
     fits = homotopy(model, prepared, started, reference, spans, prepared.steps, settled=settled)
-    return error_on(fits[-1].model, cut.late, prepared) if fits else np.inf
+    return fits[-1] if fits else None
 
 
 def error_on(model: MechanicalModel, parts: Sequence[Record], prepared: PreparedRecord) -> float:

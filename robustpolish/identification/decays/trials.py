@@ -12,13 +12,12 @@ from itertools import combinations
 
 import numpy as np
 
-from robustpolish.identification.decays.ahead import error_on, pieces_of
+from robustpolish.identification.decays.ahead import error_on, fitted_to, pieces_of
 from robustpolish.identification.decays.cut import Cut
 from robustpolish.identification.decays.laws import DampingLaws, Laws
-from robustpolish.identification.fit.homotopy import homotopy
 from robustpolish.identification.fit.least_squares import Fit
 from robustpolish.identification.fit.polished import polished, rounded, speeds_of_turns
-from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
+from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.run import StartedPiece
 from robustpolish.models.mechanical import MechanicalModel
 
@@ -110,7 +109,5 @@ class Trials:
         held, reference = self.found.held(laws) | jumps, self.reference
         prepared = replace(self.prepared, held=held)
         model = rounded(model, prepared)
-        spans = prepared.spans(pieces, prepared.policy.growth)
-        started, settled = with_rest(model, pieces), prepared.policy.settled
-        fits = homotopy(model, prepared, started, reference, spans, prepared.steps, settled=settled)
-        return polished(fits[-1], prepared, reference) if fits else None
+        fitted = fitted_to(pieces, model, prepared, reference)
+        return None if fitted is None else polished(fitted, prepared, reference)

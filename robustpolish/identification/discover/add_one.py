@@ -17,14 +17,10 @@ from robustpolish.identification.discover.judge import (
 from robustpolish.identification.discover.passed_over import passed_over
 from robustpolish.identification.discover.reconsider import rounded_friction
 from robustpolish.identification.discover.search import RefittedEffect, Search, Turn
-from robustpolish.identification.fit.homotopy import left_by
 from robustpolish.identification.screening.candidates import places
 from robustpolish.identification.screening.filtered import null_score
 from robustpolish.identification.screening.screen import ScreenedEffect, screen
 from robustpolish.models.mechanical import MechanicalModel
-
-_MOST_LINES, _LIGHT = 2, 0.05
-"""Lines at which something may swing, and the share of the mass that it hangs on to begin with."""
 
 
 def add_one(search: Search) -> bool:
@@ -88,10 +84,9 @@ def _instead(
         return []
     effect, policy, prepared = earned[0].effect, search.policy, search.prepared
     candidates = found.elsewhere(effect, policy.near_error)[: policy.most_elsewhere]
-    if effect.definition.domain == "dof" and effect.definition.states:
+    if effect.definition.swinging:
         # what hangs there and hardly loses energy pulls as a force from outside does
-        lines = [c for c in search.screening.candidates if c.effect.definition.line]
-        candidates += [c for c in lines if c.effect.at == effect.at]
+        candidates += [c for c, _ in search.screening.lines if c.effect.at == effect.at]
     # within a family less than a visible fall tells kinds apart, if anything but noise is left
     if effect.definition.family and more_than_noise(earned[0].fitted, search):
         candidates += rivals_of(effect, search.stage.fit, prepared, search.screening)
@@ -136,25 +131,23 @@ def _at_lines(
     helped = any(not objection(search.stage, r.fitted, search.prepared) for r in refits)
     if helped or search.screening is None:
         return refits
-    lines = [c for c in search.screening.candidates if c.effect.definition.line]
-    swinging = [kind for kind in kinds().values() if kind.swinging is not None]
+    policy = search.policy
+    swinging = [(kind, kind.swinging) for kind in kinds().values() if kind.swinging]
+    lines = search.screening.lines[: policy.most_lines]
     masses = {dof.name: dof.mass for dof in start.dofs if dof.mass > 0}
     found = {item.screened.place: item for item in refits}
-    for kind, line in itertools.product(swinging, lines[:_MOST_LINES]):
-        at, named = line.effect.at, line.effect.definition.line
-        assert kind.swinging is not None
-        assert named is not None
-        frequency = line.effect.values[named]
+    for (kind, values), (line, frequency) in itertools.product(swinging, lines):
+        at = line.effect.at
         if (kind.kind, at) in search.barred or at[0] not in masses or frequency <= 0:
             continue
-        effect = Effect.of(kind, at, kind.swinging(_LIGHT * masses[at[0]], frequency))
+        effect = Effect.of(kind, at, values(policy.light * masses[at[0]], frequency))
         search.say(f"refit with {effect} at {frequency:.3g} Hz")
         fitted = search.fitted_with(start, effect)
-        before = found.get((kind.kind, at))
         if fitted is None:
             continue
-        if before is None or left_by(fitted, [before.fitted]) < left_by(before.fitted, [fitted]):
-            found[kind.kind, at] = RefittedEffect(ScreenedEffect(effect, 0.0, 0.0), fitted)
+        tried = RefittedEffect(ScreenedEffect(effect, 0.0, 0.0), fitted)
+        both = [found.get((kind.kind, at), tried), tried]
+        found[kind.kind, at] = min(both, key=lambda item: judgement(item.fitted, both))
     return list(found.values())
 
 
@@ -194,8 +187,7 @@ def _moved(
     done = {item.screened.place for item in refits}.union(search.barred)
     for item in refits:
         kind = item.effect.definition
-        swings = kind.domain == "dof" and kind.states
-        if not swings or objection(search.stage, item.fitted, search.prepared):
+        if not kind.swinging or objection(search.stage, item.fitted, search.prepared):
             continue
         values = item.fitted.model.effects[-1].values
         for at in places(start, kind):

@@ -11,7 +11,7 @@ from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.findings.confused import confused
-from robustpolish.identification.fit.homotopy import JudgedFit, left_by, rms_over
+from robustpolish.identification.fit.homotopy import JudgedFit, left_by
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.parameters import connected
 from robustpolish.identification.fit.prepared import PreparedRecord
@@ -71,7 +71,7 @@ def objection(
         just come. Beside others that take the error away, only its own numbers speak for one.
     """
     policy = prepared.policy
-    fall = visible_falls(before, after, prepared)
+    fall = visible_falls(before, after, policy)
     if fall is None:
         most = max(float(np.max(falls(before, after))), 0)
         return f"the held-out error falls by {100 * most:.0f} % only"
@@ -107,7 +107,7 @@ def falls(before: JudgedFit, after: JudgedFit) -> Array:
     return 1 - after.short / before.short
 
 
-def visible_falls(before: JudgedFit, after: JudgedFit, prepared: PreparedRecord) -> Array | None:
+def visible_falls(before: JudgedFit, after: JudgedFit, policy: Policy) -> Array | None:
     """Return the share by which each error falls, None if none falls visibly.
 
     The held-out blocks may be the quieter part of a record. Where their errors fall at least half
@@ -115,27 +115,20 @@ def visible_falls(before: JudgedFit, after: JudgedFit, prepared: PreparedRecord)
     below those and do not rise, an effect hardly acts there, and the fitted blocks judge it: their
     errors have to fall by far.
     """
-    fall, policy = falls(before, after), prepared.policy
+    fall = falls(before, after)
     if _visible(fall, policy.visible_fall):
         return fall
-    loud, left = _fitted_errors(before, after, prepared)
+    if len(before.fit.pieces) == len(after.fit.pieces):
+        loud, left = before.fit.rmse, after.fit.rmse
+    elif before.reproducible and after.reproducible:
+        loud, left = before.fitted, after.fitted
+    else:
+        return None
     fitted = 1 - left / loud
     if _visible(fall, policy.together):
         return fall if _visible(fitted, policy.visible_fall) else None
     quiet = np.all(policy.far * before.error < loud) and np.min(fall) > -policy.together
     return fitted if quiet and np.max(fitted) > 1 - 1 / policy.far else None
-
-
-def _fitted_errors(
-    before: JudgedFit, after: JudgedFit, prepared: PreparedRecord
-) -> tuple[Array, Array]:
-    """Return the errors of two fits on the blocks that were fitted, over the same windows."""
-    if len(before.fit.pieces) == len(after.fit.pieces):
-        return before.fit.rmse, after.fit.rmse
-    if not (before.reproducible and after.reproducible):
-        return before.fit.rmse, before.fit.rmse  # nothing is known of long runs
-    loud, left = (rms_over(fit.model, prepared, prepared.trial) for fit in (before, after))
-    return loud, left
 
 
 def _visible(fall: Array, least: float) -> bool:

@@ -334,7 +334,7 @@ def _next(told: Sequence[int], left: list[int], search: Search) -> MechanicalMod
 
 def _as_good(without: JudgedFit, search: Search) -> bool:
     """Return whether a model leaves no output visibly more than that of the search."""
-    return visible_falls(without, search.stage, search.prepared) is None
+    return visible_falls(without, search.stage, search.policy) is None
 
 
 def _does_as_well(search: Search, at: int, other: Effect) -> bool:

@@ -145,17 +145,25 @@ class JudgedFit:
         Returns the same of free runs over short windows, shape (ny,).
     reproducible : bool
         Whether free runs over whole pieces judge anything.
+    over_fitted : callable
+        Returns the error of free runs over the whole pieces that fits are made to, shape (ny,).
     """
 
     fit: Fit
     free: Array
     over_windows: Callable[[], Array]
     reproducible: bool
+    over_fitted: Callable[[], Array]
 
     @cached_property
     def short(self) -> Array:
         """Held-out error over short windows; measured only where free runs judge nothing."""
         return self.over_windows()
+
+    @cached_property
+    def fitted(self) -> Array:
+        """Error over whole fitted pieces; measured only where fits ended on unlike windows."""
+        return self.over_fitted()
 
     @property
     def model(self) -> MechanicalModel:
@@ -179,7 +187,8 @@ def judged(fitted: Fit, prepared: PreparedRecord) -> JudgedFit:
     """Measure a fitted model on the held-out pieces."""
     free, calm = free_rms(fitted.model, prepared, prepared.held_out)
     over = partial(short_rms, fitted.model, prepared, prepared.held_out)
-    return JudgedFit(fitted, free, over, calm)
+    long = partial(rms_over, fitted.model, prepared, prepared.trial)
+    return JudgedFit(fitted, free, over, calm, long)
 
 
 def free_rms(

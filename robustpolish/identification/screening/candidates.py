@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -15,7 +15,7 @@ from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.observer.missing_force import Smoothed, known_forces
 from robustpolish.identification.record import Record
 from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.ports import context_of, port_pairs, port_rows
+from robustpolish.models.mechanical.ports import motion_at, port_pairs, port_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,9 +92,9 @@ def columns_at(
     if kind.domain in ("input", "output"):
         return _signal_columns(model, kind, at, motion, record.time)
     effect = Effect.of(kind, at)
-    rows = port_rows(model, effect)
-    q, v = rows @ motion.q, rows @ motion.v
-    if not q.any():
+    # along a known motion no step has to be resolved
+    here = motion_at(model, effect, record.time, motion.q, motion.v)
+    if not here.q.any():
         return []
     _, sites = force_sites(model)
     force = None
@@ -102,11 +102,10 @@ def columns_at(
         force = motion.force[sites.index((at[0], "ground"))][None]
     if "clearance" in dict(kind.gives) and _slips(model, at):
         return _clearances(model, kind, at, motion, record)
-    context = context_of(model, at, 0.0)  # along a known motion no step has to be resolved
-    pairs = port_pairs(effect)
+    rows, pairs = port_rows(model, effect), port_pairs(effect)
     return [
         Columns(kind, at, shape, rows, pairs, shape.columns)
-        for shape in shapes_along(kind, Motion(record.time, q, v, context, force))
+        for shape in shapes_along(kind, replace(here, force=force))
     ]
 
 

@@ -74,6 +74,12 @@ class Screening:
     finalists: tuple[Columns, ...]
     level: Level
 
+    @property
+    def lines(self) -> list[tuple[ScreenedEffect, float]]:
+        """The forces from outside that have a line, and its frequency in Hz, the best first."""
+        named = [(c, c.effect.definition.line) for c in self.candidates]
+        return [(c, c.effect.values[name]) for c, name in named if name]
+
     def score(self, effect: Effect) -> float:
         """Return the log odds of an effect; none if it was no finalist."""
         there = (c.score for c in self.candidates if c.place == (effect.kind, effect.at))

@@ -35,7 +35,7 @@ def judged(model, free, short=None, reproducible=True, share=0.01):
     made = Fit(model, (), 1.0, white, np.ones(white.shape[1]), information, numbers)
     errors = np.atleast_1d(np.array(free, dtype=float))
     over = errors if short is None else np.atleast_1d(np.array(short, dtype=float))
-    return JudgedFit(made, errors, lambda: over, reproducible)
+    return JudgedFit(made, errors, lambda: over, reproducible, lambda: made.rmse)
 
 
 def refitted(model, kind, at, values, free, score=100.0, **options):

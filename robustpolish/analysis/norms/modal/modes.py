@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from robustpolish.analysis.norms.modal.modal_form import ModalForm
 from robustpolish.arrays import AnyArray, Vector
+from robustpolish.exact.realisation import size
 
 
 class Modes(NamedTuple):
@@ -48,7 +48,7 @@ class Modes(NamedTuple):
 
 def modes_of(form: ModalForm) -> Modes:
     """Lay the arrays of a modal form out."""
-    high, D = form.imag.astype(float), np.ascontiguousarray(form.D)
+    high = form.imag.astype(float)
     return Modes(
         form.real,
         high,
@@ -61,8 +61,8 @@ def modes_of(form: ModalForm) -> Modes:
         form.signal_errors,
         form.stretch,
         np.ascontiguousarray(form.coupling.reshape(-1, form.states)),
-        D,
-        math.sqrt(np.vdot(D, D).real),
+        np.ascontiguousarray(form.D),
+        size(form.D),
         form.D_error,
         form.discrete,
     )
