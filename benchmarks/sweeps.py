@@ -2,12 +2,16 @@
 
 Each point draws the machine's masses and stiffnesses by a tenth and simulates five seconds of its
 closed loop at 20 kHz. These times alone are of the wall clock: what counts is how well the cores
-are used, the start of the processes included.
+are used, the start of the processes included. There are two peers: a loop over the points in one
+process, as without a sweep, and the same sweep on one core. The first also tells what the workers'
+way with memory gains; the second has it as well, so that it tells of sharing the work alone.
 """
 
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -26,46 +30,66 @@ QUICK = (100, 0.5)
 EFFICIENCY = 0.9
 SPREAD = 0.1
 _ALONE = "there is one core"
-_SHARED = "the processes wait for memory, or their cores are two threads of one"
+_START = "the processes are started, on one core, before the points are shared"
 
 VARIED = ("brush_mass", "bearing_mass", "bearing_stiffness", "holder_stiffness")
 
 
 @lru_cache(1)
-def _given(seconds: float) -> tuple[np.ndarray, xr.Dataset]:
-    """Return the gain and the forces of all points, once in each process."""
-    plant = rp.air_bearing()
-    gain = np.asarray(rp.state_feedback(plant, norm="h2", control_weight=1e-4).controller.D)
-    names = plant.state_feedback_loop(gain).input_labels
-    return gain, forces(round(seconds * RATE) + 1, names)
+def _pushes(seconds: float) -> xr.Dataset:
+    """Return the forces of all points, once in each process."""
+    return forces(round(seconds * RATE) + 1, rp.air_bearing().disturbance_names)
 
 
-def largest_deviation(number: int, seconds: float, rng: np.random.Generator) -> float:
+def largest_deviation(
+    number: int, seconds: float, gain: np.ndarray, rng: np.random.Generator
+) -> float:
     """Return the largest deviation of the tool of one machine, in m."""
-    gain, pushes = _given(seconds)
     nominal = rp.AirBearingParameters()
     drawn = {n: getattr(nominal, n) * rng.uniform(1 - SPREAD, 1 + SPREAD) for n in VARIED}
     loop = rp.air_bearing(replace(nominal, **drawn)).state_feedback_loop(gain)
-    found = rp.simulate(loop, pushes)
+    found = rp.simulate(loop, _pushes(seconds))
     return max(float(np.abs(found[name]).max()) for name in loop.output_labels)
+
+
+def found_in(count: int, seconds: float, executor: str | None) -> tuple[xr.Dataset, float]:
+    """Return what a sweep finds, and the time that it takes in ms."""
+    design = rp.state_feedback(rp.air_bearing(), norm="h2", control_weight=1e-4)
+    gain = np.asarray(design.controller.D)
+    points = {"number": range(count)}
+    function = partial(largest_deviation, seconds=seconds, gain=gain)
+    start = time.perf_counter()
+    found = rp.sweep(function, points, executor=executor, progress=False)
+    return found, 1e3 * (time.perf_counter() - start)
+
+
+def on_one_core(count: int, seconds: float) -> float:
+    """Return the time that the sweep takes with one worker, in ms; it has to start it as well."""
+    # An own interpreter, for this one has started its workers already.
+    code = (
+        "import os, benchmarks.sweeps as b; from threadpoolctl import threadpool_limits\n"
+        "os.sched_setaffinity(0, {min(os.sched_getaffinity(0))}); threadpool_limits(1)\n"
+        f"print(b.found_in({count}, {seconds}, None)[1])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return float(run.stdout)
 
 
 def rows(quick: bool) -> Iterator[Row]:
     """Time the sweep on as many processes as there are cores."""
     count, seconds = QUICK if quick else (LOOPS, SECONDS)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    function = partial(largest_deviation, seconds=seconds)
-    found, spent = {}, {}
-    for executor in (None, "serial"):
-        start = time.perf_counter()
-        points = {"number": range(count)}
-        found[executor] = rp.sweep(function, points, executor=executor, progress=False)
-        spent[executor] = 1e3 * (time.perf_counter() - start)
-    share = spent["serial"] / spent[None] / (cores or 1)
-    same = "same bits" if found[None].identical(found["serial"]) else "they differ"
-    yield Row(
-        "sweeps", f"{count} closed loops of {seconds:g} s, wall clock",
-        f"rp.sweep, {cores} processes", spent[None], "one process", spent["serial"],
-        f"{same}, {share:.0%} of all cores used",
-        asked=1 / (EFFICIENCY * (cores or 1)), reason=_ALONE if cores == 1 else _SHARED,
-    )  # fmt: skip
+    affinity = hasattr(os, "sched_getaffinity")
+    cores = (len(os.sched_getaffinity(0)) if affinity else os.cpu_count()) or 1
+    ours, spent = found_in(count, seconds, None)
+    serial, alone = found_in(count, seconds, "serial")
+    same = "same bits" if ours.identical(serial) else "they differ"
+    peers = {"one process": (alone, f"{same}, ")}
+    if affinity and cores > 1:
+        peers["rp.sweep, 1 process"] = on_one_core(count, seconds), ""
+    for peer, (time_of_peer, said) in peers.items():
+        yield Row(
+            "sweeps", f"{count} closed loops of {seconds:g} s, wall clock",
+            f"rp.sweep, {cores} processes", spent, peer, time_of_peer,
+            f"{said}{time_of_peer / spent / cores:.0%} of all cores used",
+            asked=1 / (EFFICIENCY * cores), reason=_ALONE if cores == 1 else _START,
+        )  # fmt: skip

@@ -25,7 +25,7 @@ _AHEAD = 2
 _UNKNOWN_WORKERS = 16
 """Taken of an executor that does not tell how many it has, as those of clusters."""
 
-_PRELOADED = ["robustpolish.sweeps.chunk", "robustpolish.closed_loop"]
+_PRELOADED = ["robustpolish.sweeps.chunk", "robustpolish.closed_loop.simulation"]
 """Modules of this package alone: those of users may change between two sweeps."""
 
 Chunk = list[tuple[int, dict[str, Any]]]
