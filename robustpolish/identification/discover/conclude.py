@@ -10,7 +10,7 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.judge import tolerance, undetermined
+from robustpolish.identification.discover.judge import undetermined
 from robustpolish.identification.discover.reconsider import gently, knows_turn, simpler
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.confused import confused
@@ -97,8 +97,9 @@ def _without_idle(search: Search, final: Fit, error: Array, calm: bool) -> tuple
     """Return the final fit without effects or numbers that the whole record leaves open.
 
     An effect that was added early may have nothing left to do beside those that came after it, and
-    of a family at one place a kind with fewer numbers may do the same; so it is asked where numbers
-    are open, or absurd on the whole record.
+    of a family at one place a kind with fewer numbers may nearly do the same; so it is asked where
+    numbers are open, or absurd on the whole record. What is told alike then need not be: the error
+    may rise by more than chance, but not by what the record would have to show to add an effect.
     """
     first, policy = len(search.reference.effects), search.policy
     for at in reversed(range(first, len(final.model.effects))):
@@ -115,7 +116,7 @@ def _without_idle(search: Search, final: Fit, error: Array, calm: bool) -> tuple
         if not absurd and not undetermined(final, at, policy, every=True):
             continue
         for instead in simpler(search, at):
-            shorter = _no_worse(search, instead, error, calm, tolerance(search))
+            shorter = _no_worse(search, instead, error, calm, np.log(1 + policy.together))
             if shorter is not None:
                 final, error = shorter
                 last = final.model.effects[-1]

@@ -4,12 +4,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import robustpolish as rp
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.conclude import conclude
 from robustpolish.identification.discover.search import RefittedEffect
 from robustpolish.identification.observer.kalman import FREE, Level
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
+from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
 from tests.identification.discover.searches import search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
 
@@ -208,3 +210,19 @@ def test_noise_on_inputs_is_no_error_that_an_effect_has_to_explain():
     ):
         silent = replace(search, screening=Screening((), (), level))
         assert conclude(silent, rig()).verdict == said
+
+
+def test_a_kind_whose_numbers_are_left_open_gives_way_to_a_simpler_one():
+    """A real damper: its loops have a force and a stiffness, but hardly a shape of their own."""
+    record = rp.datasets.mr_damper().isel(time=slice(0, 940))
+    motion = [Input("x", PLACE, "displacement"), Input("v", PLACE, "velocity")]
+    model = MechanicalModel(
+        [Dof("x", 0.0)], [Spring(PLACE, 100.0)], [Damper(PLACE, 1500.0)], motion,
+        [Output("F", PLACE, "force")],
+    )  # fmt: skip
+    found = rp.diagnose(model, record)
+    (effect,) = found.effects
+    assert all(value.stderr < 0.5 * abs(value.value) for value in effect.parameters.values())
+    (pair,) = found.indistinguishable
+    assert pair.first.kind == effect.kind == "dahl_friction"
+    assert pair.second.kind == "bouc_wen_hysteresis"
