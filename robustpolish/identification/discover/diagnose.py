@@ -17,7 +17,7 @@ from robustpolish.identification.discover.own_numbers import (
     with_other_holds,
 )
 from robustpolish.identification.discover.search import Search
-from robustpolish.identification.discover.second_look import second_look
+from robustpolish.identification.discover.second_look import Followed, second_look
 from robustpolish.identification.discover.warned import warned
 from robustpolish.identification.discover.wrong_gains import add_wrong_gains
 from robustpolish.identification.findings.diagnosis import Diagnosis
@@ -108,8 +108,10 @@ def _diagnose(
     anew: dict[tuple[object, ...], Search] = {}
     settled = False
 
-    def grown(search: Search) -> Search:
-        while search.added < policy.most_effects and add_one(search):
+    def grown(search: Search, followed: Followed | None = None) -> Search:
+        while search.added < policy.most_effects:
+            if (followed is not None and followed.came_here(search)) or not add_one(search):
+                break
             late = None if settled or fewer.thinned else _late_holds(search)
             if late is not None:
                 holds = tuple((hold.kind, hold.at) for hold in late.effects)

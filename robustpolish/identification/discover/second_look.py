@@ -9,7 +9,7 @@ its stead: beside them the screening sees what it could not see before.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,9 +23,40 @@ from robustpolish.identification.discover.reconsider import (
     without_the_needless,
 )
 from robustpolish.identification.discover.search import RefittedEffect, Search, Turn
+from robustpolish.identification.fit.homotopy import JudgedFit
+
+_SAME_MOTION = 1e-6
+"""Relative difference of all errors below which two fits are one motion, by rounding."""
 
 
-def second_look(search: Search, grow: Callable[[Search], Search]) -> Search:
+@dataclass
+class Followed:
+    """The fits from which searches went on, with what was barred there.
+
+    A search that comes to the motion of one of them, as with an effect more that does nothing, has
+    nothing to find that has not been found.
+    """
+
+    fits: list[tuple[JudgedFit, object]] = field(default_factory=list)
+
+    def came_here(self, search: Search) -> bool:
+        """Return whether another search went on from this motion; from now on one does."""
+        here = search.stage
+        for fitted, barred in self.fits:
+            if barred == search.barred and _one_motion(fitted, here):
+                return True
+        self.fits.append((here, search.barred))
+        return False
+
+
+def _one_motion(one: JudgedFit, other: JudgedFit) -> bool:
+    pairs = (one.error, other.error), (one.fit.rmse, other.fit.rmse)
+    return one.reproducible == other.reproducible and all(
+        np.isfinite(a).all() and np.allclose(a, b, rtol=_SAME_MOTION, atol=0.0) for a, b in pairs
+    )
+
+
+def second_look(search: Search, grow: Callable[[Search, Followed], Search]) -> Search:
     """Return the search, or the one in which a runner-up was followed and left visibly less.
 
     Parameters
@@ -33,9 +64,10 @@ def second_look(search: Search, grow: Callable[[Search], Search]) -> Search:
     search : Search
         At its end.
     grow : callable
-        Goes on with a search until nothing more earns its place.
+        Goes on with a search until nothing more earns its place, or another one came there before.
     """
     first = search.stage
+    followed = Followed([(turn.before.stage, turn.before.barred) for turn in search.turns])
     search = without_the_needless(search)
     for turn, item in _runners_up(search):
         if search.noise_alone(search.policy.at_floor):
@@ -44,12 +76,14 @@ def second_look(search: Search, grow: Callable[[Search], Search]) -> Search:
         search.say(f"{item.effect}{instead}")
         other = turn.before.copy()
         other.accept([item])
-        search = _better(search, without_the_needless(grow(other), last=not turn.added))
-    search = still_alike(renamed(_each_taken_out(search, grow)))
+        search = _better(search, without_the_needless(grow(other, followed), last=not turn.added))
+    search = still_alike(renamed(_each_taken_out(search, grow, followed)))
     return search if search.stage is first else retold(search)
 
 
-def _each_taken_out(search: Search, grow: Callable[[Search], Search]) -> Search:
+def _each_taken_out(
+    search: Search, grow: Callable[[Search, Followed], Search], followed: Followed
+) -> Search:
     """Return the search, or the one in which others came in place of an effect that was found.
 
     Where there is but one, what came close in its place has been followed already.
@@ -64,7 +98,7 @@ def _each_taken_out(search: Search, grow: Callable[[Search], Search]) -> Search:
             continue
         search.say(f"what comes without {search.stage.model.effects[there.index(place)]}")
         other = replace(search.copy(), stage=without, barred=(place,))
-        search = _better(search, replace(without_the_needless(grow(other)), barred=()))
+        search = _better(search, replace(without_the_needless(grow(other, followed)), barred=()))
     return search
 
 

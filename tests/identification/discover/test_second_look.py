@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robustpolish.identification.discover.search import Search, Turn
-from robustpolish.identification.discover.second_look import second_look
+from robustpolish.identification.discover.second_look import Followed, second_look
 from tests.identification.decays.pendulums import AT, decay, pendulum
 from tests.identification.discover.searches import judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
@@ -37,7 +37,7 @@ def growing(left):
     """Going on leaves so much, by the kind of the effect that was added first."""
     followed = []
 
-    def grow(search):
+    def grow(search, _followed):
         first = search.stage.model.effects[0].kind
         followed.append(first)
         search.stage = judged(search.stage.model, left[first])
@@ -62,7 +62,7 @@ def test_steps_are_those_of_the_effects_that_are_left(begun, monkeypatch):
     search = went(begun, refitted(rig(), *DRAG, 50.0))
     search.accept([refitted(search.stage.model, *CUBIC, 40.0)])
 
-    def grow(other):
+    def grow(other, _followed):
         if other.barred == (DRAG[:2],):
             other.accept([refitted(other.stage.model, *COULOMB, 10.0)])
         return other
@@ -82,7 +82,7 @@ def test_one_that_leaves_as_much_does_not(begun):
 def test_an_effect_more_has_to_be_worth_it(begun):
     search = went(begun, refitted(rig(), *CUBIC, 20.0), refitted(rig(), *DRAG, 21.0))
 
-    def grow(other):
+    def grow(other, _followed):
         more = other.stage.model.with_effect(*COULOMB)
         other.stage = judged(more, 17.0)
         other.steps.append(("coulomb_friction", more))
@@ -125,7 +125,7 @@ def test_what_helps_a_bit_is_followed_where_nothing_earned_its_place(begun):
     search = begun.copy()
     search.turns.append(Turn(begun.copy(), (), (refitted(rig(), *DRAG, 95.0),)))
 
-    def grow(other):
+    def grow(other, _followed):
         more = other.stage.model.with_effect(*CUBIC)
         other.stage = judged(more, 10.0)
         other.steps.append(("cubic_stiffness", more))
@@ -133,13 +133,13 @@ def test_what_helps_a_bit_is_followed_where_nothing_earned_its_place(begun):
 
     found = second_look(search, grow)
     assert [e.kind for e in found.stage.model.effects] == ["quadratic_damping", "cubic_stiffness"]
-    assert second_look(search, lambda other: other) is search
+    assert second_look(search, lambda other, _followed: other) is search
 
 
 def test_what_the_data_leave_open_is_not_followed(begun):
     search = went(begun, refitted(rig(), *CUBIC, 20.0), refitted(rig(), *DRAG, 21.0))
 
-    def grow(other):
+    def grow(other, _followed):
         other.stage = judged(other.stage.model, 1.0, share=0.9)
         return other
 
@@ -152,7 +152,7 @@ def test_what_comes_without_an_effect_takes_its_place(begun):
     search.accept([refitted(search.stage.model, *CUBIC, 40.0)])
     barred = []
 
-    def grow(other):
+    def grow(other, _followed):
         barred.append(other.barred)
         if other.barred == (DRAG[:2],):
             more = other.stage.model.with_effect("quadratic_stiffness", PLACE, {"stiffness": 1.0})
@@ -177,3 +177,22 @@ def test_in_a_decay_it_has_to_predict_the_end_too(monkeypatch):
     search = went(begun, drag, other)
     assert second_look(search, grow).stage.model.effects[-1].kind == "quadratic_damping"
     assert followed
+
+
+def test_a_motion_is_followed_once(begun):
+    """An effect that does nothing leads nowhere else, unless something else is barred there."""
+    search = went(begun, refitted(rig(), *CUBIC, 20.0))
+    followed = Followed([(turn.before.stage, turn.before.barred) for turn in search.turns])
+    assert followed.came_here(begun)
+    assert not followed.came_here(search)
+    idle = replace(search, stage=judged(search.stage.model.with_effect(*COULOMB), 20.0))
+    assert followed.came_here(idle)
+    assert not followed.came_here(replace(idle, barred=(CUBIC[:2],)))
+    assert not followed.came_here(replace(idle, stage=judged(idle.stage.model, 20.001)))
+
+
+def test_where_runs_diverge_none_is_like_another(begun):
+    lost = replace(begun, stage=judged(begun.stage.model, np.inf))
+    followed = Followed()
+    assert not followed.came_here(lost)
+    assert not followed.came_here(lost)
