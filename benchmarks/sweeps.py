@@ -23,6 +23,7 @@ import xarray as xr
 import robustpolish as rp
 from benchmarks.closed_loop import RATE, forces
 from benchmarks.row import Row
+from robustpolish.sweeps.work import cores
 
 LOOPS, SECONDS = 2000, 5.0
 QUICK = (100, 0.5)
@@ -68,7 +69,7 @@ def on_one_core(count: int, seconds: float) -> float:
     # An own interpreter, for this one has started its workers already.
     code = (
         "import os, benchmarks.sweeps as b; from threadpoolctl import threadpool_limits\n"
-        "os.sched_setaffinity(0, {min(os.sched_getaffinity(0))}); threadpool_limits(1)\n"
+        "os.sched_setaffinity(0, [min(os.sched_getaffinity(0))]); threadpool_limits(1)\n"
         f"print(b.found_in({count}, {seconds}, None)[1])"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -78,18 +79,17 @@ def on_one_core(count: int, seconds: float) -> float:
 def rows(quick: bool) -> Iterator[Row]:
     """Time the sweep on as many processes as there are cores."""
     count, seconds = QUICK if quick else (LOOPS, SECONDS)
-    affinity = hasattr(os, "sched_getaffinity")
-    cores = (len(os.sched_getaffinity(0)) if affinity else os.cpu_count()) or 1
+    processes = cores()
     ours, spent = found_in(count, seconds, None)
     serial, alone = found_in(count, seconds, "serial")
     same = "same bits" if ours.identical(serial) else "they differ"
     peers = {"one process": (alone, f"{same}, ")}
-    if affinity and cores > 1:
+    if hasattr(os, "sched_setaffinity") and processes > 1:
         peers["rp.sweep, 1 process"] = on_one_core(count, seconds), ""
     for peer, (time_of_peer, said) in peers.items():
         yield Row(
             "sweeps", f"{count} closed loops of {seconds:g} s, wall clock",
-            f"rp.sweep, {cores} processes", spent, peer, time_of_peer,
-            f"{said}{time_of_peer / spent / cores:.0%} of all cores used",
-            asked=1 / (EFFICIENCY * cores), reason=_ALONE if cores == 1 else _START,
+            f"rp.sweep, {processes} processes", spent, peer, time_of_peer,
+            f"{said}{time_of_peer / spent / processes:.0%} of all cores used",
+            asked=1 / (EFFICIENCY * processes), reason=_ALONE if processes == 1 else _START,
         )  # fmt: skip

@@ -50,7 +50,7 @@ def on_processes(job: Job, todo: Chunk) -> Iterator[Done]:
     When a worker dies, what was under way is done again point by point, so that only the point
     that kills its worker can fail for it.
     """
-    workers = min(_cores(), len(todo))
+    workers = min(cores(), len(todo))
     queue, suspects = deque(todo), deque[tuple[int, dict[str, Any]]]()
     attempts: dict[int, int] = {}
     while queue or suspects:
@@ -143,7 +143,8 @@ def _nothing() -> None:
     """Do nothing, in a worker that has started."""
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Return how many cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return max(1, len(os.sched_getaffinity(0)))
     return os.cpu_count() or 1

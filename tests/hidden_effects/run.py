@@ -10,9 +10,10 @@ parts of two machines come together.
 """
 
 import argparse
-import os
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
+
+from robustpolish.sweeps.work import cores
 
 from .catalogue import all_cases
 from .drawn import JUDGED_SEED, drawn_cases
@@ -34,7 +35,7 @@ def run_all(cases, file=None):
     # function, where rows of other cases, of parts and of older sources stand side by side here.
     rows = kept_rows(file)
     left = [case for case in cases if key_of(case) not in rows]
-    with ProcessPoolExecutor(_cores()) as pool:
+    with ProcessPoolExecutor(cores()) as pool:
         running = {pool.submit(run_case, case): case for case in left}
         for done in as_completed(running):
             case, row = running[done], done.result()
@@ -51,18 +52,12 @@ def run_all(cases, file=None):
 def drawn_several(seed, names=(), part=(0, 1)):
     """Return cases of a seed, on all cores: it takes minutes to see that effects show."""
     numbers = [i for i in range(len(PLAN)) if _chosen(name_of(i), names)][part[0] :: part[1]]
-    with ProcessPoolExecutor(_cores()) as pool:
+    with ProcessPoolExecutor(cores()) as pool:
         return list(pool.map(several_case, numbers, [seed] * len(numbers)))
 
 
 def _chosen(name, names):
     return not names or any(part in name for part in names)
-
-
-def _cores():
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _part(text):

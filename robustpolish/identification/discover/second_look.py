@@ -31,21 +31,20 @@ _SAME_MOTION = 1e-6
 
 @dataclass
 class Followed:
-    """The fits from which searches went on, with what was barred there.
+    """Searches as they were when they went on.
 
-    A search that comes to the motion of one of them, as with an effect more that does nothing, has
-    nothing to find that has not been found.
+    Another one that comes to the motion of one of them, as with an effect more that does nothing,
+    has nothing to find that has not been found.
     """
 
-    fits: list[tuple[JudgedFit, object]] = field(default_factory=list)
+    searches: list[Search] = field(default_factory=list)
 
     def came_here(self, search: Search) -> bool:
         """Return whether another search went on from this motion; from now on one does."""
-        here = search.stage
-        for fitted, barred in self.fits:
-            if barred == search.barred and _one_motion(fitted, here):
+        for each in self.searches:
+            if each.barred == search.barred and _one_motion(each.stage, search.stage):
                 return True
-        self.fits.append((here, search.barred))
+        self.searches.append(search.copy())
         return False
 
 
@@ -67,7 +66,7 @@ def second_look(search: Search, grow: Callable[[Search, Followed], Search]) -> S
         Goes on with a search until nothing more earns its place, or another one came there before.
     """
     first = search.stage
-    followed = Followed([(turn.before.stage, turn.before.barred) for turn in search.turns])
+    followed = Followed([turn.before for turn in search.turns])
     search = without_the_needless(search)
     for turn, item in _runners_up(search):
         if search.noise_alone(search.policy.at_floor):

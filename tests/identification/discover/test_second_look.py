@@ -182,7 +182,7 @@ def test_in_a_decay_it_has_to_predict_the_end_too(monkeypatch):
 def test_a_motion_is_followed_once(begun):
     """An effect that does nothing leads nowhere else, unless something else is barred there."""
     search = went(begun, refitted(rig(), *CUBIC, 20.0))
-    followed = Followed([(turn.before.stage, turn.before.barred) for turn in search.turns])
+    followed = Followed([turn.before for turn in search.turns])
     assert followed.came_here(begun)
     assert not followed.came_here(search)
     idle = replace(search, stage=judged(search.stage.model.with_effect(*COULOMB), 20.0))
