@@ -9,7 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any
@@ -225,10 +225,14 @@ class Effect:
         own = None if known == kind else kind
         return cls(kind.kind, at, parameters or {}, own)  # type: ignore[arg-type]
 
-    @property
+    @cached_property
     def definition(self) -> EffectKind:
         """The kind's description."""
         return self.own or lookup(self.kind)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # A file needs no copy of the catalogue.
+        return {key: value for key, value in self.__dict__.items() if key != "definition"}
 
     @property
     def values(self) -> dict[str, float]:

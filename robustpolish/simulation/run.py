@@ -29,6 +29,38 @@ class NonlinearResponse(NamedTuple):
     internal: Array
 
 
+class Course(NamedTuple):
+    """Pieces of record that follow each other in the arrays, and what acts on a machine there.
+
+    Attributes
+    ----------
+    begin, end : ndarray, shape (samples, signals)
+        Signals at the ends of the line over the step after each sample.
+    beside : ndarray, shape (samples, signals), or None
+        What signals are at the samples, more than at the beginning of those lines; None if nowhere.
+    time : ndarray, shape (samples,)
+        In s.
+    marks : ndarray of int, shape (pieces + 1,)
+        Where pieces begin and end.
+    """
+
+    begin: Array
+    end: Array
+    beside: Array | None
+    time: Array
+    marks: NDArray[np.int64]
+
+    @classmethod
+    def of(
+        cls, inputs: Array, lines: Lines | None, time: Array, marks: NDArray[np.int64]
+    ) -> Course:
+        """Return a course of signals at the samples, linear between them unless lines are given."""
+        begin, end = lines_through(inputs) if lines is None else lines
+        beside = None if lines is None else inputs - begin
+        lines_as_run = (np.ascontiguousarray(side) for side in (begin, end))
+        return cls(*lines_as_run, beside, np.ascontiguousarray(time), marks)
+
+
 @dataclass(frozen=True, eq=False)
 class Stepper:
     """Steps a model over samples, freely or led by data, as often as wanted.
@@ -91,64 +123,51 @@ class Stepper:
         """
         system = self.system
         ny = len(system.C)
-        W, E, seen = self._between(inputs, lines)
+        course = Course.of(inputs, lines, time, np.array([0, time.size]))
+        seen = self._beside(course)
         Y = np.zeros((1, ny)) if led_by is None else raw_outputs(self.model, led_by, time) - seen
         K = np.zeros((system.states, ny)) if gain is None else gain
         outputs, states, inner = run_steps(
             self.matrices, (system.C, system.D, system.H), system.addresses,
-            system.layout, system.values, W, E, Y, K,
+            system.layout, system.values, course.begin, course.end, Y, K,
             np.ascontiguousarray(state), np.ascontiguousarray(internal), time[0], self.step,
             self.substeps, keep,
         )  # fmt: skip
         return NonlinearResponse(measured(self.model, outputs + seen, time), states, inner)
 
     def over_pieces(
-        self,
-        inputs: Array,
-        starts: Array,
-        internal: Array,
-        time: Array,
-        marks: NDArray[np.int64],
-        keep: bool = False,
-        lines: Lines | None = None,
+        self, course: Course, starts: Array, internal: Array, keep: bool = False
     ) -> NonlinearResponse:
         """Return what :meth:`over` does freely, of pieces that follow each other in the arrays.
 
         Parameters
         ----------
-        inputs : ndarray, shape (samples, signals)
+        course : Course
         starts, internal : ndarray, shapes (pieces, n) and (pieces, nz)
             At the first sample of each piece.
-        time : ndarray, shape (samples,)
-            In s.
-        marks : ndarray of int, shape (pieces + 1,)
-            Where pieces begin and end.
         keep : bool, optional
             Whether states are kept; otherwise they have no samples.
-        lines : Lines, optional
 
         Returns
         -------
         NonlinearResponse
         """
-        system = self.system
-        W, E, seen = self._between(inputs, lines)
+        system, time, marks = self.system, course.time, course.marks
         outputs, states, inner = run_pieces(
             self.matrices, (system.C, system.D, system.H), system.addresses,
-            system.layout, system.values, W, E,
+            system.layout, system.values, course.begin, course.end,
             np.ascontiguousarray(starts), np.ascontiguousarray(internal),
-            np.ascontiguousarray(time[marks[:-1]]), marks, self.step, self.substeps, keep,
+            time[marks[:-1]], marks, self.step, self.substeps, keep,
         )  # fmt: skip
+        seen = self._beside(course)
         return NonlinearResponse(measured(self.model, outputs + seen, time), states, inner)
 
-    def _between(self, inputs: Array, lines: Lines | None) -> tuple[Array, Array, Array | float]:
-        """Return the inputs as lines, and what outputs see of a sample that is no end of a line.
+    def _beside(self, course: Course) -> Array | float:
+        """Return what outputs see of a sample that is no end of a line.
 
         An accelerometer sees a held force as it is.
         """
-        found = lines_through(inputs) if lines is None else lines
-        seen = 0.0 if lines is None else (inputs - lines.begin) @ self.system.D.T
-        return np.ascontiguousarray(found.begin), np.ascontiguousarray(found.end), seen
+        return 0.0 if course.beside is None else course.beside @ self.system.D.T
 
 
 def simulate(

@@ -92,6 +92,7 @@ class Residuals:
     ) -> None:
         self.model, self.pieces, self.runner = model, tuple(pieces), runner
         self.free, self.start_sizes = list(free), start_sizes
+        self.records = tuple(piece.record for piece in pieces)
         self.offsets = np.cumsum([0, *(p.record.samples for p in pieces)])
         self.scale = np.array([f.scale for f in free])
         self.lower = np.array([f.lower for f in free]) / self.scale
@@ -99,7 +100,8 @@ class Residuals:
         self.prior = np.array([f.scale / f.prior for f in free])
         self.centre = np.array([f.centre / f.scale for f in free])
         self.joint = joint_priors(model, self.free) * self.scale
-        keys = [f.key for f in free]
+        self.keys = keys = [f.key for f in free]
+        self._at: tuple[Array, MechanicalModel] | None = None
         self.coupled = any(key.startswith("coupled_inertia") for key in keys)
         self.above = [(j, keys.index(f.at_least)) for j, f in enumerate(free) if f.at_least in keys]
 
@@ -120,9 +122,12 @@ class Residuals:
         ])  # fmt: skip
 
     def model_at(self, x: Array) -> MechanicalModel:
-        """Return the model with scaled parameters x."""
-        keys = (f.key for f in self.free)
-        return self.model.with_parameters(dict(zip(keys, (x * self.scale).tolist(), strict=True)))
+        """Return the model with scaled parameters x; all derivatives there begin with the same."""
+        known = self._at
+        if known is None or not np.array_equal(known[0], x):
+            values = dict(zip(self.keys, (x * self.scale).tolist(), strict=True))
+            known = self._at = (x.copy(), self.model.with_parameters(values))
+        return known[1]
 
     def run_at(self, x: Array) -> RecordRun:
         """Return the model with scaled parameters x, ready to run."""
@@ -137,7 +142,7 @@ class Residuals:
 
     def errors(self, x: Array, starts: Array) -> Array:
         """Return the prediction errors, in the outputs' units."""
-        return self.run_at(x).all_errors(self.started(starts))
+        return self.run_at(x).errors_along(self.records, starts)
 
     def better_starts(
         self, x: Array, starts: tuple[Array, Array], after: Array, sigma: Array
@@ -169,16 +174,16 @@ class Residuals:
         h = _STEP * max(abs(x[j]), 1.0)
         if x[j] + h > self.upper[j]:
             h = -h
-        moved = x.copy()
-        moved[j] += h
-        return (self.errors(moved, starts) - errors) / h
+        moved = {self.free[j].key: float((x[j] + h) * self.scale[j])}
+        run = self.runner.run(self.model_at(x).with_parameters(moved))
+        return (run.errors_along(self.records, starts) - errors) / h
 
     def start_column(self, run: RecordRun, starts: Array, errors: Array, j: int) -> Array:
         """Return the derivative of each piece's errors to scaled state j of its own start."""
         assert self.start_sizes is not None
         moved = starts.copy()
         moved[:, j] += _START_STEP * self.start_sizes[j]
-        return (run.all_errors(self.started(moved)) - errors) / _START_STEP
+        return (run.errors_along(self.records, moved) - errors) / _START_STEP
 
 
 def fit(

@@ -33,12 +33,9 @@ def closest(
     )
 
     def errors(rows: Array, which: Sequence[int]) -> list[Array]:
-        started = [
-            StartedPiece(heads[i], pieces[i].start.with_vector(row))
-            for i, row in zip(which, rows, strict=True)
-        ]
-        marks = np.cumsum([p.record.samples for p in started])[:-1]
-        return [e.ravel() for e in np.split(_errors(run, started, weights), marks)]
+        records = tuple(heads[i] for i in which)
+        marks = np.cumsum([record.samples for record in records])[:-1]
+        return [e.ravel() for e in np.split(_errors(run, records, rows, weights), marks)]
 
     active = list(range(len(pieces)))
     now = dict(zip(active, errors(vectors, active), strict=True))
@@ -90,13 +87,14 @@ def weights_of(record: Record) -> Array:
 
 def squares(run: RecordRun, piece: StartedPiece, weights: Array) -> float:
     """Return the sum of the squares of a run's weighted errors."""
-    return float(np.sum(_errors(run, [piece], weights) ** 2))
+    errors = _errors(run, (piece.record,), piece.start.vector[None], weights)
+    return float(np.sum(errors**2))
 
 
-def _errors(run: RecordRun, pieces: Sequence[StartedPiece], weights: Array) -> Array:
+def _errors(run: RecordRun, records: tuple[Record, ...], starts: Array, weights: Array) -> Array:
     """Weighted errors of all pieces; a run that diverges has very large ones."""
     with np.errstate(over="ignore", invalid="ignore"):
-        error = -run.all_errors(pieces) * weights
+        error = -run.errors_along(records, starts) * weights
     return np.where(np.isfinite(error), np.clip(error, -1e6, 1e6), 1e6)
 
 

@@ -242,7 +242,7 @@ def _start_sizes(model: MechanicalModel, scales: Scales, amplitude: float) -> Ar
 
 def motion_of(model: MechanicalModel, states: Array, W: Array) -> tuple[Array, Array]:
     """Return displacements and velocities of all coordinates, shape (coordinates, samples)."""
-    Lq, Lv, Rq, Rv = model.matrices.motion_map()
+    Lq, Lv, Rq, Rv = model.matrices.motion_map
     s = states[:, : Lq.shape[1]].T
     return Lq @ s + Rq @ W.T, Lv @ s + Rv @ W.T
 

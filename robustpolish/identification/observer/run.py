@@ -23,7 +23,7 @@ from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.ports import dynamic_effects
 from robustpolish.simulation.between import Lines
-from robustpolish.simulation.run import NonlinearResponse, Stepper
+from robustpolish.simulation.run import Course, NonlinearResponse, Stepper
 from robustpolish.simulation.system import NonlinearSystem, build_system, needed_substeps
 
 
@@ -87,6 +87,7 @@ class Runner:
         self._leak = None if level.free or scales is None else scales.leak
         self._moves_inputs = any(e.definition.domain == "input" for e in model.effects)
         self._signals: tuple[tuple[object, object], Array, Lines | None] | None = None
+        self._course: tuple[tuple[object, object], Course, Array] | None = None
         self.gain: Gain | None = None
         if self._leak is not None and scales is not None:
             self.gain = observer_gain(self._system(model), dt, level, scales)
@@ -110,6 +111,32 @@ class Runner:
         if not found:
             return None
         return Lines(*(np.concatenate(side) for side in zip(*found, strict=True)))
+
+    def course(self, model: MechanicalModel, records: tuple[Record, ...]) -> tuple[Course, Array]:
+        """Return what acts on a model over several pieces of record, and what was measured there.
+
+        The pieces stand one behind the other in the arrays; of those asked for last the answer is
+        kept.
+
+        Parameters
+        ----------
+        model : MechanicalModel
+        records : tuple of Record
+
+        Returns
+        -------
+        course : Course
+        measured : ndarray, shape (samples, ny)
+        """
+        key = (records, model if self._moves_inputs else None)
+        known = self._course
+        if known is None or known[0][0] != records or known[0][1] is not key[1]:
+            signals = np.concatenate([self.inputs(model, record) for record in records])
+            time = np.concatenate([record.time for record in records])
+            marks = np.cumsum([0, *(record.samples for record in records)])
+            course = Course.of(signals, self.lines(model, records), time, marks)
+            known = self._course = (key, course, np.concatenate([r.Y for r in records]))
+        return known[1:]
 
     def _known(
         self, model: MechanicalModel, record: Record
@@ -163,26 +190,40 @@ class RecordRun:
 
     def over_all(self, pieces: Sequence[StartedPiece], keep: bool = False) -> NonlinearResponse:
         """Return what the model predicts for several pieces, one after the other in the arrays."""
-        if self.runner.gain is not None:
-            runs = [self.over(piece, keep) for piece in pieces]
-            return NonlinearResponse(*(np.concatenate(part) for part in zip(*runs, strict=True)))
-        starts = np.zeros((len(pieces), self.run.system.states))
-        for row, piece in zip(starts, pieces, strict=True):
-            row[: piece.start.state.size] = piece.start.state
-        return self.run.over_pieces(
-            np.concatenate([self.runner.inputs(self.model, p.record) for p in pieces]),
-            starts,
-            np.array([p.start.internal for p in pieces]).reshape(len(pieces), -1),
-            np.concatenate([p.record.time for p in pieces]),
-            np.cumsum([0, *(p.record.samples for p in pieces)]),
-            keep,
-            self.runner.lines(self.model, [p.record for p in pieces]),
-        )
+        starts = np.array([piece.start.vector for piece in pieces])
+        return self.along(tuple(piece.record for piece in pieces), starts, keep)
 
     def all_errors(self, pieces: Sequence[StartedPiece]) -> Array:
         """Return measured minus predicted outputs of several pieces, shape (samples, ny)."""
-        measured = np.concatenate([piece.record.Y for piece in pieces])
-        return measured - self.over_all(pieces).outputs
+        starts = np.array([piece.start.vector for piece in pieces])
+        return self.errors_along(tuple(piece.record for piece in pieces), starts)
+
+    def along(
+        self, records: tuple[Record, ...], starts: Array, keep: bool = False
+    ) -> NonlinearResponse:
+        """Return what the model predicts for several pieces, one after the other in the arrays.
+
+        Parameters
+        ----------
+        records : tuple of Record
+        starts : ndarray, shape (pieces, n)
+            One vector of :class:`Start` each.
+        keep : bool, optional
+            As in :meth:`over`.
+        """
+        system = self.run.system
+        states = starts.shape[1] - system.internal
+        if self.runner.gain is not None:
+            begins = (Start(row[:states], row[states:]) for row in starts)
+            pieces = (StartedPiece(*each) for each in zip(records, begins, strict=True))
+            runs = [self.over(piece, keep) for piece in pieces]
+            return NonlinearResponse(*(np.concatenate(part) for part in zip(*runs, strict=True)))
+        course, _ = self.runner.course(self.model, records)
+        return self.run.over_pieces(course, starts[:, :states], starts[:, states:], keep)
+
+    def errors_along(self, records: tuple[Record, ...], starts: Array) -> Array:
+        """Return measured minus predicted outputs of :meth:`along`, shape (samples, ny)."""
+        return self.runner.course(self.model, records)[1] - self.along(records, starts).outputs
 
     def errors(self, piece: StartedPiece) -> Array:
         """Return measured minus predicted outputs, shape (samples, ny)."""

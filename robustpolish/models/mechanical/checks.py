@@ -73,7 +73,7 @@ def checked_fields(given: Mapping[str, Any]) -> dict[str, Any]:
     _check_imposed_motions(found["inputs"], dofs)
     moved = imposed_by(found["inputs"])
     found["coupled_inertias"] = _coupled(found["coupled_inertias"], dofs)
-    _check_energy(found["dofs"], found["coupled_inertias"], moved)
+    check_inertias(found["dofs"], found["coupled_inertias"], moved)
     found["outputs"] = tuple(_output(item, dofs, moved) for item in found["outputs"])
     signals = {key: [i.name for i in found[f"{key}s"]] for key in ("input", "output")}
     for i, effect in enumerate(found["effects"]):
@@ -144,15 +144,30 @@ def _coupled(items: Any, dofs: Mapping[str, Dof]) -> tuple[CoupledInertia, ...]:
     return tuple(checked)
 
 
-def _check_energy(
+def check_inertias(
     dofs: Sequence[Dof], coupled: Sequence[CoupledInertia], moved: Collection[str]
 ) -> None:
-    """Refuse a mass matrix of the free coordinates with which some motion has no energy."""
+    """Refuse a mass matrix of the free coordinates with which some motion has no energy.
+
+    Parameters
+    ----------
+    dofs : sequence of Dof
+    coupled : sequence of CoupledInertia
+    moved : collection of str
+        Names of the coordinates whose motion is imposed.
+    """
+    for dof in dofs:
+        if dof.mass == 0 and dof.name not in moved:
+            raise invalid(
+                dof.key,
+                dof.mass,
+                f"a number above 0 {dof.unit}",
+                "Only a coordinate with imposed motion may have none.",
+            )
     free = [dof for dof in dofs if dof.name not in moved]
     names = {dof.name for dof in free}
     inside = [item for item in coupled if names.issuperset(item.between)]
-    least = least_energy(mass_matrix(free, inside))
-    if least > NO_ENERGY:
+    if not inside or least_energy(mass_matrix(free, inside)) > NO_ENERGY:
         return
     masses = {dof.name: dof.mass for dof in free}
     ratios = [abs(c.value) / np.sqrt(masses[c.between[0]] * masses[c.between[1]]) for c in inside]
@@ -231,14 +246,6 @@ def _check_imposed_motions(inputs: Sequence[Input], dofs: Mapping[str, Dof]) -> 
                 ("input", item.name, "motion_of"),
             )
     imposed = imposed_by(inputs)
-    for dof in dofs.values():
-        if dof.mass == 0 and dof.name not in imposed:
-            raise invalid(
-                dof.key,
-                dof.mass,
-                f"a number above 0 {dof.unit}",
-                "Only a coordinate with imposed motion may have none.",
-            )
     for item in inputs:
         if item.imposes is None and item.on[0] in imposed:
             raise invalid(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
@@ -10,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from robustpolish.effects import Effect
-from robustpolish.models.mechanical.checks import checked_fields
+from robustpolish.models.mechanical.checks import check_inertias, checked_fields
 from robustpolish.models.mechanical.matrices import MechanicalMatrices, assemble
 from robustpolish.models.mechanical.parts import (
     DISPLACEMENT,
@@ -22,6 +23,7 @@ from robustpolish.models.mechanical.parts import (
     Output,
     Spring,
     imposed_by,
+    number,
 )
 from robustpolish.validation import described, invalid
 
@@ -147,6 +149,7 @@ class MechanicalData:
 
 
 Model = TypeVar("Model", bound=MechanicalData)
+Part = TypeVar("Part", Dof, Spring, Damper, CoupledInertia, Input)
 
 
 def values(model: MechanicalData) -> dict[str, float]:
@@ -179,28 +182,43 @@ def replaced(model: Model, changes: Mapping[str, float]) -> Model:
                 "a key of model.parameters",
                 described("Choose one of " + ", ".join(known) + "."),
             )
-    new = {**known, **changes}
-    return replace(
-        model,
-        dofs=tuple(replace(d, mass=new[".".join(d.key)]) for d in model.dofs),
-        springs=tuple(
-            replace(spring, stiffness=new[f"spring[{i}].stiffness"])
-            for i, spring in enumerate(model.springs)
-        ),
-        dampers=tuple(
-            replace(damper, damping=new[f"damper[{i}].damping"])
-            for i, damper in enumerate(model.dampers)
-        ),
-        coupled_inertias=tuple(
-            replace(coupled, value=new[f"coupled_inertia[{i}].value"])
-            for i, coupled in enumerate(model.coupled_inertias)
-        ),
-        inputs=tuple(replace(item, gain=new[f"input.{item.name}.gain"]) for item in model.inputs),
-        effects=tuple(
-            effect.with_values({name: new[f"effect[{i}].{name}"] for name in effect.parameters})
-            for i, effect in enumerate(model.effects)
-        ),
-    )
+    # fits ask thousands of times a second: what stays is neither made nor checked again
+    new = {k: v for k, v in changes.items() if type(v) is not float or v != known[k]}
+    found = copy(model)
+    for name, part in {
+        "dofs": tuple(_with(d, "mass", ".".join(d.key), new) for d in model.dofs),
+        "springs": _each_with(model.springs, "spring", "stiffness", new),
+        "dampers": _each_with(model.dampers, "damper", "damping", new),
+        "coupled_inertias": _each_with(model.coupled_inertias, "coupled_inertia", "value", new),
+        "inputs": tuple(_with(i, "gain", f"input.{i.name}.gain", new) for i in model.inputs),
+        "effects": tuple(_effect_with(e, f"effect[{i}].", new) for i, e in enumerate(model.effects)),
+        "design": dict(model.design),
+    }.items():
+        object.__setattr__(found, name, part)
+    check_inertias(found.dofs, found.coupled_inertias, imposed_by(found.inputs))
+    if "matrices" in vars(model) and all(key.startswith("effect") for key in new):
+        vars(found)["matrices"] = model.matrices
+    return found
+
+
+def _with(part: Part, name: str, key: str, new: Mapping[str, float]) -> Part:
+    """Return a part with its number, whose key is `key`, as it stands in `new`, if it does."""
+    return replace(part, **{name: number(tuple(key.split(".")), new[key])}) if key in new else part
+
+
+def _each_with(
+    parts: tuple[Part, ...], what: str, name: str, new: Mapping[str, float]
+) -> tuple[Part, ...]:
+    found = list(parts)
+    for i, part in enumerate(parts):
+        if (key := f"{what}[{i}].{name}") in new:
+            found[i] = replace(part, **{name: number((what, i, name), new[key])})
+    return tuple(found)
+
+
+def _effect_with(effect: Effect, prefix: str, new: Mapping[str, float]) -> Effect:
+    own = {k.removeprefix(prefix): v for k, v in new.items() if k.startswith(prefix)}
+    return effect.with_parameters(**own) if own else effect
 
 
 # Least energy, as a share of that without couplings, that a fit leaves every motion.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import control
@@ -27,6 +28,9 @@ from robustpolish.models.mechanical.parts import (
 from robustpolish.models.plant.blocks import named_system
 
 NO_INPUT = "no_input"
+
+
+_Four = tuple[Matrix, Matrix, Matrix, Matrix]
 
 
 class ImposedSignal(NamedTuple):
@@ -95,15 +99,21 @@ class MechanicalMatrices:
     outputs: tuple[str, ...]
     imposed_signals: tuple[ImposedSignal, ...]
 
-    @property
+    @cached_property
     def inverse_mass(self) -> Matrix:
-        """Accelerations of the free coordinates from forces on them, ``inv(M[free, free])``."""
+        """Accelerations of the free coordinates from forces on them, ``inv(M[free, free])``.
+
+        Fits ask for it again and again; it is read-only.
+        """
         block = self.M[self.free][:, self.free]
         masses = np.diag(block)
         if np.count_nonzero(block) == masses.size:
-            return np.diag(1 / masses)  # as exact as the masses
-        size = np.sqrt(masses)
-        return np.linalg.inv(block / np.outer(size, size)) / np.outer(size, size)
+            found = np.diag(1 / masses)  # as exact as the masses
+        else:
+            size = np.sqrt(masses)
+            found = np.linalg.inv(block / np.outer(size, size)) / np.outer(size, size)
+        found.flags.writeable = False
+        return found
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -121,8 +131,9 @@ class MechanicalMatrices:
         names = [self.coordinates[i] for i in self.free]
         return (*names, *(f"{name}_dot" for name in names))
 
-    def motion_map(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-        """Return Lq, Lv, and Rq, Rv: the linear motions from states and signals.
+    @cached_property
+    def motion_map(self) -> _Four:
+        """Lq, Lv, and Rq, Rv: the linear motions from states and signals, read-only.
 
         ``q = Lq s + Rq w`` and ``q' = Lv s + Rv w`` with the states s and the signals w.
         """
@@ -135,11 +146,18 @@ class MechanicalMatrices:
             Rq[row, column] = gain
         for column, row, gain in self._imposed_columns(VELOCITY):
             Rv[row, column] = gain
+        for part in (Lq, Lv, Rq, Rv):
+            part.flags.writeable = False
         return Lq, Lv, Rq, Rv
 
-    def first_order(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    def first_order(self) -> _Four:
         """Return A, B, C, D of the first-order form, from `signals` to `outputs`."""
-        Lq, Lv, Rq, Rv = self.motion_map()
+        A, B, C, D = self._first_order
+        return A.copy(), B.copy(), C.copy(), D.copy()
+
+    @cached_property
+    def _first_order(self) -> _Four:
+        Lq, Lv, Rq, Rv = self.motion_map
         n, nf, nw = len(self.coordinates), len(self.free), len(self.signals)
         force = np.hstack([self.B, np.zeros((n, nw - self.B.shape[1]))])
         inverse_mass = self.inverse_mass

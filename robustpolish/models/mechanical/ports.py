@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -10,8 +11,11 @@ import numpy as np
 from robustpolish.arrays import Array
 from robustpolish.effects import GROUND, Effect, Motion
 from robustpolish.models.mechanical.data import MechanicalData
-from robustpolish.models.mechanical.matrices import incidence
-from robustpolish.models.mechanical.parts import FORCE
+from robustpolish.models.mechanical.matrices import MechanicalMatrices, incidence
+from robustpolish.models.mechanical.parts import FORCE, Output
+
+_Pair = tuple[str, ...]
+_PortMatrices = tuple[Array, Array, tuple[Array, Array, Array, Array]]
 
 
 def port_row(model: MechanicalData, at: tuple[str, ...]) -> Array:
@@ -20,40 +24,51 @@ def port_row(model: MechanicalData, at: tuple[str, ...]) -> Array:
 
 
 def port_rows(model: MechanicalData, effect: Effect) -> Array:
-    """Return one row per port of an effect."""
-    return np.array([port_row(model, ends[:1] if ends[-1] == GROUND else ends)
-                     for ends in port_pairs(effect)])  # fmt: skip
+    """Return one row per port of an effect, read-only."""
+    return _rows(model.dof_names, tuple(port_pairs(effect)))
 
 
-def port_pairs(effect: Effect) -> list[tuple[str, ...]]:
+@lru_cache(maxsize=256)
+def _rows(names: tuple[str, ...], pairs: tuple[_Pair, ...]) -> Array:
+    ends = (pair[:1] if pair[-1] == GROUND else pair for pair in pairs)
+    found = np.array([incidence(names, pair) for pair in ends])
+    found.flags.writeable = False
+    return found
+
+
+def port_pairs(effect: Effect) -> list[_Pair]:
     """Return the two ends of each port of an effect."""
-    channels = [(name, GROUND) for name, _ in effect.definition.channels]
-    if effect.definition.domain == "pair":
+    definition = effect.definition
+    channels = [(name, GROUND) for name, _ in definition.channels]
+    if definition.domain == "pair":
         return [effect.at, *channels]
     return [*((name, GROUND) for name in effect.at), *channels]
 
 
-def port_matrices(
-    model: MechanicalData, rows: Array, pairs: list[tuple[str, ...]]
-) -> tuple[Array, Array, tuple[Array, Array, Array, Array]]:
+def port_matrices(model: MechanicalData, rows: Array, pairs: Sequence[_Pair]) -> _PortMatrices:
     """Return G, H and the motion map of forces along `rows` of the coordinates.
 
     `pairs` names the ends of each row; a force output between the same ends measures the
     force there.
     """
-    m = model.matrices
-    Lq, Lv, Rq, Rv = m.motion_map()
+    return _port_matrices(model.matrices, model.outputs, rows, pairs)
+
+
+def _port_matrices(
+    m: MechanicalMatrices, outputs: Sequence[Output], rows: Array, pairs: Sequence[_Pair]
+) -> _PortMatrices:
+    Lq, Lv, Rq, Rv = m.motion_map
     nf = len(m.free)
     acceleration = m.inverse_mass @ rows.T[m.free]
     G = np.vstack([np.zeros((nf, len(rows))), acceleration])
     H = m.Sa[:, m.free] @ acceleration
-    for i, output in enumerate(model.outputs):
+    for i, output in enumerate(outputs):
         if output.quantity != FORCE:
             continue
         if output.drive:
-            H[i] -= rows[:, model.dof_names.index(output.of[0])]
+            H[i] -= rows[:, m.coordinates.index(output.of[0])]
             continue
-        here = port_row(model, output.of)
+        here = incidence(m.coordinates, output.of)
         for j, pair in enumerate(pairs):
             if set(pair) == set(output.of):
                 H[i, j] -= np.sign(here @ rows[j])
@@ -82,10 +97,22 @@ class EffectPorts(NamedTuple):
 def effect_ports(model: MechanicalData) -> EffectPorts:
     """Return the effects that make forces with their ports."""
     effects = [effect for _, effect in dynamic_effects(model)]
-    rows = [port_rows(model, effect) for effect in effects]
-    pairs = [pair for effect in effects for pair in port_pairs(effect)]
-    stacked = np.vstack([np.zeros((0, len(model.dofs))), *rows])
-    return EffectPorts(effects, rows, *port_matrices(model, stacked, pairs))
+    pairs = tuple(tuple(port_pairs(effect)) for effect in effects)
+    rows, *matrices = _ports_at(model.matrices, model.outputs, pairs)
+    return EffectPorts(effects, list(rows), *matrices)
+
+
+@lru_cache(maxsize=32)
+def _ports_at(
+    matrices: MechanicalMatrices,
+    outputs: tuple[Output, ...],
+    pairs: tuple[tuple[_Pair, ...], ...],
+) -> tuple[tuple[Array, ...], Array, Array, tuple[Array, Array, Array, Array]]:
+    """Return the rows and matrices of effects at these places; fits vary their numbers only."""
+    rows = tuple(_rows(matrices.coordinates, each) for each in pairs)
+    stacked = np.vstack([np.zeros((0, len(matrices.coordinates))), *rows])
+    ends = [pair for each in pairs for pair in each]
+    return rows, *_port_matrices(matrices, outputs, stacked, ends)
 
 
 def dynamic_effects(model: MechanicalData) -> list[tuple[int, Effect]]:
@@ -95,6 +122,8 @@ def dynamic_effects(model: MechanicalData) -> list[tuple[int, Effect]]:
 
 def context_values(model: MechanicalData, effect: Effect, step: float) -> list[float]:
     """Return what an effect's law needs to know of the model, in the order it asked for."""
+    if not effect.definition.context:
+        return []
     found = context_of(model, effect.at, step)
     return [found[name] for name in effect.definition.context]
 

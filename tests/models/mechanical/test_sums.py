@@ -94,7 +94,7 @@ def test_a_sum_of_modes_shows_what_is_missing():
     found = rp.diagnose(model, data)
     assert [(e.kind, e.at[0]) for e in found.effects] == [("cubic_stiffness", "q1")]
     assert found.effects[0].parameters["stiffness"].value == pytest.approx(2e4, rel=0.05)
-    assert "tip: 96% of the error" in rp.residual_analysis(rp.compare(model, data)).explain()
+    assert "tip: 96 % of the error" in rp.residual_analysis(rp.compare(model, data)).explain()
 
 
 DOFS = [rp.Dof("q1", 1.0), rp.Dof("q2", 1.0), rp.Dof("theta", 1.0, rotational=True)]
