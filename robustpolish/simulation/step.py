@@ -103,8 +103,9 @@ def step_matrices(A: Array, B: Array, G: Array, step: float) -> StepMatrices:
     """
     m = B.shape[1]
     columns = np.hstack([B, G])
-    E, p1, p2, p3 = _phi(A, columns, step)
-    E2, h1, h2, _ = _phi(A, columns, step / 2)
+    weights = _balanced(A)
+    E, p1, p2, p3 = _phi(A, columns, step, weights)
+    E2, h1, h2, _ = _phi(A, columns, step / 2, weights)
     b, g = slice(0, m), slice(m, None)
     parts = (
         E2, E,
@@ -116,13 +117,19 @@ def step_matrices(A: Array, B: Array, G: Array, step: float) -> StepMatrices:
     return StepMatrices(*(np.ascontiguousarray(part) for part in parts))
 
 
-def _phi(A: Array, B: Array, h: float) -> tuple[Array, Array, Array, Array]:
-    """Return exp(A h) and h phi_k(A h) B for k = 1, 2, 3."""
+def _balanced(A: Array) -> Array:
+    """Return the sizes of states with which the norm of A is smallest."""
+    if not A.size:
+        return np.ones(0)
+    return np.asarray(np.diag(matrix_balance(A, permute=False)[1]), dtype=np.float64)
+
+
+def _phi(A: Array, B: Array, h: float, weights: Array) -> tuple[Array, Array, Array, Array]:
+    """Return exp(A h) and h phi_k(A h) B for k = 1, 2, 3, states being of these sizes."""
     n, m = B.shape
     if n == 0:
         empty = np.zeros((0, m))
         return np.zeros((0, 0)), empty, empty, empty
-    weights = np.asarray(np.diag(matrix_balance(A, permute=False)[1]), dtype=np.float64)
     scaled = B * h / weights[:, None]
     size = np.max(np.abs(scaled), axis=0, initial=0.0)
     size[size == 0] = 1.0

@@ -169,8 +169,23 @@ class Residuals:
         each = np.repeat(move, np.diff(self.offsets))[:, None]
         return np.where(move[:, None], starts[1], starts[0]), np.where(each, after, before)
 
-    def column(self, x: Array, starts: Array, errors: Array, j: int) -> Array:
-        """Return the derivative of the errors to scaled parameter j."""
+    def columns(self, x: Array, starts: Array, errors: Array) -> list[Array]:
+        """Return the derivatives of the errors to all scaled parameters, then to the own starts.
+
+        Those to the starts are of each piece's errors to the scaled states of its own start.
+        """
+        p, n = len(x), 0 if self.start_sizes is None else starts.shape[1]
+        run = self.run_at(x)
+
+        def column(j: int) -> Array:
+            if j < p:
+                return self._column(x, starts, errors, j)
+            return self._start_column(run, starts, errors, j - p)
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return list(pool.map(column, range(p + n)))
+
+    def _column(self, x: Array, starts: Array, errors: Array, j: int) -> Array:
         h = _STEP * max(abs(x[j]), 1.0)
         if x[j] + h > self.upper[j]:
             h = -h
@@ -178,8 +193,7 @@ class Residuals:
         run = self.runner.run(self.model_at(x).with_parameters(moved))
         return (run.errors_along(self.records, starts) - errors) / h
 
-    def start_column(self, run: RecordRun, starts: Array, errors: Array, j: int) -> Array:
-        """Return the derivative of each piece's errors to scaled state j of its own start."""
+    def _start_column(self, run: RecordRun, starts: Array, errors: Array, j: int) -> Array:
         assert self.start_sizes is not None
         moved = starts.copy()
         moved[:, j] += _START_STEP * self.start_sizes[j]
@@ -388,19 +402,10 @@ def normal_of(residuals: Residuals, errors: Array, sigma: Array) -> Normal:
 
 def _normal(residuals: Residuals, x: Array, starts: Array, errors: Array, sigma: Array) -> Normal:
     p, n = len(x), 0 if residuals.start_sizes is None else starts.shape[1]
-    run = residuals.run_at(x) if n else None
-
-    def column(j: int) -> Array:
-        if j < p:
-            found = residuals.column(x, starts, errors, j)
-        else:
-            assert run is not None
-            found = residuals.start_column(run, starts, errors, j - p)
-        found = (found / sigma).ravel()
-        return np.where(np.abs(found) < _ENDLESS, found, 0.0)  # 0 where it is not a number, too
-
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        columns = np.array(list(pool.map(column, range(p + n)))).reshape(p + n, -1).T
+    found = residuals.columns(x, starts, errors)
+    columns = np.array([(column / sigma).ravel() for column in found]).reshape(p + n, -1).T
+    # 0 where it is not a number, too
+    columns = np.where(np.abs(columns) < _ENDLESS, columns, 0.0)
     ny = errors.shape[1]
     blocks = [
         columns[a * ny : b * ny, p:] for a, b in itertools.pairwise(residuals.offsets)

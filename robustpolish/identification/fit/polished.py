@@ -12,6 +12,7 @@ local slopes lead nowhere. Over the speed that is gained in one step the jump ma
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -103,9 +104,14 @@ def polished(fitted: Fit, prepared: PreparedRecord, reference: MechanicalModel) 
     def parts(z: Array) -> tuple[Array, Array]:
         return z[:p], z[p:].reshape(shape) * sizes if sizes.size else starts
 
-    def errors(z: Array) -> Array:
+    @lru_cache(maxsize=1)  # derivatives are asked for where the errors were
+    def errors_at(z: bytes) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):
-            return np.nan_to_num(here.errors(*parts(z)), nan=_LOST, posinf=_LOST, neginf=-_LOST)
+            found = here.errors(*parts(np.frombuffer(z)))
+        return np.nan_to_num(found, nan=_LOST, posinf=_LOST, neginf=-_LOST)
+
+    def errors(z: Array) -> Array:
+        return errors_at(z.tobytes())
 
     def residuals(z: Array) -> Array:
         x = z[:p]
@@ -113,15 +119,13 @@ def polished(fitted: Fit, prepared: PreparedRecord, reference: MechanicalModel) 
         return np.concatenate([np.clip(errors(z) / sigma, -_LOST, _LOST).ravel(), *prior])
 
     def derivatives(z: Array) -> Array:
-        x, at = parts(z)
-        now, run = errors(z), here.run_at(x)
-        columns = [here.column(x, at, now, j) / sigma for j in range(p)]
+        now = errors(z)
+        columns = [np.nan_to_num(each / sigma) for each in here.columns(*parts(z), now)]
         J = np.zeros((now.size, z.size))
-        for j, column in enumerate(columns):
-            J[:, j] = np.nan_to_num(column).ravel()
+        for j, column in enumerate(columns[:p]):
+            J[:, j] = column.ravel()
         ny = now.shape[1]
-        for i in range(sizes.size):
-            column = np.nan_to_num(here.start_column(run, at, now, i) / sigma)
+        for i, column in enumerate(columns[p:]):
             for k, (a, b) in enumerate(zip(here.offsets[:-1], here.offsets[1:], strict=True)):
                 J[a * ny : b * ny, p + k * sizes.size + i] = column[a:b].ravel()
         priors = np.zeros((p + len(here.joint), z.size))
