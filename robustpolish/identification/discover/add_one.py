@@ -9,6 +9,7 @@ from robustpolish.effects import Effect, kinds
 from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of
 from robustpolish.identification.discover.judge import (
     chosen,
+    falls_where_fitted,
     judgement,
     more_than_noise,
     objection,
@@ -76,20 +77,42 @@ def _instead(
     effect that explains everything may hide.
     """
     assert search.screening is not None
-    before = list(search.reasons), list(search.confusions)
-    ranked = sorted(refits, key=lambda item: judgement(item.fitted, refits))
-    earned = chosen(ranked, search)
-    search.reasons, search.confusions = before
-    if not earned or earned[0].constant:
+    earned = _would_be_added(refits, search)
+    if earned is None:
+        return _turned_gently(refits, start, search)
+    if earned.constant:
         return []
-    effect, policy, prepared = earned[0].effect, search.policy, search.prepared
+    effect, policy = earned.effect, search.policy
     candidates = found.elsewhere(effect, policy.near_error)[: policy.most_elsewhere]
     if effect.definition.swinging:
         # what hangs there and hardly loses energy pulls as a force from outside does
         candidates += [c for c, _ in search.screening.lines if c.effect.at == effect.at]
+    tried = _refits_of(candidates, refits, start, search)
+    earned = _would_be_added([*refits, *tried], search) or earned
+    effect = earned.effect
     # within a family less than a visible fall tells kinds apart, if anything but noise is left
-    if effect.definition.family and more_than_noise(earned[0].fitted, search):
-        candidates += rivals_of(effect, search.stage.fit, prepared, search.screening)
+    if effect.definition.family and more_than_noise(earned.fitted, search):
+        alike = rivals_of(effect, search.stage.fit, search.prepared, search.screening)
+        tried += _refits_of(alike, [*refits, *tried], start, search)
+    here = [item for item in [*refits, *tried] if item.effect.at == effect.at]
+    return tried + rounded_friction(here, start, search)
+
+
+def _would_be_added(refits: Sequence[RefittedEffect], search: Search) -> RefittedEffect | None:
+    """Return the effect that would be added as things stand; nothing is noted."""
+    before = list(search.reasons), list(search.confusions)
+    earned = chosen(sorted(refits, key=lambda item: judgement(item.fitted, refits)), search)
+    search.reasons, search.confusions = before
+    return earned[0] if earned else None
+
+
+def _refits_of(
+    candidates: Sequence[ScreenedEffect],
+    refits: Sequence[RefittedEffect],
+    start: MechanicalModel,
+    search: Search,
+) -> list[RefittedEffect]:
+    """Refit the candidates that have not been refitted yet."""
     done = {item.screened.place for item in refits}.union(search.barred)
     tried = []
     for candidate in candidates:
@@ -98,8 +121,25 @@ def _instead(
             fitted = search.fitted_with(start, candidate.effect)
             if fitted is not None:
                 tried.append(RefittedEffect(candidate, fitted))
-    here = [item for item in [*refits, *tried] if item.effect.at == effect.at]
-    return tried + rounded_friction(here, start, search)
+    return tried
+
+
+def _turned_gently(
+    refits: Sequence[RefittedEffect], start: MechanicalModel, search: Search
+) -> list[RefittedEffect]:
+    """Refit dry frictions that turn over gently where jumps help what was fitted, and only that.
+
+    What is held out of a decay may be so slow that a friction does no more there than a damper.
+    """
+    helpful = [
+        item
+        for item in refits
+        if item.effect.definition.turns_over
+        and falls_where_fitted(search.stage, item.fitted, search.policy)
+    ]
+    places = dict.fromkeys(item.effect.at for item in helpful)
+    here = ([item for item in helpful if item.effect.at == at] for at in places)
+    return [rounded for some in here for rounded in rounded_friction(some, start, search)]
 
 
 def _refits(search: Search, start: MechanicalModel, found: Hopeful) -> list[RefittedEffect]:

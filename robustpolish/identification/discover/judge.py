@@ -131,6 +131,13 @@ def visible_falls(before: JudgedFit, after: JudgedFit, policy: Policy) -> Array 
     return fitted if quiet and np.max(fitted) > 1 - 1 / policy.far else None
 
 
+def falls_where_fitted(before: JudgedFit, after: JudgedFit, policy: Policy) -> bool:
+    """Return whether errors fall visibly over the pieces that fits are made to, run as a whole."""
+    if not (before.reproducible and after.reproducible):
+        return False
+    return _visible(1 - after.fitted / before.fitted, policy.visible_fall)
+
+
 def _visible(fall: Array, least: float) -> bool:
     """Return whether an error falls by at least a share, or several of them do together."""
     return bool(np.max(fall) >= least or _log_left(fall) <= np.log(1 - least))
@@ -301,7 +308,29 @@ def _in_turn(ranked: Sequence[RefittedEffect], search: Search) -> list[RefittedE
         apart = item.effect.definition.domain == "pair" and not any(ends <= g for g in joined)
         return False, item.size, apart, error
 
-    return _simpler_first(sorted(ranked, key=order), search)
+    return _simpler_first(_louder_first(sorted(ranked, key=order), search), search)
+
+
+def _louder_first(ordered: list[RefittedEffect], search: Search) -> list[RefittedEffect]:
+    """Put what does better in the louder part of decays ahead if the quiet one hardly differs.
+
+    What is held out of a decay is its quieter part, where a wrong place may do as well.
+    """
+    best, policy = ordered[0], search.policy
+    if search.reference.inputs:
+        return ordered
+    limit = judgement(best.fitted, ordered) + np.log(1 + policy.together)
+    louder = [
+        item
+        for item in ordered[1:]
+        if item.size <= best.size
+        and judgement(item.fitted, ordered) < limit
+        and falls_where_fitted(best.fitted, item.fitted, policy)
+    ]
+    if not louder:
+        return ordered
+    first = min(louder, key=lambda item: float(np.sum(np.log(item.fitted.fitted))))
+    return [first, *(item for item in ordered if item is not first)]
 
 
 def _simpler_first(ordered: list[RefittedEffect], search: Search) -> list[RefittedEffect]:

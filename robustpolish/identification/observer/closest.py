@@ -85,10 +85,24 @@ def weights_of(record: Record) -> Array:
     return 1 / np.where(size > 0, size, 1.0)
 
 
-def squares(run: RecordRun, piece: StartedPiece, weights: Array) -> float:
-    """Return the sum of the squares of a run's weighted errors."""
-    errors = _errors(run, (piece.record,), piece.start.vector[None], weights)
-    return float(np.sum(errors**2))
+def squares(
+    run: RecordRun, pieces: Sequence[StartedPiece], samples: int, weights: Array
+) -> list[float]:
+    """Return for each piece the sum of the squares of its weighted errors over its first samples.
+
+    Parameters
+    ----------
+    run : RecordRun
+    pieces : sequence of StartedPiece
+    samples : int
+        All of a piece that has no more.
+    weights : ndarray, shape (ny,)
+        See :func:`weights_of`.
+    """
+    heads = tuple(p.record.part(0, min(samples, p.record.samples)) for p in pieces)
+    errors = _errors(run, heads, np.array([p.start.vector for p in pieces]), weights)
+    marks = np.cumsum([head.samples for head in heads])[:-1]
+    return [float(np.sum(part**2)) for part in np.split(errors, marks)]
 
 
 def _errors(run: RecordRun, records: tuple[Record, ...], starts: Array, weights: Array) -> Array:

@@ -30,6 +30,9 @@ _LOST = 1.5
 _BESIDE = 2
 # Relative fall with which the start of a stretch is good enough for the next one.
 _ROUGHLY = 1e-2
+# Mean square error over the first stretch, in those of the outputs, from which a start is wrong: a
+# wrong model follows its few samples, too.
+_WRONG = 0.1
 
 
 def fitted_start(run: RecordRun, record: Record, guesses: Sequence[Start], sizes: Array) -> Start:
@@ -54,11 +57,9 @@ def fitted_start(run: RecordRun, record: Record, guesses: Sequence[Start], sizes
     pieces, weights = [StartedPiece(record, guess) for guess in guesses], weights_of(record)
     if run.linear:
         found = fitted_starts(run, pieces, sizes)
-        return min(found, key=lambda piece: squares(run, piece, weights)).start
+        return found[int(np.argmin(squares(run, found, record.samples, weights)))].start
     spans = lengths(record.samples)
-    brief = pieces
-    for span in (n for n in (spans[0] // 8, spans[0] // 4, spans[0] // 2) if n >= _BRIEFEST):
-        brief = closest(run, brief, span, sizes, weights, _ROUGHLY)
+    brief = _begun_briefly(run, pieces, spans[0], sizes, weights)
     search = _Growing(run, sizes, weights, record.samples)
     found = search.best_of(search.over([*pieces, *brief], spans[0]), spans[0])
     for before, span in pairwise(spans):
@@ -86,14 +87,13 @@ class _Growing:
         settled = 1e-6 if span == self.longest else _ROUGHLY
         return closest(self.run, pieces, span, self.sizes, self.weights, settled)
 
-    def error(self, piece: StartedPiece, span: int) -> float:
-        """Return the mean square error over a stretch."""
-        count = min(span, piece.record.samples) * piece.record.Y.shape[1]
-        return _over(self.run, piece, span, self.weights) / count
+    def errors(self, pieces: Sequence[StartedPiece], span: int) -> list[float]:
+        """Return the mean square errors over a stretch."""
+        return _errors(self.run, pieces, span, self.weights)
 
     def best_of(self, pieces: Sequence[StartedPiece], span: int) -> list[StartedPiece]:
         """Return the best piece first, then others that are nearly as good and not the same."""
-        errors = [self.error(piece, span) for piece in pieces]
+        errors = self.errors(pieces, span)
         kept: list[int] = []
         for i in np.argsort(errors, kind="stable").tolist():
             near = errors[i] <= _RIVAL * errors[kept[0]] if kept else True
@@ -124,8 +124,7 @@ class _Growing:
     def _lost(
         self, pieces: Sequence[StartedPiece], before: int, after: Sequence[StartedPiece], span: int
     ) -> bool:
-        least = min(self.error(piece, before) for piece in pieces)
-        return min(self.error(piece, span) for piece in after) > _LOST * least
+        return min(self.errors(after, span)) > _LOST * min(self.errors(pieces, before))
 
 
 def fitted_starts(
@@ -151,7 +150,7 @@ def fitted_starts(
     others : sequence of StartedPiece, optional
         The same pieces with other starts, which are tried beside those over the first stretches.
     """
-    found = list(pieces)
+    found, given = list(pieces), others
     if not sizes.size or not found:
         return found
     weights = weights_of(max((p.record for p in pieces), key=lambda record: record.samples))
@@ -161,17 +160,66 @@ def fitted_starts(
         found = closest(run, found, samples, sizes, weights, settled)
         if others and i < _BESIDE:
             others = closest(run, others, samples, sizes, weights, settled)
+        if i == 0 and not run.linear:
+            found = _begun_anew(run, found, [pieces, given], samples, sizes, weights)
         if others and (i + 1 == _BESIDE or samples == longest):
-            pairs = zip(found, others, strict=True)
-            found = [min(pair, key=lambda p: _over(run, p, samples, weights)) for pair in pairs]
+            found = _better(run, found, others, samples, weights)
             others = ()
     return found
 
 
-def _over(run: RecordRun, piece: StartedPiece, samples: int, weights: Array) -> float:
-    """Return the squares over the first samples of a piece."""
-    head = piece.record.part(0, min(samples, piece.record.samples))
-    return squares(run, StartedPiece(head, piece.start), weights)
+def _begun_anew(
+    run: RecordRun,
+    found: list[StartedPiece],
+    guesses: Sequence[Sequence[StartedPiece]],
+    samples: int,
+    sizes: Array,
+    weights: Array,
+) -> list[StartedPiece]:
+    """Return the pieces, those whose start is wrong over a stretch begun over very short ones."""
+    errors = _errors(run, found, samples, weights)
+    wrong = [i for i, error in enumerate(errors) if error > _WRONG]
+    for known in guesses if wrong else ():
+        if not known:
+            continue
+        brief = _begun_briefly(run, [known[i] for i in wrong], samples, sizes, weights)
+        brief = closest(run, brief, samples, sizes, weights, _ROUGHLY)
+        better = _better(run, [found[i] for i in wrong], brief, samples, weights)
+        for i, piece in zip(wrong, better, strict=True):
+            found[i] = piece
+    return found
+
+
+def _begun_briefly(
+    run: RecordRun, pieces: Sequence[StartedPiece], samples: int, sizes: Array, weights: Array
+) -> list[StartedPiece]:
+    """Return pieces with their starts improved over stretches shorter than the first usual one."""
+    brief = list(pieces)
+    for span in (n for n in (samples // 8, samples // 4, samples // 2) if n >= _BRIEFEST):
+        brief = closest(run, brief, span, sizes, weights, _ROUGHLY)
+    return brief
+
+
+def _better(
+    run: RecordRun,
+    found: Sequence[StartedPiece],
+    others: Sequence[StartedPiece],
+    samples: int,
+    weights: Array,
+) -> list[StartedPiece]:
+    """Return of each two pieces the one that its start follows better over the first samples."""
+    left = (squares(run, pieces, samples, weights) for pieces in (found, others))
+    return [one if a <= b else other for one, other, a, b in zip(found, others, *left, strict=True)]
+
+
+def _errors(
+    run: RecordRun, pieces: Sequence[StartedPiece], samples: int, weights: Array
+) -> list[float]:
+    """Return the mean square errors of pieces over their first samples."""
+    return [
+        square / (min(samples, piece.record.samples) * piece.record.Y.shape[1])
+        for piece, square in zip(pieces, squares(run, pieces, samples, weights), strict=True)
+    ]
 
 
 def lengths(samples: int) -> list[int]:

@@ -191,7 +191,9 @@ def replaced(model: Model, changes: Mapping[str, float]) -> Model:
         "dampers": _each_with(model.dampers, "damper", "damping", new),
         "coupled_inertias": _each_with(model.coupled_inertias, "coupled_inertia", "value", new),
         "inputs": tuple(_with(i, "gain", f"input.{i.name}.gain", new) for i in model.inputs),
-        "effects": tuple(_effect_with(e, f"effect[{i}].", new) for i, e in enumerate(model.effects)),
+        "effects": tuple(
+            _effect_with(e, f"effect[{i}].", new) for i, e in enumerate(model.effects)
+        ),
         "design": dict(model.design),
     }.items():
         object.__setattr__(found, name, part)
