@@ -57,8 +57,8 @@ class Course(NamedTuple):
         """Return a course of signals at the samples, linear between them unless lines are given."""
         begin, end = lines_through(inputs) if lines is None else lines
         beside = None if lines is None else inputs - begin
-        lines_as_run = (np.ascontiguousarray(side) for side in (begin, end))
-        return cls(*lines_as_run, beside, np.ascontiguousarray(time), marks)
+        begin, end, time = (np.ascontiguousarray(part) for part in (begin, end, time))
+        return cls(begin, end, beside, time, marks)
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,7 +53,7 @@ def fine_run(
     weights = weights_of(longest)
 
     def left(of: RecordRun, started: Sequence[StartedPiece]) -> float:
-        return sum(squares(of, piece, weights) for piece in started)
+        return sum(squares(of, started, longest.samples, weights))
 
     found = list(pieces)
     if sizes.size:

@@ -98,8 +98,8 @@ def effect_ports(model: MechanicalData) -> EffectPorts:
     """Return the effects that make forces with their ports."""
     effects = [effect for _, effect in dynamic_effects(model)]
     pairs = tuple(tuple(port_pairs(effect)) for effect in effects)
-    rows, *matrices = _ports_at(model.matrices, model.outputs, pairs)
-    return EffectPorts(effects, list(rows), *matrices)
+    rows, (G, H, motion) = _ports_at(model.matrices, model.outputs, pairs)
+    return EffectPorts(effects, list(rows), G, H, motion)
 
 
 @lru_cache(maxsize=32)
@@ -107,12 +107,12 @@ def _ports_at(
     matrices: MechanicalMatrices,
     outputs: tuple[Output, ...],
     pairs: tuple[tuple[_Pair, ...], ...],
-) -> tuple[tuple[Array, ...], Array, Array, tuple[Array, Array, Array, Array]]:
+) -> tuple[tuple[Array, ...], _PortMatrices]:
     """Return the rows and matrices of effects at these places; fits vary their numbers only."""
     rows = tuple(_rows(matrices.coordinates, each) for each in pairs)
     stacked = np.vstack([np.zeros((0, len(matrices.coordinates))), *rows])
     ends = [pair for each in pairs for pair in each]
-    return rows, *_port_matrices(matrices, outputs, stacked, ends)
+    return rows, _port_matrices(matrices, outputs, stacked, ends)
 
 
 def dynamic_effects(model: MechanicalData) -> list[tuple[int, Effect]]:
