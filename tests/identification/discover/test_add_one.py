@@ -6,13 +6,20 @@ import numpy as np
 import pytest
 
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.add_one import _at_lines, _moved, _refits, add_one
+from robustpolish.identification.discover import add_one as module
+from robustpolish.identification.discover.add_one import (
+    _at_lines,
+    _moved,
+    _refits,
+    _turned_gently,
+    add_one,
+)
 from robustpolish.identification.discover.hopeful import Hopeful
 from robustpolish.identification.discover.search import RefittedEffect
 from robustpolish.identification.observer.kalman import FREE
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
 from tests.hidden_effects.cases import Case, model_of, one, records, two
-from tests.identification.discover.searches import judged, search_of
+from tests.identification.discover.searches import judged, refitted, search_of
 
 PLACE = ("x", "ground")
 
@@ -75,6 +82,21 @@ def test_absurd_numbers_that_explain_all_keep_nothing_else_from_being_tried(sear
     far = replace(absurd, score=10.0)
     (only,) = _refits(search, start, Hopeful([replace(right, score=100.0), far], [], [], []))
     assert only.effect == right.effect
+
+
+@pytest.mark.parametrize(("left", "asked"), [(0.5, True), (0.9, False)])
+def test_a_friction_that_helps_the_loud_part_alone_may_turn_over_gently(
+    search, monkeypatch, left, asked
+):
+    def item(kind):
+        found = refitted(search.stage.model, kind, PLACE, {}, 2 * search.stage.error)
+        quiet = replace(found.fitted, over_fitted=lambda: left * search.stage.fitted)
+        return replace(found, fitted=quiet)
+
+    friction, other = item("coulomb_friction"), item("dahl_friction")
+    monkeypatch.setattr(module, "rounded_friction", lambda some, start, search: some)
+    tried = _turned_gently([friction, other], search.stage.model, search)
+    assert tried == ([friction] if asked else [])
 
 
 def test_where_nothing_earns_its_place_what_helped_is_kept(search, monkeypatch):

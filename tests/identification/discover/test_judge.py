@@ -204,6 +204,22 @@ def test_more_numbers_ask_for_a_visible_advantage_far_above_the_noise(search):
         assert advantage(stribeck, numbers, search) == pytest.approx(asked)
 
 
+@pytest.mark.parametrize(
+    ("decays", "held_out", "fitted", "taken"),
+    [(True, 2.15, 0.5, 1), (True, 2.15, 0.9, 0), (True, 2.3, 0.5, 0), (False, 2.15, 0.5, 0)],
+)
+def test_where_the_quiet_part_of_a_decay_hardly_tells_the_loud_one_does(
+    search, decays, held_out, fitted, taken
+):
+    if decays:
+        search = replace(search, reference=replace(MODEL, inputs=(), outputs=MODEL.outputs, dofs=(
+            replace(MODEL.dofs[0], mass=1.0),)))  # fmt: skip
+    pair = [cubic(2.0), drag(held_out)]
+    louder = replace(pair[1].fitted, over_fitted=lambda: fitted * pair[0].fitted.fitted)
+    pair[1] = replace(pair[1], fitted=louder)
+    assert chosen(pair, search) == [pair[taken]]
+
+
 def test_two_that_hide_each_other_earn_their_places_together():
     """An offset and a cubic spring of 0.85 N in 1 N of noise: one alone is 16 % of the error."""
     data = of_rig(4000, noise=1.0)

@@ -44,6 +44,16 @@ def test_of_two_starts_the_one_that_comes_closer_is_followed():
         np.testing.assert_allclose(found.start.state, [2e-3, 0.1], rtol=1e-2)
 
 
+@pytest.mark.parametrize("guess", [(0.01, 0.5), (6e-3, -0.3), (0.02, 0.3), (-6e-3, 0.1)])
+def test_a_start_that_is_wrong_begins_anew_over_very_short_stretches(guess):
+    """Over the first usual stretch a spring that stiffens swings too often to be followed."""
+    model, record = case(("cubic_stiffness", PLACE, {"stiffness": 1e8}))
+    run, sizes = free_run(model, record), np.array([1e-3, 0.02])
+    wrong = [StartedPiece(record, rest(model).with_vector(np.array(guess)))]
+    (found,) = fitted_starts(run, wrong, sizes)
+    np.testing.assert_allclose(found.start.state, [2e-3, 0.1], rtol=1e-6)
+
+
 @pytest.mark.parametrize("effect", [None, ("coulomb_friction", PLACE, {"force": 0.2})])
 def test_starts_of_windows_are_those_of_each_alone(effect):
     model, record = case(effect)

@@ -62,6 +62,29 @@ def test_parameters_by_key_and_back():
         model.with_parameters({"dof.y.mass": 1.0})
 
 
+def test_a_number_that_was_left_at_its_default_can_be_changed_too():
+    model = two_masses().with_effect("coulomb_friction", ("x", "ground"), {"force": 3.0})
+    changed = model.with_parameters({"effect[0].width": 0.1})
+    assert changed.parameters["effect[0].width"] == 0.1
+    assert changed.parameters["effect[0].force"] == 3.0
+
+
+@pytest.mark.parametrize("bad", [True, "2", float("nan"), float("inf"), -1.0, 0.0, 1e200])
+def test_a_mass_that_is_changed_is_checked(bad):
+    with pytest.raises(InvalidInputError, match=r"dof\.x\.mass"):
+        two_masses().with_parameters({"dof.x.mass": bad})
+
+
+def test_the_matrices_are_those_of_the_changed_numbers():
+    model = two_masses().with_effect("coulomb_friction", ("x", "ground"), {"force": 3.0})
+    known = model.matrices
+    stiffer = model.with_parameters({"spring[1].stiffness": 6e4})
+    assert stiffer.matrices.K[1, 1] == 2 * known.K[1, 1]
+    assert model.with_parameters({"effect[0].force": 4.0}).matrices is known
+    with pytest.raises(ValueError, match="read-only"):
+        known.inverse_mass[0, 0] = 1.0
+
+
 def test_a_channel_is_a_signal_in_a_unit_of_its_own_that_nothing_holds():
     base = MechanicalModel(
         [Dof("x", 2.0), Dof("u", 0.0)],
