@@ -231,7 +231,8 @@ def _errors(
 
 
 def _rms(errors: Array) -> Array:
-    found = np.sqrt(np.mean(errors**2, axis=0))
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = np.sqrt(np.mean(errors**2, axis=0))
     return np.where(np.isfinite(found), found, np.inf)
 
 

@@ -149,8 +149,9 @@ class LinearObserver:
         direct = W @ self.system.D.T
         if forces is not None:
             G0, G1, H = self.port_steps(forces.rows, forces.pairs)
-            drive[:-1] += (G0 @ forces.values[:, :-1] + G1 @ forces.values[:, 1:]).T
-            direct = direct + (H @ forces.values).T
+            with np.errstate(over="ignore", invalid="ignore"):  # along a motion that diverged
+                drive[:-1] += (G0 @ forces.values[:, :-1] + G1 @ forces.values[:, 1:]).T
+                direct = direct + (H @ forces.values).T
         start = np.zeros(self.states) if s0 is None else s0
         return _forward(
             self.m.full, self.gain.predictor, self.system.C, drive, direct,

@@ -144,7 +144,8 @@ def smooth(
     nonlinear observer finds. Each of several records is smoothed by itself. Arguments as of
     :func:`following`.
     """
-    each = [_smooth(model, part, scales, amplitude, levels) for part in record.parts]
+    with np.errstate(over="ignore", invalid="ignore"):  # no level may follow the record
+        each = [_smooth(model, part, scales, amplitude, levels) for part in record.parts]
     if len(each) == 1:
         return each[0]
     rows = {name: np.concatenate([getattr(s, name) for s in each], axis) for name, axis in _AXES}

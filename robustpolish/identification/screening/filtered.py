@@ -86,7 +86,8 @@ class FilteredRecord:
         target = X @ self.e - NX.T @ self.factor @ self.Ne
         size = np.sqrt(np.maximum(np.diag(X @ X.T), 1e-300))
         scaled = projected / np.outer(size, size)
-        if np.any(np.diag(scaled) < 1e-4):  # hidden behind the model's own parameters
+        # hidden behind the model's own parameters, or of a motion that no observer could follow
+        if not np.all(np.diag(scaled) >= 1e-4):
             return self.errors, np.full(len(X), np.nan)
         c = np.linalg.lstsq(scaled, target / size, rcond=1e-8)[0] / size
         beta = self.factor @ (self.Ne - NX @ c)

@@ -57,6 +57,14 @@ def test_what_hides_behind_the_model_s_own_numbers_is_no_candidate():
     assert np.isnan(seen.residual(cubic)[1]).all()
 
 
+def test_along_a_motion_that_no_observer_followed_nothing_is_a_candidate():
+    seen, _ = seen_of(rig(), CUBIC)
+    lost = np.full((2, *seen.errors.shape), np.nan)
+    rest, found = seen.residual(seen.weighted(lost))
+    assert np.isnan(found).all()
+    assert rest is seen.errors
+
+
 def test_an_error_of_a_spring_leaves_what_a_softer_model_would():
     """The column of a stiffness is the derivative of the innovations to it."""
     model, data = oscillator(), record(samples=800, noise=0.01)
