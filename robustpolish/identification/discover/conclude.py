@@ -11,7 +11,12 @@ import numpy as np
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.judge import undetermined
-from robustpolish.identification.discover.reconsider import gently, knows_turn, simpler
+from robustpolish.identification.discover.reconsider import (
+    closer_kinds,
+    gently,
+    knows_turn,
+    simpler,
+)
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.findings.diagnosis import Diagnosis
@@ -122,7 +127,8 @@ def _without_idle(search: Search, final: Fit, error: Array, calm: bool) -> tuple
                 last = final.model.effects[-1]
                 del search.steps[2 + at - first]
                 search.steps.append((last.kind, final.model))
-                search.confusions.append(confused(last, effect))
+                alike = {each.kind: each for each in (*closer_kinds(search), effect)}
+                search.confusions += [confused(last, other) for other in alike.values()]
                 break
     return final, error
 

@@ -169,6 +169,31 @@ def simpler(search: Search, at: int) -> Iterator[JudgedFit]:
             yield fitted
 
 
+def closer_kinds(search: Search) -> list[Effect]:
+    """Return the kinds of the last effect's family that came closer in its place, as fitted.
+
+    Where a simpler kind stands for another that errs less, so it does for those in between.
+    """
+    stage, last = search.stage, search.stage.model.effects[-1]
+    found = {}
+    for turn in search.turns:
+        for item in turn.others:
+            other = item.fitted.model.effects[-1]
+            if (
+                rivals(other.definition, last.definition)
+                and other.at == last.at
+                and _places(item.fitted) == _places(stage)
+                and judgement(item.fitted, [stage]) < judgement(stage, [item.fitted])
+            ):
+                found[other.kind] = other
+    return [other for kind, other in found.items() if kind != last.kind]
+
+
+def _places(fitted: JudgedFit) -> list[tuple[str, tuple[str, ...]]]:
+    """Return the kinds and places of all effects but the last."""
+    return sorted((effect.kind, effect.at) for effect in fitted.model.effects[:-1])
+
+
 def _in_common(effect: Effect) -> Iterator[Effect]:
     """Yield the kinds all of whose numbers an effect has, with the values that it has."""
     kind, values = effect.definition, effect.values

@@ -9,6 +9,7 @@ import xarray as xr
 from robustpolish.effects import Effect, Motion, force_along
 from robustpolish.identification.discover import reconsider
 from robustpolish.identification.discover.reconsider import (
+    closer_kinds,
     renamed,
     retold,
     rounded_friction,
@@ -16,7 +17,7 @@ from robustpolish.identification.discover.reconsider import (
     still_alike,
     without_the_needless,
 )
-from robustpolish.identification.discover.search import RefittedEffect, Search
+from robustpolish.identification.discover.search import RefittedEffect, Search, Turn
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.fit.parameters import free_parameters, turns_over_gently
 from robustpolish.identification.policy import POLICY
@@ -251,6 +252,21 @@ def test_what_looked_alike_early_is_asked_again_beside_the_others(monkeypatch, e
     early = [("coulomb_friction", "dahl_friction")] if stays else []
     assert found == [*early, ("cubic_stiffness", "backlash")]
     assert len(search.confusions) == 4
+
+
+def test_kinds_that_came_closer_than_a_simpler_one_are_known():
+    model = rig()
+    search = search_of(model, of_rig(noise=1.0))
+    search.stage = judged(model.with_effect(*COULOMB), 2.0)
+    memory = {"force": 3.0, "stiffness": 50.0}
+    others = [
+        refitted(model, "dahl_friction", PLACE, memory, 1.9),
+        refitted(model, "elastic_coulomb_friction", PLACE, memory, 2.1),
+        refitted(model, *CUBIC, 1.0),
+        refitted(model.with_effect(*CUBIC), "lugre_friction", PLACE, {"force": 3.0}, 1.0),
+    ]
+    search.turns = [Turn(search, (), tuple(others))]
+    assert [effect.kind for effect in closer_kinds(search)] == ["dahl_friction"]
 
 
 AXIS, SLIDING = ("x", "ground"), 3.0
