@@ -75,6 +75,13 @@ def _add_likelier(search: Search) -> None:
         policy.at_floor
     ):
         return
+    # numbers that one effect after the other has bent may lie far out in a flat valley
+    straight = _begun_as_known(search, model.effects)
+    if straight is not None and _odds(straight, search) > 0:
+        search.stage = straight
+        search.steps[-1] = (search.steps[-1][0], straight.model)
+        if _unlikely(straight, search) <= policy.strong_odds:
+            return
     there = {(e.kind, e.at) for e in model.effects}
     gains = [("sensor_gain", (o.name,)) for o in model.outputs if o.quantity != FORCE]
     gains += [("input_gain", (i.name,)) for i in model.inputs if i.imposes is None]
@@ -153,10 +160,15 @@ def _with_gain(search: Search, gain: Effect, at: int | None = None) -> JudgedFit
 
     It comes last, or takes the place of the effect that stands at `at`.
     """
-    prepared, reference = search.prepared, search.reference
     search.say(f"refit with {gain}")
     there = search.stage.model.effects
     effects = (*there, gain) if at is None else (*there[:at], gain, *there[at + 1 :])
+    return _begun_as_known(search, effects)
+
+
+def _begun_as_known(search: Search, effects: tuple[Effect, ...]) -> JudgedFit | None:
+    """Return the model with these effects, fitted from its own numbers as they were."""
+    prepared, reference = search.prepared, search.reference
     model = replace(reference, effects=effects)
     spans = prepared.spans(prepared.trial)
     stages = homotopy(model, prepared, prepared.trial, reference, spans)

@@ -81,3 +81,22 @@ def test_an_input_that_is_right_gets_no_gain():
     search = gained(1.0)
     assert search.stage is search.linear
     assert search.reasons == search.confusions == []
+
+
+def test_numbers_that_lie_far_out_in_a_flat_valley_are_no_gain():
+    """All forces as a share of what they are: nothing moves otherwise, and no gain is wrong."""
+    search = search_of(*_right())
+    numbers = search.stage.model.parameters
+    model = search.stage.model.with_parameters({k: 0.7 * v for k, v in numbers.items()})
+    search.stage = replace(search.stage, fit=replace(search.stage.fit, model=model))
+    add_wrong_gains(search)
+    assert search.stage.model.effects == ()
+    found = search.stage.model.parameters
+    assert found["input.F_x.gain"] == pytest.approx(1.0, abs=0.05)
+    assert search.steps[-1] == ("refit", search.stage.model)
+    assert search.reasons == []
+
+
+def _right():
+    case = Case("right", two(), [], drive=10.0, samples=1200)
+    return model_of(case), records(case)[0][0]
