@@ -45,13 +45,21 @@ def without_the_needless(search: Search, last: bool = False) -> Search:
         trial.
     """
     first = len(search.reference.effects)
-    for at in reversed(range(first, len(search.stage.model.effects) - (not last))):
+    left = list(reversed(range(first, len(search.stage.model.effects) - (not last))))
+    kept = 0
+    while left:
+        at = left.pop(0)
         without = search.fitted_without(search.stage.model, at)
-        if without is not None and _as_good(without, search):
-            effect = search.stage.model.effects[at]
-            search = search.copy()
-            search.stage = without
-            search.reasons.append(f"{effect} was not kept: the others explain as much.")
+        if without is None or not _as_good(without, search):
+            kept += 1
+            continue
+        effect = search.stage.model.effects[at]
+        search = search.copy()
+        search.stage = without
+        search.reasons.append(f"{effect} was not kept: the others explain as much.")
+        if kept:  # what stood by the one that went is asked again
+            left = list(reversed(range(first, len(without.model.effects) - (not last))))
+            kept = 0
     return search
 
 

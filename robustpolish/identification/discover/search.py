@@ -198,16 +198,25 @@ class Search:
     def fitted_without(self, model: MechanicalModel, at: int, *instead: Effect) -> JudgedFit | None:
         """Return a model without one of its effects, or with others in its place, fitted anew.
 
-        None if no fit ended well.
+        None if no fit ended well. The others may be right as they are, where short windows would
+        move them; or have been bent by what goes, where long ones would keep them.
         """
         rest = (*model.effects[:at], *model.effects[at + 1 :])
         bare = replace(model, effects=rest)
-        if instead or not idle(model.effects[at]):
+        if instead:
             return self.fitted_with(bare, *instead)
-        # the others are right as they are: short windows would only move them
-        whole = self.prepared.spans(self.prepared.trial)[-1:]
-        stages = homotopy(bare, self.prepared, self.prepared.trial, self.reference, whole)
-        return best_stage(stages, self.prepared) if stages else None
+        tried = [self.fitted_on(bare)]
+        if not idle(model.effects[at]):
+            tried.append(self.fitted_with(bare))
+        fits = [fitted for fitted in tried if fitted is not None]
+        return min(fits, key=lambda fitted: left_by(fitted, fits), default=None)
+
+    def fitted_on(self, model: MechanicalModel) -> JudgedFit | None:
+        """Return a model fitted on from its numbers over whole pieces; None if that ended badly."""
+        prepared = self.prepared
+        whole = prepared.spans(prepared.trial)[-1:]
+        stages = homotopy(model, prepared, prepared.trial, self.reference, whole)
+        return best_stage(stages, prepared) if stages else None
 
     def accept(self, earned: Sequence[RefittedEffect]) -> None:
         """Go on with the model that has the effects, each fitted with those before it."""

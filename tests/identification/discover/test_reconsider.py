@@ -52,12 +52,29 @@ def two(first):
 def test_what_the_others_explain_as_well_goes(monkeypatch, left, kept):
     search = two(COULOMB)
     monkeypatch.setattr(Search, "fitted_with", lambda self, model: judged(model, left))
+    monkeypatch.setattr(Search, "fitted_on", lambda self, model: None)
     found = without_the_needless(search)
     assert kinds(found) == ["coulomb_friction", "cubic_stiffness"][2 - kept :]
     assert bool(found.reasons) == (kept == 1)
     assert kinds(search) == ["coulomb_friction", "cubic_stiffness"]
     # the last one is asked on request only
     assert kinds(without_the_needless(found, last=True)) == ([] if kept == 1 else kinds(search))
+
+
+def test_what_stood_by_the_one_that_goes_is_asked_again(monkeypatch):
+    search = two(COULOMB)
+    drag = refitted(search.stage.model, "quadratic_damping", PLACE, {"coefficient": 3.0}, 10.0)
+    search.accept([drag])
+    errors = {
+        frozenset({"coulomb_friction", "cubic_stiffness"}): 20.0,
+        frozenset({"coulomb_friction", "quadratic_damping"}): 10.2,
+        frozenset({"coulomb_friction"}): 10.3,
+        frozenset({"quadratic_damping"}): 50.0,
+        frozenset(): 100.0,
+    }
+    monkeypatch.setattr(Search, "fitted_with", fitting(errors))
+    monkeypatch.setattr(Search, "fitted_on", lambda self, model: None)
+    assert kinds(without_the_needless(search, last=True)) == ["coulomb_friction"]
 
 
 def fitting(errors):

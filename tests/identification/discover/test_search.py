@@ -118,6 +118,17 @@ def test_a_model_is_fitted_without_one_of_its_effects(search, monkeypatch):
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("anew", "on", "left"), [(1.0, 0.5, 0.5), (0.5, 1.0, 0.5), (1.0, None, 1.0)]
+)
+def test_the_others_begin_anew_or_go_on_whichever_is_better(search, monkeypatch, anew, on, left):
+    model = rig().with_effect("cubic_stiffness", PLACE, {"stiffness": 3.0})
+    there = None if on is None else judged(rig(), on)
+    monkeypatch.setattr(Search, "fitted_with", lambda self, model: judged(model, anew))
+    monkeypatch.setattr(Search, "fitted_on", lambda self, model: there)
+    assert search.fitted_without(model, 0).error == left
+
+
 def test_a_copy_goes_its_own_way(search):
     cubic = refitted(rig(), "cubic_stiffness", PLACE, {"stiffness": 3.0}, 2.0)
     other = search.copy()
