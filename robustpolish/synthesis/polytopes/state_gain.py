@@ -151,6 +151,8 @@ def _program(
     gains_themselves: bool = False,
 ) -> _Solved | None:
     """Minimise the bound; or, with a limit on it, the gains, by their effort or themselves."""
+    if solver.budget.over:
+        return None  # to put a program together that is not solved takes longer than a limit allows
     program = SemidefiniteProgram()
     plants = [c.apply(p) for p in problem.plants]
     n, nu = plants[0].nx, plants[0].nu
