@@ -116,7 +116,7 @@ def measured(model: MechanicalData, outputs: Array, time: Array) -> Array:
     ndarray, shape (samples, ny)
     """
     result = outputs.copy()
-    for effect in _on(model, "output"):  # fits have none, mostly
+    for effect in _on(model, "output"):
         j = model.output_names.index(effect.at[0])
         result[:, j] = effect.on_signal(result[:, j], time)
     return result

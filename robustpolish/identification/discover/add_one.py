@@ -100,9 +100,8 @@ def _instead(
 
 def _would_be_added(refits: Sequence[RefittedEffect], search: Search) -> RefittedEffect | None:
     """Return the effect that would be added as things stand; nothing is noted."""
-    before = list(search.reasons), list(search.confusions)
-    earned = chosen(sorted(refits, key=lambda item: judgement(item.fitted, refits)), search)
-    search.reasons, search.confusions = before
+    ranked = sorted(refits, key=lambda item: judgement(item.fitted, refits))
+    earned = chosen(ranked, search.copy())
     return earned[0] if earned else None
 
 
@@ -121,6 +120,7 @@ def _refits_of(
             fitted = search.fitted_with(start, candidate.effect)
             if fitted is not None:
                 tried.append(RefittedEffect(candidate, fitted))
+            done.add(candidate.place)
     return tried
 
 
@@ -221,25 +221,17 @@ def _moved(
     Near a mode of the machine it splits that in two. No motion that a model shows without it has
     both, so that a look along such a motion does not tell where it is.
     """
-    tried: list[RefittedEffect] = []
     if any(search.at_floor(item.fitted) for item in refits):
-        return tried
-    done = {item.screened.place for item in refits}.union(search.barred)
+        return []
+    moved = []
     for item in refits:
         kind = item.effect.definition
         if not kind.swinging or objection(search.stage, item.fitted, search.prepared):
             continue
         values = item.fitted.model.effects[-1].values
         for at in places(start, kind):
-            if (kind.kind, at) in done:
-                continue
-            effect = Effect(kind.kind, at, values)
-            search.say(f"refit with {effect} instead")
-            fitted = search.fitted_with(start, effect)
-            if fitted is not None:
-                tried.append(RefittedEffect(ScreenedEffect(effect, 0.0, 0.0), fitted))
-            done.add((kind.kind, at))
-    return tried
+            moved.append(ScreenedEffect(Effect(kind.kind, at, values), 0.0, 0.0))
+    return _refits_of(moved, refits, start, search)
 
 
 def _starts(search: Search) -> list[MechanicalModel]:

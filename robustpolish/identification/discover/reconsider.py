@@ -45,21 +45,18 @@ def without_the_needless(search: Search, last: bool = False) -> Search:
         trial.
     """
     first = len(search.reference.effects)
-    left = list(reversed(range(first, len(search.stage.model.effects) - (not last))))
-    kept = 0
-    while left:
-        at = left.pop(0)
+    some_stay = False
+    for at in reversed(range(first, len(search.stage.model.effects) - (not last))):
         without = search.fitted_without(search.stage.model, at)
         if without is None or not _as_good(without, search):
-            kept += 1
+            some_stay = True
             continue
         effect = search.stage.model.effects[at]
         search = search.copy()
         search.stage = without
         search.reasons.append(f"{effect} was not kept: the others explain as much.")
-        if kept:  # what stood by the one that went is asked again
-            left = list(reversed(range(first, len(without.model.effects) - (not last))))
-            kept = 0
+        if some_stay:  # beside the one that went; they are asked again
+            return without_the_needless(search, last)
     return search
 
 
@@ -188,16 +185,17 @@ def closer_kinds(search: Search) -> list[Effect]:
         for item in turn.others:
             other = item.fitted.model.effects[-1]
             if (
-                rivals(other.definition, last.definition)
+                other.kind != last.kind
+                and rivals(other.definition, last.definition)
                 and other.at == last.at
-                and _places(item.fitted) == _places(stage)
+                and _before_last(item.fitted) == _before_last(stage)
                 and judgement(item.fitted, [stage]) < judgement(stage, [item.fitted])
             ):
                 found[other.kind] = other
-    return [other for kind, other in found.items() if kind != last.kind]
+    return list(found.values())
 
 
-def _places(fitted: JudgedFit) -> list[tuple[str, tuple[str, ...]]]:
+def _before_last(fitted: JudgedFit) -> list[tuple[str, tuple[str, ...]]]:
     """Return the kinds and places of all effects but the last."""
     return sorted((effect.kind, effect.at) for effect in fitted.model.effects[:-1])
 

@@ -205,17 +205,20 @@ class Search:
         bare = replace(model, effects=rest)
         if instead:
             return self.fitted_with(bare, *instead)
-        tried = [self.fitted_on(bare)]
+        prepared = self.prepared
+        tried = [self.fitted_over(bare, prepared.spans(prepared.trial)[-1:])]
         if not idle(model.effects[at]):
             tried.append(self.fitted_with(bare))
         fits = [fitted for fitted in tried if fitted is not None]
         return min(fits, key=lambda fitted: left_by(fitted, fits), default=None)
 
-    def fitted_on(self, model: MechanicalModel) -> JudgedFit | None:
-        """Return a model fitted on from its numbers over whole pieces; None if that ended badly."""
+    def fitted_over(self, model: MechanicalModel, spans: Sequence[int]) -> JudgedFit | None:
+        """Return a model fitted from its numbers over windows of these lengths, one by one.
+
+        None if no fit ended well.
+        """
         prepared = self.prepared
-        whole = prepared.spans(prepared.trial)[-1:]
-        stages = homotopy(model, prepared, prepared.trial, self.reference, whole)
+        stages = homotopy(model, prepared, prepared.trial, self.reference, spans)
         return best_stage(stages, prepared) if stages else None
 
     def accept(self, earned: Sequence[RefittedEffect]) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.confused import confused
-from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy
+from robustpolish.identification.fit.homotopy import JudgedFit
 from robustpolish.identification.fit.parameters import (
     chain_keys,
     connected,
@@ -168,11 +168,8 @@ def _with_gain(search: Search, gain: Effect, at: int | None = None) -> JudgedFit
 
 def _begun_as_known(search: Search, effects: tuple[Effect, ...]) -> JudgedFit | None:
     """Return the model with these effects, fitted from its own numbers as they were."""
-    prepared, reference = search.prepared, search.reference
-    model = replace(reference, effects=effects)
-    spans = prepared.spans(prepared.trial)
-    stages = homotopy(model, prepared, prepared.trial, reference, spans)
-    return best_stage(stages, prepared) if stages else None
+    spans = search.prepared.spans(search.prepared.trial)
+    return search.fitted_over(replace(search.reference, effects=effects), spans)
 
 
 def _wrong_gains(search: Search) -> list[WrongGain]:

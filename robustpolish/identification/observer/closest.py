@@ -33,9 +33,8 @@ def closest(
     )
 
     def errors(rows: Array, which: Sequence[int]) -> list[Array]:
-        records = tuple(heads[i] for i in which)
-        marks = np.cumsum([record.samples for record in records])[:-1]
-        return [e.ravel() for e in np.split(_errors(run, records, rows, weights), marks)]
+        found = _errors(run, tuple(heads[i] for i in which), rows, weights)
+        return [error.ravel() for error in found]
 
     active = list(range(len(pieces)))
     now = dict(zip(active, errors(vectors, active), strict=True))
@@ -101,15 +100,17 @@ def squares(
     """
     heads = tuple(p.record.part(0, min(samples, p.record.samples)) for p in pieces)
     errors = _errors(run, heads, np.array([p.start.vector for p in pieces]), weights)
-    marks = np.cumsum([head.samples for head in heads])[:-1]
-    return [float(np.sum(part**2)) for part in np.split(errors, marks)]
+    return [float(np.sum(error**2)) for error in errors]
 
 
-def _errors(run: RecordRun, records: tuple[Record, ...], starts: Array, weights: Array) -> Array:
-    """Weighted errors of all pieces; a run that diverges has very large ones."""
+def _errors(
+    run: RecordRun, records: tuple[Record, ...], starts: Array, weights: Array
+) -> list[Array]:
+    """Return the weighted errors of each piece; a run that diverges has very large ones."""
     with np.errstate(over="ignore", invalid="ignore"):
         error = -run.errors_along(records, starts) * weights
-    return np.where(np.isfinite(error), np.clip(error, -1e6, 1e6), 1e6)
+    known = np.where(np.isfinite(error), np.clip(error, -1e6, 1e6), 1e6)
+    return np.split(known, np.cumsum([record.samples for record in records])[:-1])
 
 
 def _damped_step(jacobian: Array, error: Array, damping: float) -> Array:

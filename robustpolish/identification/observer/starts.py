@@ -87,13 +87,9 @@ class _Growing:
         settled = 1e-6 if span == self.longest else _ROUGHLY
         return closest(self.run, pieces, span, self.sizes, self.weights, settled)
 
-    def errors(self, pieces: Sequence[StartedPiece], span: int) -> list[float]:
-        """Return the mean square errors over a stretch."""
-        return _errors(self.run, pieces, span, self.weights)
-
     def best_of(self, pieces: Sequence[StartedPiece], span: int) -> list[StartedPiece]:
         """Return the best piece first, then others that are nearly as good and not the same."""
-        errors = self.errors(pieces, span)
+        errors = _errors(self.run, pieces, span, self.weights)
         kept: list[int] = []
         for i in np.argsort(errors, kind="stable").tolist():
             near = errors[i] <= _RIVAL * errors[kept[0]] if kept else True
@@ -124,7 +120,8 @@ class _Growing:
     def _lost(
         self, pieces: Sequence[StartedPiece], before: int, after: Sequence[StartedPiece], span: int
     ) -> bool:
-        return min(self.errors(after, span)) > _LOST * min(self.errors(pieces, before))
+        least = min(_errors(self.run, pieces, before, self.weights))
+        return min(_errors(self.run, after, span, self.weights)) > _LOST * least
 
 
 def fitted_starts(
@@ -161,7 +158,8 @@ def fitted_starts(
         if others and i < _BESIDE:
             others = closest(run, others, samples, sizes, weights, settled)
         if i == 0 and not run.linear:
-            found = _begun_anew(run, found, [pieces, given], samples, sizes, weights)
+            guesses = [known for known in (pieces, given) if known]
+            found = _begun_anew(run, found, guesses, samples, sizes, weights)
         if others and (i + 1 == _BESIDE or samples == longest):
             found = _better(run, found, others, samples, weights)
             others = ()
@@ -179,9 +177,9 @@ def _begun_anew(
     """Return the pieces, those whose start is wrong over a stretch begun over very short ones."""
     errors = _errors(run, found, samples, weights)
     wrong = [i for i, error in enumerate(errors) if error > _WRONG]
-    for known in guesses if wrong else ():
-        if not known:
-            continue
+    if not wrong:
+        return found
+    for known in guesses:
         brief = _begun_briefly(run, [known[i] for i in wrong], samples, sizes, weights)
         brief = closest(run, brief, samples, sizes, weights, _ROUGHLY)
         better = _better(run, [found[i] for i in wrong], brief, samples, weights)

@@ -205,12 +205,13 @@ def replaced(model: Model, changes: Mapping[str, float]) -> Model:
 
 def _with(part: Part, name: str, key: str, new: Mapping[str, float]) -> Part:
     """Return a part with its number, whose key is `key`, as it stands in `new`, if it does."""
-    return replace(part, **{name: number(tuple(key.split(".")), new[key])}) if key in new else part
+    return replace(part, **{name: new[key]}) if key in new else part
 
 
 def _each_with(
     parts: tuple[Part, ...], what: str, name: str, new: Mapping[str, float]
 ) -> tuple[Part, ...]:
+    """Return parts with their numbers as they stand in `new`; these parts check none themselves."""
     found = list(parts)
     for i, part in enumerate(parts):
         if (key := f"{what}[{i}].{name}") in new:

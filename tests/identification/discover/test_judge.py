@@ -212,7 +212,7 @@ def test_where_the_quiet_part_of_a_decay_hardly_tells_the_loud_one_does(
     search, decays, held_out, fitted, taken
 ):
     if decays:
-        search = replace(search, reference=replace(MODEL, inputs=(), outputs=MODEL.outputs, dofs=(
+        search = replace(search, reference=replace(MODEL, inputs=(), dofs=(
             replace(MODEL.dofs[0], mass=1.0),)))  # fmt: skip
     pair = [cubic(2.0), drag(held_out)]
     louder = replace(pair[1].fitted, over_fitted=lambda: fitted * pair[0].fitted.fitted)

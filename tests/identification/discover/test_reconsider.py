@@ -52,7 +52,7 @@ def two(first):
 def test_what_the_others_explain_as_well_goes(monkeypatch, left, kept):
     search = two(COULOMB)
     monkeypatch.setattr(Search, "fitted_with", lambda self, model: judged(model, left))
-    monkeypatch.setattr(Search, "fitted_on", lambda self, model: None)
+    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: None)
     found = without_the_needless(search)
     assert kinds(found) == ["coulomb_friction", "cubic_stiffness"][2 - kept :]
     assert bool(found.reasons) == (kept == 1)
@@ -73,7 +73,7 @@ def test_what_stood_by_the_one_that_goes_is_asked_again(monkeypatch):
         frozenset(): 100.0,
     }
     monkeypatch.setattr(Search, "fitted_with", fitting(errors))
-    monkeypatch.setattr(Search, "fitted_on", lambda self, model: None)
+    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: None)
     assert kinds(without_the_needless(search, last=True)) == ["coulomb_friction"]
 
 

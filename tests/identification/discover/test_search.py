@@ -125,7 +125,7 @@ def test_the_others_begin_anew_or_go_on_whichever_is_better(search, monkeypatch,
     model = rig().with_effect("cubic_stiffness", PLACE, {"stiffness": 3.0})
     there = None if on is None else judged(rig(), on)
     monkeypatch.setattr(Search, "fitted_with", lambda self, model: judged(model, anew))
-    monkeypatch.setattr(Search, "fitted_on", lambda self, model: there)
+    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: there)
     assert search.fitted_without(model, 0).error == left
 
 

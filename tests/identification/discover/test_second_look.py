@@ -21,7 +21,7 @@ COULOMB = ("coulomb_friction", PLACE, {"force": 3.0})
 def begun(monkeypatch):
     found = search_of(rig(), of_rig(noise=1.0))
     monkeypatch.setattr(Search, "fitted_with", lambda self, model, *added: judged(model, 100.0))
-    monkeypatch.setattr(Search, "fitted_on", lambda self, model: None)
+    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: None)
     own = judged(found.reference, 100.0)
     return replace(found, stage=own, linear=own, steps=[found.steps[0], ("refit", own.model)])
 
@@ -170,7 +170,7 @@ def test_in_a_decay_it_has_to_predict_the_end_too(monkeypatch):
     """The drag of a pendulum is found; a damping that grows with the angle leaves less, by luck."""
     found = search_of(pendulum(), decay(coulomb=0.0, drag=0.05))
     monkeypatch.setattr(Search, "fitted_with", lambda self, model, *added: judged(model, 100.0))
-    monkeypatch.setattr(Search, "fitted_on", lambda self, model: None)
+    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: None)
     own = judged(found.reference, 100.0)
     begun = replace(found, stage=own, linear=own, steps=[found.steps[0], ("refit", own.model)])
     drag = refitted(pendulum(), "quadratic_damping", AT, {"coefficient": 0.05}, 20.0)
