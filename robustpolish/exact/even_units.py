@@ -39,13 +39,12 @@ def even_signals(M, n, rows, columns, unit):  # type: ignore[no-untyped-def]  # 
 
     Three of them, in turn: their product may leave the range of doubles where their sum would not.
     """
-    gains = np.zeros(3, np.int64)
     _slow_down(M, n, rows, unit)
-    gains[0] = _even_gains(M, n, rows, columns)
-    for k in range(1, 3):
-        balance(M, n, rows, columns, True)
-        gains[k] = _even_gains(M, n, rows, columns)
-    return gains
+    first = _even_gains(M, n, rows, columns)
+    balance(M, n, rows, columns, True)
+    second = _even_gains(M, n, rows, columns)
+    balance(M, n, rows, columns, True)
+    return first, second, _even_gains(M, n, rows, columns)
 
 
 @njit(cache=True, error_model="numpy")

@@ -16,7 +16,7 @@ from robustpolish.exact.exponents import (
     LARGEST,
     BeyondDoublesError,
     nearest_exponent,
-    within_doubles,
+    too_far_apart,
 )
 from robustpolish.validation import state_space
 
@@ -149,8 +149,10 @@ def rescaled(system: Realisation) -> Realisation:
     """Balance the states, then choose units of time and gain that make the entries near one."""
     if system.states == 0:
         return system
-    with within_doubles("system", system.matrices), np.errstate(over="ignore", under="ignore"):
+    try:  # no `within_doubles`: small systems would wait for the context of it
         return _rescaled(system)
+    except BeyondDoublesError:
+        raise too_far_apart("system", system.matrices) from None
 
 
 def _rescaled(system: Realisation) -> Realisation:
@@ -166,7 +168,7 @@ def _rescaled(system: Realisation) -> Realisation:
     if not system.discrete:
         rates[1] = nearest_exponent(typical_rate(M[:n, :n]))
     gains = even_signals(M, n, rows, columns, rates[1])
-    time, gain = _times(system.time, rates), _times(system.gain, gains.tolist())
+    time, gain = _times(system.time, rates), _times(system.gain, gains)
     if time < _LEAST_NORMAL or not rounded_nothing(M, rows, columns, given, LARGEST):
         raise BeyondDoublesError
     A, B, C, D = M[:n, :n].copy(), M[:n, n:].copy(), M[n:, :n].copy(), M[n:, n:].copy()
