@@ -20,6 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from robustpolish.arrays import Array
+from robustpolish.effects.on_signals import SignalSlope, Timing
 from robustpolish.effects.shapes import LINE, Motion, Scan, Shape
 from robustpolish.validation import described, invalid, one_of
 
@@ -236,12 +237,11 @@ class EffectKind:
         so that it can be taken out of measured data again.
     timing : callable, optional
         Of an effect on an input that changes only when its samples act: ``timing(values)`` gives
-        the order of the hold between them (0 held, 1 linear, 3 smooth, None if it says nothing
-        about that) and a delay in s. Runs go by it; `on_signal` is the nearest record of a linear
-        input.
+        the hold between them, a delay and a lag, see :class:`Timing`. Runs go by it; `on_signal`
+        is the nearest record of a linear input.
     linear_signal : callable, optional
-        ``linear_signal(values)`` gives the factor and the delay in s that a linear model keeps
-        of `on_signal`; by default its answer to a step, and no delay.
+        ``linear_signal(values)`` gives the gain, the delay and the lag that a linear model keeps
+        of `on_signal`, see :class:`SignalSlope`; by default its answer to a step, at once.
     linear_in : tuple of str or of tuple of str, optional
         Parameters in which the law is linear: screening fits a coefficient for each. An entry of
         several names moves them together.
@@ -301,8 +301,8 @@ class EffectKind:
     parameters: tuple[Parameter, ...]
     law: Law | None = None
     on_signal: SignalChange | None = None
-    timing: Callable[[Values], tuple[float | None, float]] | None = None
-    linear_signal: Callable[[Values], tuple[float, float]] | None = None
+    timing: Callable[[Values], Timing] | None = None
+    linear_signal: Callable[[Values], SignalSlope] | None = None
     linear_in: tuple[str | tuple[str, ...], ...] = ()
     scan: tuple[Scan, ...] = ()
     shapes: Callable[[Motion], list[Shape]] | None = None
@@ -369,8 +369,8 @@ class EffectKind:
         """The parameter that is the frequency in Hz of a force from outside, if it makes one."""
         return next((scan.parameter for scan in self.scan if scan.of == LINE), None)
 
-    def signal_slope(self, values: Values) -> tuple[float, float]:
-        """Return the factor and the delay in s that a linear model keeps of an effect on a signal.
+    def signal_slope(self, values: Values) -> SignalSlope:
+        """Return what a linear model keeps of an effect on a signal.
 
         Parameters
         ----------
@@ -378,14 +378,14 @@ class EffectKind:
 
         Returns
         -------
-        gain, delay : float
+        SignalSlope
         """
         if self.linear_signal is not None:
             return self.linear_signal(values)
         assert self.on_signal is not None  # only effects on signals come here
         time = np.arange(16.0)
         step, rest = (self.on_signal(np.full(16, u), time, values)[-1] for u in (1.0, 0.0))
-        return float(step - rest), 0.0
+        return SignalSlope(float(step - rest))
 
     def steepness(self, values: Values, q: float, v: float) -> tuple[float, float, float]:
         """Return the largest stiffness and damping of the law, and the rate of its states in 1/s.

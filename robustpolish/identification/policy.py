@@ -94,6 +94,8 @@ class Policy:
 
     direct_steps, many_steps, few_steps : int
         Most steps of a direct fit, and of a stage for records up to and beyond `long_record`.
+    bent : float
+        Times by which a fit without effects may move masses and springs that are believed.
     better : float
         Share of the error that a direct fit has to reach where both are far from the noise
         ("wrong numbers, four masses, coloured").
@@ -228,6 +230,7 @@ class Policy:
     direct_steps: int = 20
     many_steps: int = 15
     few_steps: int = 7
+    bent: float = 2.0
     better: float = 0.8
     unchanged: float = 0.01
 

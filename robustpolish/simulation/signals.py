@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
+from robustpolish.effects.on_signals import Timing, lagged
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import VELOCITY
 from robustpolish.simulation.between import LINEAR, SMOOTH, Lines, between, lines_through
@@ -73,7 +76,7 @@ def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, Lines | No
             order = 1 if signal.quantity == VELOCITY else 2
             columns.append(CubicSpline(time, data[signal.source].values)(time, order))
     W = np.column_stack(columns) if columns else np.zeros((time.size, 0))
-    timed: dict[int, tuple[float, float]] = {}
+    timed: dict[int, _Timing] = {}
     for effect in _on(model, "input"):
         timing = effect.definition.timing
         for j, (name, source) in enumerate(zip(m.signals, m.sources, strict=True)):
@@ -83,16 +86,37 @@ def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, Lines | No
                 W[:, j] = _changed(effect, W[:, j], time, derivative=name != source)
                 continue
             # an imposed motion has a velocity, so that it is smooth
-            order, delay = timed.get(j, (LINEAR if j < len(m.force_inputs) else SMOOTH, 0.0))
-            hold, late = timing(effect.values)
-            timed[j] = (order if hold is None else hold, delay + late)
-    if all(timing == (LINEAR, 0.0) for timing in timed.values()):
-        return np.ascontiguousarray(W), None
+            first = _Timing(LINEAR if j < len(m.force_inputs) else SMOOTH)
+            timed[j] = timed.get(j, first).then(timing(effect.values))
     begin, end = (side.copy() for side in lines_through(W))
     step = (time[-1] - time[0]) / (time.size - 1)
-    for j, (order, delay) in timed.items():
-        W[:, j], begin[:, j], end[:, j] = between(W[:, j], step, order, delay)
-    return np.ascontiguousarray(W), Lines(begin, end)
+    for j, timing in timed.items():
+        if (timing.order, timing.delay) != (LINEAR, 0.0):
+            W[:, j], begin[:, j], end[:, j] = between(W[:, j], step, timing.order, timing.delay)
+        for lag in timing.lags:
+            W[:, j] = lagged(begin[:, j], end[:, j], step, lag)
+            begin[:, j], end[:, j] = lines_through(W[:, j])
+    straight = all(timing.linear for timing in timed.values())
+    return np.ascontiguousarray(W), None if straight else Lines(begin, end)
+
+
+class _Timing(NamedTuple):
+    """What a signal is between its samples, how late it acts, and the lags with which it does."""
+
+    order: float
+    delay: float = 0.0
+    lags: tuple[float, ...] = ()
+
+    def then(self, more: Timing) -> _Timing:
+        """Return it with a hold, a delay or a lag more."""
+        order = self.order if more.order is None else more.order
+        lags = (*self.lags, more.lag) if more.lag > 0 else self.lags
+        return _Timing(order, self.delay + more.delay, lags)
+
+    @property
+    def linear(self) -> bool:
+        """Whether the signal is linear between the samples, if only by a lag."""
+        return bool(self.lags) or (self.order, self.delay) == (LINEAR, 0.0)
 
 
 def _changed(effect: Effect, signal: Array, time: Array, derivative: bool) -> Array:

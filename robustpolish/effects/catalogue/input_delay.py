@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from robustpolish.arrays import Array
 from robustpolish.effects.kind import EffectKind, Parameter
+from robustpolish.effects.on_signals import SignalSlope, Timing
 from robustpolish.effects.shapes import Motion, Shape
 
 
@@ -32,12 +33,12 @@ def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:
     return CubicSpline(time, u)(np.maximum(time - values["delay"], time[0]))
 
 
-def _timing(values: Mapping[str, float]) -> tuple[None, float]:
-    return (None, values["delay"])
+def _timing(values: Mapping[str, float]) -> Timing:
+    return Timing(delay=values["delay"])
 
 
-def _linear_signal(values: Mapping[str, float]) -> tuple[float, float]:
-    return (1.0, values["delay"])
+def _linear_signal(values: Mapping[str, float]) -> SignalSlope:
+    return SignalSlope(delay=values["delay"])
 
 
 KIND = EffectKind(

@@ -13,6 +13,7 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects.kind import EffectKind, Parameter
+from robustpolish.effects.on_signals import Timing
 
 
 def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:
@@ -29,8 +30,8 @@ def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:
     return now - second / 12 + fourth / 90
 
 
-def _timing(values: Mapping[str, float]) -> tuple[float, float]:
-    return (values["order"], 0.0)
+def _timing(values: Mapping[str, float]) -> Timing:
+    return Timing(values["order"])
 
 
 KIND = EffectKind(

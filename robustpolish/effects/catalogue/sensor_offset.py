@@ -6,14 +6,15 @@ from collections.abc import Mapping
 
 from robustpolish.arrays import Array
 from robustpolish.effects.kind import CONSTANT, EffectKind, Parameter
+from robustpolish.effects.on_signals import SignalSlope
 
 
 def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:
     return u + values["offset"]
 
 
-def _linear_signal(values: Mapping[str, float]) -> tuple[float, float]:
-    return (1.0, 0.0)
+def _linear_signal(values: Mapping[str, float]) -> SignalSlope:
+    return SignalSlope()
 
 
 KIND = EffectKind(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from robustpolish.effects import Effect
 from robustpolish.identification.discover.add_one import add_one
 from robustpolish.identification.discover.conclude import conclude
 from robustpolish.identification.discover.dampings import settle_damping
@@ -103,26 +104,30 @@ def _diagnose(
     fewer = taken(model, long_enough(model, record_of(model, data)), policy)
     model, prepared = fewer.model, prepare(fewer.model, fewer.record, policy)
     say("how inputs act between their samples")
-    held = model if fewer.thinned else with_holds(model, prepared)
+    # what its file says of the inputs is known
+    known = fewer.thinned or bool(_holds(model))
+    held = model if known else with_holds(model, prepared)
 
-    anew: dict[tuple[object, ...], Search] = {}
-    settled = False
+    anew: dict[tuple[float, ...], Search] = {}
+    begun = {_orders(held)}
+    settled = known
 
     def grown(search: Search, followed: Followed | None = None) -> Search:
         while search.added < policy.most_effects:
             if (followed is not None and followed.came_here(search)) or not add_one(search):
                 break
-            late = None if settled or fewer.thinned else _late_holds(search)
-            if late is not None:
-                holds = tuple((hold.kind, hold.at) for hold in late.effects)
-                if holds not in anew:
-                    anew[holds] = grown(_begun(model, late, prepared, say))
-                return anew[holds].copy()
+            late = None if settled else _late_holds(search)
+            if late is None:
+                continue
+            if _orders(late) not in begun:
+                begun.add(_orders(late))
+                anew[_orders(late)] = grown(_begun(model, late, prepared, say))
+            if _orders(late) in anew:
+                return anew[_orders(late)].copy()
         return search
 
     search = grown(_first(model, held, prepared, say))
-    told = any(effect.kind == "input_hold" for effect in model.effects)
-    if search.added and not (told or fewer.thinned):
+    if search.added and not known:
         say("how inputs act between their samples, beside what was found")
         # where more than noise is left, likelihood believes whatever bends to that
         fall = 0.0 if search.noise_alone(policy.shape_above) else policy.visible_fall
@@ -175,9 +180,19 @@ def _begun(
 
 def _late_holds(search: Search) -> MechanicalModel | None:
     """Return the reference with the holds of its inputs that showed only beside an effect."""
-    model, reference = search.stage.model, search.reference
-    holds = with_holds(model, search.prepared).effects[len(model.effects) :]
-    return replace(reference, effects=(*reference.effects, *holds)) if holds else None
+    found, reference = with_holds(search.stage.model, search.prepared), search.reference
+    if found is search.stage.model:
+        return None
+    own = [effect for effect in reference.effects if effect.kind != "input_hold"]
+    return replace(reference, effects=(*own, *_holds(found)))
+
+
+def _holds(model: MechanicalModel) -> tuple[Effect, ...]:
+    return tuple(effect for effect in model.effects if effect.kind == "input_hold")
+
+
+def _orders(model: MechanicalModel) -> tuple[float, ...]:
+    return tuple(hold.values["order"] for hold in _holds(model))
 
 
 def _of_records(prepared: PreparedRecord) -> list[str]:

@@ -185,11 +185,15 @@ def _no_line_from_outside(
 
 
 def _within_a_sample(effect: Effect, record: Record) -> str | None:
-    """Say whether an effect is a delay that no record can tell from a hold of its input."""
-    delay = effect.values.get("delay", np.inf) if effect.definition.domain == "input" else np.inf
-    if delay >= record.dt:
+    """Say whether an effect delays an input by less than a record can tell from a hold."""
+    if effect.definition.domain != "input":
         return None
-    return f"a delay of {delay / record.dt:.2g} samples is what its input does between them"
+    for number in effect.definition.parameters:
+        late = effect.values[number.name] if number.dimension == "T" else np.inf
+        if late < record.dt:
+            samples = late / record.dt
+            return f"a {number.name} of {samples:.2g} samples is what its input does between them"
+    return None
 
 
 def _line_error(fitted: Fit, index: int) -> float:

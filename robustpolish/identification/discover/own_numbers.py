@@ -36,22 +36,25 @@ _SHORTEST = 8
 
 
 def with_holds(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:
-    """Return the model with the holds of its force inputs, where they are not linear.
+    """Return the model with other holds of its force inputs, if the data speak for them.
 
-    All inputs are taken to be of one kind. The linear model's innovations judge, its own
-    numbers being corrected at the same time.
+    All inputs are taken to be of one kind, linear if nothing is said. The linear model's
+    innovations judge, its own numbers being corrected at the same time.
     """
     policy = prepared.policy
     names = [i.name for i in model.inputs if i.imposes is None]
-    if not names or any(e.kind == _HOLD for e in model.effects):
+    told = {effect.values["order"] for effect in model.effects if effect.kind == _HOLD}
+    if not names or len(told) > 1:
         return model
-    orders = (_LINEAR, *policy.hold_orders)
-    tried = {o: replace(model, effects=(*model.effects, *_holds(names, o))) for o in orders}
+    now = told.pop() if told else _LINEAR
+    bare = replace(model, effects=tuple(e for e in model.effects if e.kind != _HOLD))
+    orders = dict.fromkeys((now, _LINEAR, *policy.hold_orders))
+    tried = {o: replace(bare, effects=(*bare.effects, *_holds(names, o))) for o in orders}
     scores = {order: null_score(candidate, prepared) for order, candidate in tried.items()}
     best = min(scores, key=lambda order: scores[order])
-    if scores[_LINEAR] - scores[best] <= 2 * policy.hold_odds:
+    if scores[now] - scores[best] <= 2 * policy.hold_odds:
         return model
-    if best == 0.0 and _late(model, names, prepared) < scores[best]:
+    if best == 0.0 and _late(bare, names, prepared) < scores[best]:
         return model  # a longer delay, of which a hold would take half a sample
     return tried[best]
 

@@ -18,6 +18,7 @@ from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.residuals.noise_floor import noise_floor
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
+from robustpolish.measurements import rounding
 from robustpolish.models.mechanical import MechanicalModel
 
 
@@ -146,8 +147,9 @@ class Search:
         started = prepared.with_fitted_starts(run, with_rest(model, pieces))
         motion = run.over_all(started).outputs
         known = prepared.repeats is not None
-        errors, honest = prepared.record.Y - motion, prepared.record.honest
-        return noise_floor(errors, motion, prepared.scales.noise, known, honest)
+        record, least = prepared.record, prepared.scales.noise
+        steps = np.array([rounding(y) for y in record.Y.T])
+        return noise_floor(record.Y - motion, motion, least, known, record.honest, steps)
 
     def copy(self) -> Search:
         """Return the search as it is, to go on in another way."""
@@ -158,16 +160,26 @@ class Search:
     def fitted_with(self, model: MechanicalModel, *effects: Effect) -> JudgedFit | None:
         """Return a model with more effects, fitted; None if no fit ended well.
 
-        Without the gain of a sensor, masses and springs were bent to it: beside it they begin as
-        they were known, too.
+        Without the gain of a sensor, masses and springs were bent to it, and without a law that
+        is stronger than they are: beside these they begin as they were known, too.
         """
         found = self._begun_smaller(model, *effects)
-        if any(effect.kind == "sensor_gain" for effect in effects):
+        if any(effect.kind == "sensor_gain" for effect in effects) or self._bent(model, found):
             known = replace(self.reference, effects=model.effects)
             other = self._begun_smaller(known, *effects)
             fits = [fitted for fitted in (found, other) if fitted is not None]
             return min(fits, key=lambda fitted: left_by(fitted, fits), default=None)
         return found
+
+    def _bent(self, model: MechanicalModel, found: JudgedFit | None) -> bool:
+        """Return whether the fit without effects moved masses or springs too far to be believed."""
+        if model.effects != self.reference.effects or (found is not None and self.at_floor(found)):
+            return False
+        given, now = self.reference, model
+        pairs = [*((a.mass, b.mass) for a, b in zip(given.dofs, now.dofs, strict=True))]
+        pairs += [(a.stiffness, b.stiffness) for a, b in zip(given.springs, now.springs, strict=True)]
+        far = self.policy.bent
+        return any(a > 0 and not a / far <= b <= a * far for a, b in pairs)
 
     def _begun_smaller(self, model: MechanicalModel, *effects: Effect) -> JudgedFit | None:
         """Return a model with more effects, fitted, begun with a share of their first sizes.

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.effects import Effect
+from robustpolish.effects.on_signals import SignalSlope
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import Input, Output
@@ -253,5 +254,5 @@ def _acts_back(effect: Effect) -> bool:
     """Say whether an effect does something that no force or offset from outside could be."""
     kind = effect.definition
     if kind.acts_on_signals:
-        return kind.signal_slope(effect.values) != (1.0, 0.0) or kind.timing is not None
+        return kind.signal_slope(effect.values) != SignalSlope() or kind.timing is not None
     return kind.sharp or kind.has_memory or kind.steepness(effect.values, 1.0, 1.0)[:2] != (0, 0)

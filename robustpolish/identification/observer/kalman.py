@@ -14,6 +14,7 @@ from scipy.signal import welch
 
 from robustpolish.arrays import Array
 from robustpolish.identification.record import Record
+from robustpolish.measurements import rounding
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
 from robustpolish.models.mechanical.ports import port_matrices
@@ -212,9 +213,13 @@ def scales_of(model: MechanicalModel, record: Record) -> Scales:
 
 
 def _quietest(record: Record, i: int) -> float:
-    """Return the noise of an output: of several records the one with the least motion shows it."""
+    """Return the noise of an output: of several records the one with the least motion shows it.
+
+    Where a sensor counts in steps, what stands still shows less of it than what moves.
+    """
     moving = [part.Y[:, i] for part in record.parts if np.ptp(part.Y[:, i]) > 0]
-    return min((white_noise(y, record.dt, record.honest) for y in moving), default=1.0)
+    seen = min((white_noise(y, record.dt, record.honest) for y in moving), default=1.0)
+    return max(seen, rounding(record.Y[:, i]))
 
 
 def white_noise(y: Array, dt: float, honest: float = 1.0) -> float:

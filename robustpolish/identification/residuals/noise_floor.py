@@ -28,7 +28,12 @@ _STRETCHES, _SCATTER = 8, 1.2
 
 
 def noise_floor(
-    errors: Array, motion: Array, least: Array, known: bool = False, honest: float = 1.0
+    errors: Array,
+    motion: Array,
+    least: Array,
+    known: bool = False,
+    honest: float = 1.0,
+    steps: Array | float = 0.0,
 ) -> Array:
     """Return the standard deviation of the noise of each output.
 
@@ -42,6 +47,8 @@ def noise_floor(
         Whether `least` is the noise itself, as records show it that repeat each other.
     honest : float, optional
         Share of half the sampling rate in which noise is looked for, see :class:`Record`.
+    steps : ndarray, shape (ny,), optional
+        What sensors round away that count in steps: where nothing moves it does not show.
 
     Returns
     -------
@@ -52,7 +59,8 @@ def noise_floor(
     if not known:
         each = zip(errors.T, motion.T, least, strict=True)
         found = [_floor(e, y, low, honest) for e, y, low in each]
-    return np.minimum(found, _quietest(errors))
+    whole = np.sqrt(np.mean(errors**2, axis=0))
+    return np.minimum(np.maximum(np.minimum(found, _quietest(errors)), steps), whole)
 
 
 def _quietest(errors: Array) -> Array:
@@ -61,8 +69,7 @@ def _quietest(errors: Array) -> Array:
     Where a motion dies away, or a blow is yet to come, a model does nothing wrong.
     """
     sizes = [np.sqrt(np.mean(part**2, axis=0)) for part in np.array_split(errors, _STRETCHES)]
-    whole = np.sqrt(np.mean(errors**2, axis=0))
-    return np.minimum(_SCATTER * np.min(sizes, axis=0), whole)
+    return _SCATTER * np.min(sizes, axis=0)
 
 
 def _floor(error: Array, motion: Array, least: float, honest: float) -> float:

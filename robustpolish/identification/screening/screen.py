@@ -167,7 +167,7 @@ def _try(
     if entry.kind.domain == "output":
         # scaling the data down makes every error smaller: the density of the data pays for it
         effect = Effect.of(entry.kind, entry.at, entry.shape.values(c))
-        gain, _ = entry.kind.signal_slope(effect.values)
+        gain = entry.kind.signal_slope(effect.values).gain
         if abs(1 - 1 / gain) > f.policy.sensor_gain:
             return bad, c
         scores = {order: score + 2 * samples * np.log(gain) for order, score in scores.items()}

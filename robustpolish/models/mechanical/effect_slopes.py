@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,8 +12,9 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.signal import tf2ss
 
-from robustpolish.arrays import Array
+from robustpolish.arrays import AnyArray, Array
 from robustpolish.effects import Effect
+from robustpolish.effects.on_signals import SignalSlope
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.models.linearization import difference
 from robustpolish.models.mechanical.data import MechanicalData
@@ -181,55 +183,66 @@ def signal_gains(model: MechanicalData) -> Array:
     """Return the factor that effects put on each signal."""
     sources = np.array(model.matrices.sources)
     gains = np.ones(len(sources))
-    for effect, gain, _ in _slopes_of_signals(model, "input"):
-        gains[sources == effect.at[0]] *= gain
+    for effect, slope in _slopes_of_signals(model, "input"):
+        gains[sources == effect.at[0]] *= slope.gain
     return gains
 
 
-def signal_delays(model: MechanicalData) -> Array:
-    """Return the delay in s that effects put on each signal."""
+def signal_timing(model: MechanicalData, s: AnyArray) -> AnyArray:
+    """Return what delays and lags make of each signal at s, shape (s.size, signals)."""
     sources = np.array(model.matrices.sources)
-    delays = np.zeros(len(sources))
-    for effect, _, delay in _slopes_of_signals(model, "input"):
-        delays[sources == effect.at[0]] += delay
-    return delays
+    factors = np.ones((s.size, len(sources)), dtype=complex)
+    for effect, slope in _slopes_of_signals(model, "input"):
+        late = np.exp(-s * slope.delay) / (1 + s * slope.lag)
+        factors[:, sources == effect.at[0]] *= late[:, None]
+    return factors
 
 
 def sensor_gains(model: MechanicalData) -> Array:
     """Return the factor that effects put on each output."""
     gains = np.ones(len(model.outputs))
-    for effect, gain, _ in _slopes_of_signals(model, "output"):
-        gains[model.output_names.index(effect.at[0])] *= gain
+    for effect, slope in _slopes_of_signals(model, "output"):
+        gains[model.output_names.index(effect.at[0])] *= slope.gain
     return gains
 
 
-def _slopes_of_signals(model: MechanicalData, domain: str) -> Iterator[tuple[Effect, float, float]]:
-    """Yield the effects on inputs or outputs, each with its factor and its delay in s."""
+def _slopes_of_signals(model: MechanicalData, domain: str) -> Iterator[tuple[Effect, SignalSlope]]:
+    """Yield the effects on inputs or outputs, each with what a linear model keeps of it."""
     for effect in model.effects:
         if effect.definition.domain == domain:
-            yield effect, *effect.definition.signal_slope(effect.values)
+            yield effect, effect.definition.signal_slope(effect.values)
 
 
-def add_delays(
+def _filters(slope: SignalSlope) -> list[tuple[str, tuple[Array, Array]]]:
+    """Return the names, numerators and denominators of what delays a signal and lags behind it."""
+    found = []
+    if slope.delay > 0:
+        found.append(("delay", control.pade(slope.delay, _PADE_ORDER)))
+    if slope.lag > 0:
+        found.append(("lag", (np.ones(1), np.array([slope.lag, 1.0]))))
+    return found
+
+
+def add_timing(
     model: MechanicalData, inputs: Sequence[str], A: Array, B: Array, C: Array, D: Array
 ) -> tuple[Array, Array, Array, Array, list[str]]:
-    """Put a second-order Pade approximation before each input that is delayed."""
+    """Put lags and second-order Pade approximations of delays before the inputs that have them."""
     names: list[str] = []
     m = model.matrices
-    for effect, _, delay in _slopes_of_signals(model, "input"):
+    for effect, slope in _slopes_of_signals(model, "input"):
         behind = [
             name
             for name, source in zip(m.signals, m.sources, strict=True)
             if source == effect.at[0] and name in inputs
         ]
-        for name in behind if delay > 0 else ():
+        for name, (what, transfer) in itertools.product(behind, _filters(slope)):
             j = inputs.index(name)
-            Ap, Bp, Cp, Dp = tf2ss(*control.pade(delay, _PADE_ORDER))
+            Ap, Bp, Cp, Dp = tf2ss(*transfer)
             column, through = B[:, [j]].copy(), D[:, [j]].copy()
             A = np.block([[A, column @ Cp], [np.zeros((len(Ap), len(A))), Ap]])
             B = np.vstack([B, np.zeros((len(Ap), B.shape[1]))])
             B[:, [j]] = np.vstack([column @ Dp, Bp])
             C, D = np.hstack([C, through @ Cp]), D.copy()
             D[:, [j]] = through @ Dp
-            names += [f"{name}_delay_{k + 1}" for k in range(len(Ap))]
+            names += [f"{name}_{what}_{k + 1}" for k in range(len(Ap))]
     return A, B, C, D, names

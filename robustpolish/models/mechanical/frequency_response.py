@@ -16,8 +16,8 @@ from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.effect_slopes import (
     linear_effects,
     sensor_gains,
-    signal_delays,
     signal_gains,
+    signal_timing,
     with_effects,
 )
 from robustpolish.models.mechanical.parts import ACCELERATION, DISPLACEMENT, VELOCITY
@@ -59,7 +59,7 @@ def response_values(
     system, notes = linear_system(model, operating_point)
     s = 2j * np.pi * lines
     values = _at(s, *system) * sensor_gains(model)[:, None] * signal_gains(model)
-    values = values * np.exp(-np.multiply.outer(s, signal_delays(model)))[:, None, :]
+    values = values * signal_timing(model, s)[:, None, :]
     total = _over_inputs(model, values, s)
     total *= _holds(model, s, sampling_time, notes)[:, None, :]
     return total, notes
@@ -70,7 +70,7 @@ def linear_system(
 ) -> tuple[tuple[Array, Array, Array, Array], list[str]]:
     """Return A, B, C, D from signals to outputs, and what of the effects has no linear part.
 
-    Gains and delays of effects on signals are not in it.
+    What effects on signals do is not in it.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RobustPolishWarning)

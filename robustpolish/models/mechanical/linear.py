@@ -11,7 +11,7 @@ from robustpolish.arrays import Matrix
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.effect_slopes import (
     LinearEffects,
-    add_delays,
+    add_timing,
     linear_effects,
     sensor_gains,
     signal_gains,
@@ -50,7 +50,7 @@ def linearize(
         B, D, disturbances = B[:, keep], D[:, keep], [disturbances[i] for i in keep]
     states = [*names, *(f"d{name}" for name in names), *effects.states]
     inputs = [*disturbances, *chosen]
-    A, both, C, through, more = add_delays(
+    A, both, C, through, more = add_timing(
         model, inputs, A, np.hstack([B, B2]), C, np.hstack([D, D22])
     )
     nw = len(disturbances)
