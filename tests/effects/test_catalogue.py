@@ -16,6 +16,7 @@ NAMED = [
     "quadratic_damping",
     "structural_damping",
     "displacement_dependent_damping",
+    "maxwell_element",
     "bouc_wen_hysteresis",
     "cubic_stiffness",
     "quadratic_stiffness",
@@ -30,6 +31,7 @@ NAMED = [
     "cross_stiffness",
     "attached_resonator",
     "input_delay",
+    "input_lag",
     "input_gain",
     "sensor_offset",
     "sensor_gain",
@@ -97,26 +99,28 @@ def test_every_kind_can_be_pickled():
 
 
 @pytest.mark.parametrize(
-    ("name", "values", "gain", "delay"),
+    ("name", "values", "slope"),
     [
-        ("input_gain", {"gain": 3.0}, 3.0, 0.0),
-        ("input_delay", {"delay": 0.02}, 1.0, 0.02),
-        ("input_hold", {"order": 0.0}, 1.0, 0.0),
-        ("input_hold", {"order": 3.0}, 1.0, 0.0),
-        ("sensor_gain", {"gain": 0.5}, 0.5, 0.0),
-        ("sensor_offset", {"offset": 1e6}, 1.0, 0.0),
+        ("input_gain", {"gain": 3.0}, (3.0, 0.0, 0.0)),
+        ("input_delay", {"delay": 0.02}, (1.0, 0.02, 0.0)),
+        ("input_lag", {"lag": 0.02}, (1.0, 0.0, 0.02)),
+        ("input_hold", {"order": 0.0}, (1.0, 0.0, 0.0)),
+        ("input_hold", {"order": 3.0}, (1.0, 0.0, 0.0)),
+        ("sensor_gain", {"gain": 0.5}, (0.5, 0.0, 0.0)),
+        ("sensor_offset", {"offset": 1e6}, (1.0, 0.0, 0.0)),
     ],
 )
-def test_the_linear_part_of_a_signal_effect_is_its_answer_to_a_slow_signal(
-    name, values, gain, delay
-):
+def test_the_linear_part_of_a_signal_effect_is_its_answer_to_a_slow_signal(name, values, slope):
     kind = lookup(name)
-    assert kind.signal_slope(values) == (gain, delay)
+    assert kind.signal_slope(values) == slope
+    gain, delay, lag = slope
     time = np.arange(4000) * 1e-3
     signal = np.sin(time)
     effect = Effect(name, ("x",), values)
     changed = effect.on_signal(signal, time) - effect.on_signal(0 * signal, time)
-    expected = gain * np.sin(np.maximum(time - delay, 0.0))
+    late = np.maximum(time - delay, 0.0)
+    began = lag / (1 + lag**2) * np.exp(-late / lag) if lag else 0.0
+    expected = gain * ((np.sin(late) - lag * np.cos(late)) / (1 + lag**2) + began)
     # a hold delays by half a sample
     np.testing.assert_allclose(changed[5:-5], expected[5:-5], atol=6e-4)
 

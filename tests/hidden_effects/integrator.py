@@ -37,6 +37,7 @@ CODES = {
             "saturating_spring",
             "dead_zone_spring",
             "power_damping",
+            "maxwell_element",
         ]
     )
 }
@@ -121,6 +122,9 @@ def force_of(code, p, t, a, b, q, v, z, dz, f):
         g = -p[0] * np.sign(d) * max(abs(d) - p[1], 0.0)
     elif code == 25:  # p: force at 1 m/s, power
         g = -p[0] * np.sign(s) * abs(s) ** p[1]
+    elif code == 26:  # z is how far the damper is pulled out, p: stiffness, relaxation time
+        g = -p[0] * (d - z[0])
+        dz[0] = (d - z[0]) / p[1]
     f[a] += g
     if b >= 0:
         f[b] -= g
@@ -162,7 +166,7 @@ def integrate(M, C, K, B, U, dt, oversample, codes, places, params, q0, v0, held
     Q, V, A = np.empty((samples, n)), np.empty((samples, n)), np.empty((samples, n))
     q, v, z = q0.copy(), v0.copy(), np.zeros(2 * codes.size)
     for i in range(codes.size):
-        if codes[i] == 2:
+        if codes[i] in (2, 26):
             z[2 * i] = q[places[i, 0]] - (q[places[i, 1]] if places[i, 1] >= 0 else 0.0)
     f = np.zeros(n)
     a1, a2, a3, a4 = np.empty(n), np.empty(n), np.empty(n), np.empty(n)

@@ -208,6 +208,8 @@ TRUTH = {
     "cross_stiffness": _same("stiffness_xy", "stiffness_yx"),
     "attached_resonator": _same("mass", "stiffness", "damping"),
     "input_delay": _same("delay"),
+    "input_lag": _same("lag"),
+    "maxwell_element": _same("stiffness", "time"),
     "input_gain": _same("gain"),
     "sensor_gain": _same("gain"),
     "sensor_offset": _same("offset"),

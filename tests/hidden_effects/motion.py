@@ -90,13 +90,10 @@ def motion(case, which=0, rng=None, inputs=None, steps=12, begin=(0.0, 0.0)):
     over = max(steps, int(np.ceil(m.dt * stiffest * steps / 3)))
     others = {e[0]: e for e in case.effects if e[0] not in CODES}
     forces, dt, fine = _forces(m, others, U), m.dt, 1
-    if "input_delay" in others:
-        forces, dt, fine, over = (
-            _late(case, others["input_delay"], forces, over),
-            dt / over,
-            over,
-            1,
-        )
+    for kind, changed in (("input_delay", _late), ("input_lag", _lagging)):
+        if kind in others:
+            forces = changed(case, others[kind], forces, over)
+            dt, fine, over = dt / over, over, 1
     moved = integrate(M, C, K, B, forces, dt, over, codes, places, params, q0, v0, case.held)
     moved = (signal[::fine] for signal in moved)
     return Moved(*(signal[case.warm_up :] for signal in (*moved, U)))
@@ -129,6 +126,20 @@ def _late(case, delay, U, fine):
             found[:, j] = np.diff(np.interp([*now, now[-1] + h], ends, pushed)) / h
         else:
             found[:, j] = np.interp(now, t, u)
+    return found
+
+
+def _lagging(case, lag, U, fine):
+    """Return forces of which one lags, `fine` of them per sample."""
+    m, (_, at, p) = case.machine, lag
+    j, n = m.forced.index(at[0].removeprefix("F_")), (len(U) - 1) * fine + 1
+    k = np.arange(n) / fine
+    found = np.column_stack([np.interp(k, np.arange(len(U)), u) for u in U.T])
+    driving = U[np.floor(k).astype(int), j] if case.held else found[:, j].copy()
+    kept = np.exp(-m.dt / fine / p[0])
+    for i in range(1, n):  # the mean of what drives it over the step
+        mean = driving[i - 1] if case.held else (driving[i - 1] + driving[i]) / 2
+        found[i, j] = mean + kept * (found[i - 1, j] - mean)
     return found
 
 

@@ -87,7 +87,7 @@ def test_the_cases_cover_the_catalogue():
         "cubic_stiffness", "quadratic_stiffness", "backlash", "contact_stop", "pendulum_gravity",
         "constant_force", "harmonic_force", "unbalance", "parametric_stiffness",
         "gyroscopic_coupling", "cross_stiffness", "attached_resonator", "input_delay",
-        "input_gain", "sensor_offset", "sensor_gain",
+        "input_gain", "sensor_offset", "sensor_gain", "input_lag", "maxwell_element",
     } <= kinds  # fmt: skip
     assert len({case.seed for case in CASES.values()}) == len(CASES)
 

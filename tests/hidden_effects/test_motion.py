@@ -25,6 +25,22 @@ def test_a_delay_of_whole_samples_is_a_shift_of_the_force(held):
     assert (found.inputs == force).all()
 
 
+@pytest.mark.parametrize("held", [False, True])
+def test_a_lag_takes_high_frequencies_away_and_turns_the_others(held):
+    machine, lag = one(), 0.004
+    time = np.arange(6000) * machine.dt
+    omega = 2 * np.pi * 0.02 / machine.dt
+    lagging = Case("lag", machine, [("input_lag", ("F_x",), [lag])], samples=6000)
+    lagging = replace(lagging, warm_up=0, held=held)
+    found, plain = (
+        motion(case, inputs=np.cos(omega * time)[:, None]).displacement[5000:, 0]
+        for case in (lagging, replace(lagging, effects=[]))
+    )
+    line = np.exp(-1j * omega * time[5000:])
+    ratio = (found @ line) / (plain @ line)
+    assert ratio == pytest.approx(1 / (1 + 1j * omega * lag), rel=2e-3)
+
+
 def test_half_a_sample_later_keeps_the_size_of_the_force():
     """Linear interpolation at the samples would leave 0.89 of this sine."""
     machine = one()

@@ -1,5 +1,7 @@
 """Effects on inputs and outputs, those that users add among them."""
 
+import itertools
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -168,6 +170,24 @@ def test_a_delay_moves_a_force_as_it_is_between_its_samples():
     np.testing.assert_allclose(signals(held, data)[2:, 0], data["F"].values[:-2])
     twice = held.with_effect("input_delay", "F", {"delay": 0.75 * step})
     np.testing.assert_allclose(lines(twice, data).begin[2:, 0], data["F"].values[:-2])
+
+
+@pytest.mark.parametrize("order", [0.0, 1.0])
+def test_a_lag_follows_its_input_as_that_is_between_the_samples(order):
+    data, step = push("F"), TIME[1] - TIME[0]
+    model = oscillator().with_effect("input_hold", "F", {"order": order})
+    model = model.with_effect("input_lag", "F", {"lag": 3 * step})
+    u, fine = data["F"].values, 400
+    # u' = (F - u) / lag in steps of its own, F held or linear
+    expected = [u[0]]
+    for now, then in itertools.pairwise(u):
+        here = expected[-1]
+        for k in range(fine):
+            driven = now + order * (then - now) * (k + 0.5) / fine
+            here += (driven - here) * (1 - np.exp(-1 / (3 * fine)))
+        expected.append(here)
+    np.testing.assert_allclose(signals(model, data)[:, 0], expected, atol=1e-6 * np.max(np.abs(u)))
+    assert lines(model, data) is None
 
 
 def test_an_imposed_motion_is_smooth_and_late_with_its_derivatives():

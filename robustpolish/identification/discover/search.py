@@ -175,11 +175,12 @@ class Search:
         """Return whether the fit without effects moved masses or springs too far to be believed."""
         if model.effects != self.reference.effects or (found is not None and self.at_floor(found)):
             return False
-        given, now = self.reference, model
-        pairs = [*((a.mass, b.mass) for a, b in zip(given.dofs, now.dofs, strict=True))]
-        pairs += [(a.stiffness, b.stiffness) for a, b in zip(given.springs, now.springs, strict=True)]
         far = self.policy.bent
-        return any(a > 0 and not a / far <= b <= a * far for a, b in pairs)
+        known, now = (
+            [dof.mass for dof in m.dofs] + [spring.stiffness for spring in m.springs]
+            for m in (self.reference, model)
+        )
+        return any(a > 0 and not a / far <= b <= a * far for a, b in zip(known, now, strict=True))
 
     def _begun_smaller(self, model: MechanicalModel, *effects: Effect) -> JudgedFit | None:
         """Return a model with more effects, fitted, begun with a share of their first sizes.

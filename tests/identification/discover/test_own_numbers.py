@@ -32,6 +32,18 @@ def test_neither_a_linear_input_nor_a_late_one_is_a_hold(hidden):
     assert held_model(effects=hidden).effects == ()
 
 
+@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("taken", [True, False])
+def test_a_hold_of_before_is_asked_about_like_any_other(held, taken):
+    case = Case("held", one(), drive=10.0, samples=1500, held=held, noise_db=60.0)
+    model = model_of(case)
+    prepared = prepared_of(model, records(case)[0][0])
+    before = model.with_effect("input_hold", "F_x", {"order": 0.0}) if taken else model
+    found = with_holds(before, prepared)
+    assert [e.values["order"] for e in found.effects] == [0.0] * held
+    assert (found is before) == (held == taken)
+
+
 def test_what_has_no_force_has_no_hold():
     assert with_holds(rig(), prepared_of(rig(), of_rig())).effects == ()
     assert with_other_holds(rig(), rig(), prepared_of(rig(), of_rig())) is None

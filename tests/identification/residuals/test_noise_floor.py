@@ -72,3 +72,15 @@ def test_a_run_that_diverged_tells_nothing():
     motion = MOTION.copy()
     motion[-1] = np.inf
     np.testing.assert_array_equal(noise_floor(e[:, None], motion[:, None], np.ones(1) * 1e-6), 1e-6)
+
+
+def test_where_nothing_moves_a_sensor_that_counts_shows_less_than_it_rounds_away():
+    time = np.arange(4000) * 1e-2
+    swing = np.maximum(1 - time / 30, 0) * np.sin(8 * time)  # dry friction ends it
+    step = 3e-3
+    errors = step * np.round(swing / step) - swing
+    steps = np.array([step / 12**0.5])
+    (found,) = noise_floor(errors[:, None], swing[:, None], steps, steps=steps)
+    assert found == pytest.approx(np.sqrt(np.mean(errors**2)), rel=0.25)
+    (found,) = noise_floor(errors[:, None], swing[:, None], steps)
+    assert found < 0.5 * step / 12**0.5

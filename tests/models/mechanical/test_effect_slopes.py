@@ -1,5 +1,7 @@
 """The slopes of effects in a linear model, against derivatives known by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,3 +67,18 @@ def test_linearisation_applies_gains_and_delays():
     w = 300.0
     expected = 0.75 * np.exp(-1j * w * 1e-3) * there(1j * w)[-1, 0]
     np.testing.assert_allclose(here(1j * w)[-1, 0], expected, rtol=1e-4)
+
+
+def test_linearisation_keeps_lags_and_what_relaxes():
+    plain = two_masses()
+    values = {"stiffness": 900.0, "time": 2e-3}
+    model = plain.with_effect("maxwell_element", ("x", "x_m"), values)
+    lagging = model.with_effect("input_lag", "F", {"lag": 4e-3})
+    s = 300.0j
+    here, there = (each.linearize().system(s)[-1, 0] for each in (lagging, model))
+    np.testing.assert_allclose(here, there / (1 + 4e-3 * s), rtol=1e-9)
+    # a spring and a damper in a row, beside those that are there
+    branch = 900.0 * 2e-3 * s / (1 + 2e-3 * s)
+    stiffer = replace(plain, springs=(*plain.springs, Spring(("x", "x_m"), branch.real)))
+    both = replace(stiffer, dampers=(*plain.dampers, Damper(("x", "x_m"), branch.imag / s.imag)))
+    np.testing.assert_allclose(there, both.linearize().system(s)[-1, 0], rtol=1e-6)

@@ -62,6 +62,19 @@ def test_delays_gains_and_holds_of_inputs():
     np.testing.assert_allclose(held.values[:, 0, 0], expected * factor, rtol=1e-9)
 
 
+def test_an_actuator_lags():
+    model = oscillator().with_effect("input_lag", "F", {"lag": 0.3})
+    response = model.frequency_response(LINES).values[:, 0, 0]
+    np.testing.assert_allclose(response, receptance() / (1 + 0.3 * S), rtol=1e-9)
+
+
+def test_a_relaxing_force_is_a_stiffness_over_frequency():
+    values = {"stiffness": 5.0, "time": 0.4}
+    model = oscillator().with_effect("maxwell_element", PLACE, values)
+    expected = 1 / (1 / receptance() + 5.0 * 0.4 * S / (1 + 0.4 * S))
+    np.testing.assert_allclose(model.frequency_response(LINES).values[:, 0, 0], expected, rtol=1e-6)
+
+
 def test_an_attached_resonator_is_a_mode():
     model = oscillator().with_effect(
         "attached_resonator", "x", {"mass": 0.1, "stiffness": 1.0, "damping": 0.01}
