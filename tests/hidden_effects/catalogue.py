@@ -61,8 +61,6 @@ def _single():
         "missing mode", one(), [("attached_resonator", ("x",), [0.15, 950.0, 0.5])], drive=10
     )
     yield Case("input delay", one(), [("input_delay", ("F_x",), [0.005])], drive=10)
-    yield Case("input lag", one(), [("input_lag", ("F_x",), [0.004])], drive=10)
-    yield Case("relaxation", one(), [("maxwell_element", x, [3000.0, 0.02])], drive=10)
     yield Case("input gain", one(), [("input_gain", ("F_x",), [1.6])], drive=10)
     yield Case("pendulum", lever(), [("pendulum_gravity", ("arm",), [20.0])], drive=7, noise_db=35)
     yield Case("sensor offset", one(), [("sensor_offset", ("x",), [0.004])], drive=10)
@@ -321,6 +319,8 @@ def _added():
         verdict=LAW,
         drive=15,
     )
+    yield Case("input lag", one(), [("input_lag", ("F_x",), [0.004])], drive=10)
+    yield Case("relaxation", one(), [("maxwell_element", ("x", G), [3000.0, 0.02])], drive=10)
 
 
 def all_cases():

@@ -7,11 +7,18 @@ from collections.abc import Mapping
 from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.effects.shapes import Scan
 
+_FAR = 100.0
+
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-    # z is the force, which begins relaxed; p: stiffness, relaxation time, step
+    # z is the force, which begins relaxed; p: stiffness, relaxation time, spring beside it, step
     f[0] = -z[0]
-    dz[0] = p[0] * v[0] - z[0] / max(p[1], p[2], 1e-300)
+    dz[0] = p[0] * v[0] - z[0] / max(p[1], p[3], 1e-300)
+
+
+def _near(values: Mapping[str, float]) -> tuple[float, float]:
+    # one that relaxes at once is a damper, one that never does a spring
+    return values["time"] / _FAR, values["time"] * _FAR
 
 
 def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
@@ -29,7 +36,13 @@ KIND = EffectKind(
     domain="pair",
     parameters=(
         Parameter("stiffness", "F/L", "stiffness of its spring", lower=0.0),
-        Parameter("time", "T", "relaxation time: its damping over its stiffness", lower=0.0),
+        Parameter(
+            "time",
+            "T",
+            "relaxation time: its damping over its stiffness",
+            lower=0.0,
+            fit_bounds=_near,
+        ),
     ),
     law=_law,
     linear_in=("stiffness",),
@@ -37,7 +50,8 @@ KIND = EffectKind(
     gains=_gains,
     state_sizes=_state_sizes,
     states=1,
-    context=("step",),
+    # Without a spring beside it, where it drags a machine that drifts, it could be any slow force.
+    context=("spring_stiffness", "step"),
     looks_like="A stiffness that grows with frequency and a damping that falls, at every "
     "amplitude the same.",
     checks=(
