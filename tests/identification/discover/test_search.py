@@ -67,6 +67,25 @@ def test_an_effect_is_fitted_from_far_away_and_one_that_is_not_there_to_nothing(
         assert found.error < 0.5 * search.stage.error
 
 
+@pytest.mark.parametrize(("moved", "known_too"), [(1.5, False), (3.0, True)])
+def test_beside_an_effect_numbers_that_were_bent_far_begin_as_they_were_known_too(
+    search, monkeypatch, moved, known_too
+):
+    stiffness = search.reference.springs[0].stiffness
+    bent = search.stage.model.with_parameters({"spring[0].stiffness": moved * stiffness})
+    begun = []
+
+    def fitted(self, model, *effects):
+        begun.append(model.springs[0].stiffness / stiffness)
+        return judged(model, 2.0 if begun[1:] else 3.0)
+
+    monkeypatch.setattr(Search, "_begun_smaller", fitted)
+    cubic = Effect("cubic_stiffness", PLACE, {"stiffness": 1e6})
+    found = search.fitted_with(bent, cubic)
+    assert begun == pytest.approx([moved, 1.0] if known_too else [moved])
+    assert found.error == (2.0 if known_too else 3.0)  # the better of the two
+
+
 def test_a_fit_begins_smaller_where_runs_diverge():
     """Beyond its peak a softening spring pushes away; half of that does not."""
     hidden = [("quadratic_stiffness", PLACE, [6e4])]
