@@ -1,4 +1,7 @@
-"""Evaluate a law along a known motion, and the candidate forces for screening with it."""
+"""Evaluate a law along a known motion, and the candidate forces for screening with it.
+
+A signal behind a lag is evaluated here, too.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import itertools
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.signal import lfilter
 
 from robustpolish.arrays import Array
 from robustpolish.compiling import njit
@@ -167,3 +171,32 @@ def _shape(kind: EffectKind, motion: Motion, choice: tuple[float, ...]) -> Shape
     else:
         columns = [force_with(kind, u, motion) for u in units]
     return Shape(np.stack(columns), values, signs)
+
+
+def lagged(begin: Array, end: Array, step: float, lag: float) -> Array:
+    """Return a signal behind a first-order lag, at its samples: exact for lines between them.
+
+    Parameters
+    ----------
+    begin, end : ndarray, shape (samples,)
+        The line over the step after each sample.
+    step, lag : float
+        Time between samples and time constant, in s.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        It has followed the first sample for long.
+
+    Examples
+    --------
+    >>> ramp = np.arange(4.0)
+    >>> (ramp - lagged(ramp, ramp + 1, 1.0, 0.1)).round(3).tolist()
+    [0.0, 0.1, 0.1, 0.1]
+    """
+    if not lag > 0:
+        return begin
+    kept = np.exp(-step / lag)
+    behind = (end - begin) * (lag / step)
+    driven = end - behind - kept * (begin - behind)
+    return np.asarray(lfilter([1.0], [1.0, -kept], np.concatenate([begin[:1], driven[:-1]])))

@@ -15,12 +15,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from robustpolish.arrays import Array
-from robustpolish.effects.on_signals import SignalSlope, Timing
 from robustpolish.effects.shapes import LINE, Motion, Scan, Shape
 from robustpolish.validation import described, invalid, one_of
 
@@ -34,6 +33,41 @@ CONSTANT = "constant"
 """The family of forces and offsets that never change."""
 _PLACES: dict[str, int] = {"pair": 2, "dof": 1, "axes": 2, "input": 1, "output": 1}
 _SI = {"F": ("N", "N m"), "L": ("m", "rad"), "T": ("s", "s"), "M": ("kg", "kg m^2")}
+
+
+class SignalSlope(NamedTuple):
+    """What a linear model keeps of an effect on an input or an output.
+
+    Attributes
+    ----------
+    gain : float
+    delay : float
+        In s.
+    lag : float
+        Time constant of a first-order lag in s.
+    """
+
+    gain: float = 1.0
+    delay: float = 0.0
+    lag: float = 0.0
+
+
+class Timing(NamedTuple):
+    """When the samples of an input act, of an effect that changes only that.
+
+    Attributes
+    ----------
+    order : float or None
+        Of the hold between them: 0 held, 1 linear, 3 smooth; None if it says nothing about that.
+    delay : float
+        In s.
+    lag : float
+        Time constant in s with which it follows them.
+    """
+
+    order: float | None = None
+    delay: float = 0.0
+    lag: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from robustpolish.measurements.frequency.read import (
 )
 from robustpolish.measurements.frequency.response import labelled_response, ratio_unit
 from robustpolish.measurements.read import read_measurement
-from robustpolish.measurements.resolution import rounding
 from robustpolish.measurements.sampling import check_sampling, sampling_time
 from robustpolish.measurements.split import split_blocks
 from robustpolish.measurements.units import same_kind, to_si
@@ -25,7 +24,6 @@ __all__ = [
     "ratio_unit",
     "read_frequency_response",
     "read_measurement",
-    "rounding",
     "same_kind",
     "sampling_time",
     "split_blocks",

@@ -10,7 +10,8 @@ from scipy.interpolate import CubicSpline
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
-from robustpolish.effects.on_signals import Timing, lagged
+from robustpolish.effects.along import lagged
+from robustpolish.effects.kind import Timing
 from robustpolish.models.mechanical.data import MechanicalData
 from robustpolish.models.mechanical.parts import VELOCITY
 from robustpolish.simulation.between import LINEAR, SMOOTH, Lines, between, lines_through

@@ -44,7 +44,7 @@ def test_an_effect_that_makes_a_force_needs_a_law():
 
 def test_the_linear_part_is_the_answer_to_a_step_if_nothing_else_is_said():
     kind = EffectKind("scaled", "Scaled", "input", FACTOR, on_signal=scaled)
-    assert kind.signal_slope({"factor": 2.5}) == (2.5, 0.0)
+    assert kind.signal_slope({"factor": 2.5}) == (2.5, 0.0, 0.0)
 
 
 def test_a_signal_of_another_length_is_refused(monkeypatch):

@@ -8,8 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from robustpolish.arrays import Array
-from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.on_signals import SignalSlope, Timing
+from robustpolish.effects.kind import EffectKind, Parameter, SignalSlope, Timing
 from robustpolish.effects.shapes import Motion, Shape
 
 

@@ -12,8 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from robustpolish.arrays import Array
-from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.on_signals import Timing
+from robustpolish.effects.kind import EffectKind, Parameter, Timing
 
 
 def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:

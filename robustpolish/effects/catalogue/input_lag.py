@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from robustpolish.arrays import Array
-from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.on_signals import SignalSlope, Timing, lagged
+from robustpolish.effects.along import lagged
+from robustpolish.effects.kind import EffectKind, Parameter, SignalSlope, Timing
 from robustpolish.effects.shapes import Motion, Shape
 
 _TRIED = 6

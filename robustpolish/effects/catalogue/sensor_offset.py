@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from robustpolish.arrays import Array
-from robustpolish.effects.kind import CONSTANT, EffectKind, Parameter
-from robustpolish.effects.on_signals import SignalSlope
+from robustpolish.effects.kind import CONSTANT, EffectKind, Parameter, SignalSlope
 
 
 def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:

@@ -15,10 +15,10 @@ from robustpolish.identification.findings.findings import Confusion, RankedCandi
 from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy, left_by
 from robustpolish.identification.fit.parameters import idle, sized, turns_over_gently
 from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
+from robustpolish.identification.observer.kalman import rounding
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.residuals.noise_floor import noise_floor
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
-from robustpolish.measurements import rounding
 from robustpolish.models.mechanical import MechanicalModel
 
 

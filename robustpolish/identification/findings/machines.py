@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.effects import Effect
-from robustpolish.effects.on_signals import SignalSlope
+from robustpolish.effects.kind import SignalSlope
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import Input, Output

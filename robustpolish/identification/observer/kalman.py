@@ -14,7 +14,6 @@ from scipy.signal import welch
 
 from robustpolish.arrays import Array
 from robustpolish.identification.record import Record
-from robustpolish.measurements import rounding
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
 from robustpolish.models.mechanical.ports import port_matrices
@@ -26,6 +25,9 @@ _QUIETEST = 1e-5
 _LEAKS = 1e-4
 # Error of the observer's equation, as a share of its solution, from which it is none.
 _UNSOLVED = 1e-2
+# Of a sensor that counts in steps: share of a step by which distances between values may be off
+# whole numbers of them, share of the range below which values are the same, and distances needed.
+_OFF, _SAME, _FEWEST = 0.02, 1e-9, 8
 # A force that lasts cannot be told from a displacement by a sensor that does not see one.
 _LEAK = {VELOCITY: 20.0, ACCELERATION: 4.0}
 
@@ -242,6 +244,38 @@ def white_noise(y: Array, dt: float, honest: float = 1.0) -> float:
     bands = np.array_split(density[1:], min(16, density.size - 1))
     lowest = min(float(np.mean(band)) for band in bands)
     return max(float(np.sqrt(lowest * 0.5 / dt)), _QUIETEST * total)
+
+
+def rounding(y: Array) -> float:
+    """Return the standard deviation of what rounding to the steps of a sensor does to its signal.
+
+    Parameters
+    ----------
+    y : ndarray, shape (samples,)
+
+    Returns
+    -------
+    float
+        A step over the square root of 12; 0 if the values lie on no grid.
+
+    Examples
+    --------
+    >>> y = np.round(np.sin(np.arange(100.0)), 1)
+    >>> round(rounding(y) * 12**0.5, 6)
+    0.1
+    >>> rounding(np.sin(np.arange(100.0)))
+    0.0
+    """
+    distances = np.diff(np.unique(y))
+    distances = distances[distances > _SAME * np.ptp(y)] if distances.size else distances
+    if distances.size < _FEWEST:
+        return 0.0
+    step = float(np.min(distances))
+    step = float(np.mean(distances[distances < 1.5 * step]))
+    counts = distances / step
+    if np.max(np.abs(counts - np.round(counts))) > _OFF:
+        return 0.0
+    return step / float(np.sqrt(12))
 
 
 def excited_bandwidth(model: MechanicalModel, record: Record) -> float:

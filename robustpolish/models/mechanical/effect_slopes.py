@@ -14,7 +14,7 @@ from scipy.signal import tf2ss
 
 from robustpolish.arrays import AnyArray, Array
 from robustpolish.effects import Effect
-from robustpolish.effects.on_signals import SignalSlope
+from robustpolish.effects.kind import SignalSlope
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.models.linearization import difference
 from robustpolish.models.mechanical.data import MechanicalData

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.measurements import rounding
+from robustpolish.identification.observer.kalman import rounding
 
 TIME = np.arange(4000) * 1e-2
 SWING = np.exp(-0.1 * TIME) * np.sin(8 * TIME)
