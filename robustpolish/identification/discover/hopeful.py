@@ -61,7 +61,13 @@ def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopef
     prepared : PreparedRecord
     """
     policy = prepared.policy
-    likeliest = [c for c in screening.candidates if c.sensible and c.score > policy.least_odds]
+    twice = _late_twice(screening)
+    likeliest = [
+        c
+        for c in screening.candidates
+        if c.sensible and c.score > policy.least_odds and c.place not in twice
+    ]
+    finalists = [c for c in screening.finalists if (c.kind.kind, c.at) not in twice]
     good = [c for c in likeliest if not _line(c.effect, stage, prepared)]
     first: list[ScreenedEffect] = []
     pairs: list[tuple[ScreenedEffect, ...]] = []
@@ -69,7 +75,7 @@ def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopef
     for span in _spans(prepared):
         singles, couples = (
             [e for e in found if not any(_line(effect, stage, prepared) for effect in e.effects)]
-            for found in evidence(stage, prepared, screening.finalists, span)
+            for found in evidence(stage, prepared, finalists, span)
         )
         _add_singles(first, singles, screening, prepared)
         pairs += _pairs(singles, couples, screening, prepared)
@@ -86,6 +92,16 @@ def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopef
     largest = {c.place: c for c in sorted(seen, key=lambda c: c.fall)}
     by_size = sorted(largest.values(), key=lambda c: -c.fall)
     return Hopeful(first, further, list(unique.values())[: policy.most_pairs], by_size)
+
+
+def _late_twice(screening: Screening) -> set[tuple[str, tuple[str, ...]]]:
+    """Return what makes an input late and is less likely than another that does.
+
+    A delay explains most of a lag and a lag most of a delay: two of the few refits for one finding.
+    """
+    late = [c for c in screening.candidates if c.effect.definition.timing is not None]
+    first = {c.effect.at: c for c in sorted(late, key=lambda c: c.score)}
+    return {c.place for c in late if c is not first[c.effect.at]}
 
 
 def _likeliest(likely: Sequence[ScreenedEffect], most: int) -> list[ScreenedEffect]:
