@@ -138,3 +138,15 @@ def test_what_swings_by_itself_is_tried_at_the_lines_of_the_force():
     assert (found.effect.kind, found.effect.at) == ("attached_resonator", at)
     assert found.fitted.model.effects[-1].values["mass"] == pytest.approx(0.1, rel=0.1)
     assert _at_lines([found], search.stage.model, search) == [found]  # it helps: no more is tried
+
+
+@pytest.mark.parametrize(("kind", "values"), [("input_delay", [0.005]), ("input_lag", [0.004])])
+def test_what_is_late_is_told_from_what_lags(kind, values):
+    case = Case("late", one(), [(kind, ("F_x",), values)], drive=8.0, samples=1500)
+    search = search_of(model_of(case), records(case)[0][0])
+    assert add_one(search)
+    (found,) = search.stage.model.effects
+    assert found.kind == kind
+    assert [*found.values.values()] == pytest.approx(values, rel=0.02)
+    tried = {c.kind for c in search.candidates if np.isfinite(c.nrmse_held_out)}
+    assert {"input_delay", "input_lag"} <= tried

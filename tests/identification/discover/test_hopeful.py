@@ -20,6 +20,8 @@ def begun():
 
 
 def place_of(kind):
+    if kind.startswith("input_"):
+        return "F"
     return "x" if kind in ("constant_force", "harmonic_force") else PLACE
 
 
@@ -167,3 +169,13 @@ def test_what_is_barred_is_left_out_everywhere(begun, monkeypatch):
     assert kinds_of(left.first) == ["quadratic_damping"]
     assert not left.pairs
     assert not left.seen
+
+
+def test_of_what_makes_an_input_late_the_likelier_takes_one_of_the_few_places(begun, monkeypatch):
+    late = [candidate("input_lag", 100.0), candidate("input_delay", 90.0)]
+    others = [candidate("cubic_stiffness", 80.0), candidate("backlash", 40.0)]
+    for likely in ([*late, *others], [*late[::-1], *others]):
+        found = asked(begun, monkeypatch, likely)
+        assert kinds_of([*found.first, *found.further]) == [
+            "input_lag", "cubic_stiffness", "backlash"
+        ]  # fmt: skip
