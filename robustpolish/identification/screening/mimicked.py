@@ -17,6 +17,7 @@ from scipy.optimize import least_squares
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect, EffectKind, Motion, Shape, force_with, kinds
+from robustpolish.effects.along import MOST_SUBSTEPS
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.screening.candidates import columns_at, rivals
 from robustpolish.models.mechanical import MechanicalModel
@@ -58,12 +59,16 @@ def mimics(model: MechanicalModel, at: int, prepared: PreparedRecord) -> list[Mi
         The nearest first; without what makes the effect's own force by another name.
     """
     effect = model.effects[at]
+    bare = replace(model, effects=(*model.effects[:at], *model.effects[at + 1 :]))
     motion = prepared.motion(model, prepared.screened)
-    here = motion_at(model, effect, prepared.screened.time, motion.q, motion.v)
+    if not np.isfinite(motion.q).all():  # an effect that is too stiff for an observer's steps
+        motion = prepared.motion(bare, prepared.screened)
+    # a law that is stiffer than any step can follow is told that step, or its force overflows
+    step = prepared.record.dt / MOST_SUBSTEPS
+    here = motion_at(model, effect, prepared.screened.time, motion.q, motion.v, step)
     wanted = force_with(effect.definition, effect.values, here)
     if not wanted.any():
         return []
-    bare = replace(model, effects=(*model.effects[:at], *model.effects[at + 1 :]))
     found = []
     for kind, given in _others(effect, here):
         shapes = columns_at(bare, kind, effect.at, motion, prepared.screened)

@@ -4,7 +4,7 @@ import pytest
 
 from robustpolish.identification.screening.mimicked import mimics
 from tests.identification.discover.searches import prepared_of
-from tests.identification.oscillators import PLACE, of_rig, rig
+from tests.identification.oscillators import PLACE, of_rig, oscillator, record, rig
 
 
 def mimicking(model, at=0):
@@ -58,3 +58,16 @@ def test_what_turns_over_gently_goes_on_to():
 def test_nothing_mimics_no_force():
     assert mimicking(rig().with_effect("coulomb_friction", PLACE, {"force": 0.0})) == []
     assert mimicking(rig().with_effect("cubic_stiffness", PLACE, {"stiffness": 1.0})) == []
+
+
+@pytest.mark.parametrize("stiffness", [1e6, 1e9, 1e14])
+@pytest.mark.parametrize("kind", ["dahl_friction", "lugre_friction"])
+def test_a_friction_too_stiff_for_any_step_is_a_jump_by_another_name(kind, stiffness):
+    values = {"force": 3.0, "stiffness": stiffness}
+    if kind == "lugre_friction":
+        values |= {"static_force": 3.0, "velocity": 0.02}
+    prepared = prepared_of(oscillator(), record(1500, noise=0.01))
+    found = mimics(oscillator().with_effect(kind, PLACE, values), 0, prepared)
+    by_kind = {mimic.effect.kind: mimic for mimic in found}
+    assert by_kind["coulomb_friction"].left < 0.15
+    assert by_kind["coulomb_friction"].effect.values["force"] == pytest.approx(3.0, rel=0.05)
