@@ -140,6 +140,8 @@ def _lagging(case, lag, U, fine):
     for i in range(1, n):  # the mean of what drives it over the step
         mean = driving[i - 1] if case.held else (driving[i - 1] + driving[i]) / 2
         found[i, j] = mean + kept * (found[i - 1, j] - mean)
+    if case.held:  # over a step all forces are held: the lagging one at its mean
+        found[:-1, j] = (found[:-1, j] + found[1:, j]) / 2
     return found
 
 
