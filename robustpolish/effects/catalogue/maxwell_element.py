@@ -8,6 +8,7 @@ from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.effects.shapes import Scan
 
 _FAR = 100.0
+"""Times by which a fit may move a relaxation time."""
 
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
