@@ -17,8 +17,9 @@ from robustpolish.effects.compiled import call_law, compiled_law
 from robustpolish.effects.kind import EffectKind
 from robustpolish.effects.shapes import Motion, Shape
 
-LEAST_SUBSTEPS, MOST_SUBSTEPS = 8, 64
-"""In a sample, in which internal states are followed along a motion."""
+_LEAST_SUBSTEPS = 8
+MOST_SUBSTEPS = 64
+"""Of a sample, in which internal states are followed along a motion."""
 
 _NEXT_TO_NOTHING = 1e-12
 """A column this much smaller than another is rounding: the sine of a spin that stands still."""
@@ -110,7 +111,7 @@ def _substeps(kind: EffectKind, motion: Motion, values: Array) -> int:
         fastest = float(np.max(np.abs(motion.v), initial=0.0))
         rate = kind.steepness(numbers, motion.amplitude, fastest)[2]
     wanted = np.nan_to_num(np.ceil(rate * (motion.time[1] - motion.time[0])), posinf=1e9)
-    return int(np.clip(wanted, LEAST_SUBSTEPS, MOST_SUBSTEPS))
+    return int(np.clip(wanted, _LEAST_SUBSTEPS, MOST_SUBSTEPS))
 
 
 def shapes_along(kind: EffectKind, motion: Motion) -> list[Shape]:

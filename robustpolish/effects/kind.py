@@ -275,7 +275,8 @@ class EffectKind:
         is the nearest record of a linear input.
     linear_signal : callable, optional
         ``linear_signal(values)`` gives the gain, the delay and the lag that a linear model keeps
-        of `on_signal`, see :class:`SignalSlope`; by default its answer to a step, at once.
+        of `on_signal`, see :class:`SignalSlope`; by default what `timing` says, else its answer to
+        a step, at once.
     linear_in : tuple of str or of tuple of str, optional
         Parameters in which the law is linear: screening fits a coefficient for each. An entry of
         several names moves them together.
@@ -336,7 +337,7 @@ class EffectKind:
     law: Law | None = None
     on_signal: SignalChange | None = None
     timing: Callable[[Values], Timing] | None = None
-    linear_signal: Callable[[Values], SignalSlope] | None = None
+    linear_signal: Callable[[Values], SignalSlope | tuple[float, float]] | None = None
     linear_in: tuple[str | tuple[str, ...], ...] = ()
     scan: tuple[Scan, ...] = ()
     shapes: Callable[[Motion], list[Shape]] | None = None
@@ -415,7 +416,10 @@ class EffectKind:
         SignalSlope
         """
         if self.linear_signal is not None:
-            return self.linear_signal(values)
+            return SignalSlope(*self.linear_signal(values))
+        if self.timing is not None:
+            when = Timing(*self.timing(values))
+            return SignalSlope(1.0, when.delay, when.lag)
         assert self.on_signal is not None  # only effects on signals come here
         time = np.arange(16.0)
         step, rest = (self.on_signal(np.full(16, u), time, values)[-1] for u in (1.0, 0.0))

@@ -88,17 +88,17 @@ def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, Lines | No
                 continue
             # an imposed motion has a velocity, so that it is smooth
             first = _Timing(LINEAR if j < len(m.force_inputs) else SMOOTH)
-            timed[j] = timed.get(j, first).then(timing(effect.values))
-    begin, end = (side.copy() for side in lines_through(W))
+            timed[j] = timed.get(j, first).then(Timing(*timing(effect.values)))
     step = (time[-1] - time[0]) / (time.size - 1)
-    for j, timing in timed.items():
-        if (timing.order, timing.delay) != (LINEAR, 0.0):
-            W[:, j], begin[:, j], end[:, j] = between(W[:, j], step, timing.order, timing.delay)
-        for lag in timing.lags:
-            W[:, j] = lagged(begin[:, j], end[:, j], step, lag)
-            begin[:, j], end[:, j] = lines_through(W[:, j])
-    straight = all(timing.linear for timing in timed.values())
-    return np.ascontiguousarray(W), None if straight else Lines(begin, end)
+    acting = {j: timing.acting(W[:, j], step) for j, timing in timed.items()}
+    for j, (at_samples, _, _) in acting.items():
+        W[:, j] = at_samples
+    if all(timing.linear for timing in timed.values()):
+        return np.ascontiguousarray(W), None
+    begin, end = (side.copy() for side in lines_through(W))
+    for j, (_, *sides) in acting.items():
+        begin[:, j], end[:, j] = sides
+    return np.ascontiguousarray(W), Lines(begin, end)
 
 
 class _Timing(NamedTuple):
@@ -117,7 +117,22 @@ class _Timing(NamedTuple):
     @property
     def linear(self) -> bool:
         """Whether the signal is linear between the samples, if only by a lag."""
-        return bool(self.lags) or (self.order, self.delay) == (LINEAR, 0.0)
+        return bool(self.lags) or self._at_once
+
+    @property
+    def _at_once(self) -> bool:
+        return (self.order, self.delay) == (LINEAR, 0.0)
+
+    def acting(self, u: Array, step: float) -> tuple[Array, Array, Array]:
+        """Return a signal as it acts: at the samples, and at both ends of the step after each."""
+        if self._at_once:
+            at, (begin, end) = u, lines_through(u)
+        else:
+            at, begin, end = between(u, step, self.order, self.delay)
+        for lag in self.lags:
+            at = lagged(begin, end, step, lag)
+            begin, end = lines_through(at)
+        return at, begin, end
 
 
 def _changed(effect: Effect, signal: Array, time: Array, derivative: bool) -> Array:

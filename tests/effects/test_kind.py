@@ -47,6 +47,13 @@ def test_the_linear_part_is_the_answer_to_a_step_if_nothing_else_is_said():
     assert kind.signal_slope({"factor": 2.5}) == (2.5, 0.0, 0.0)
 
 
+def test_the_linear_part_may_be_told_as_a_gain_and_a_delay():
+    told = {"on_signal": scaled, "linear_signal": lambda values: (values["factor"], 0.25)}
+    kind = EffectKind("scaled", "Scaled", "input", FACTOR, **told)
+    slope = kind.signal_slope({"factor": 2.5})
+    assert (slope.gain, slope.delay, slope.lag) == (2.5, 0.25, 0.0)
+
+
 def test_a_signal_of_another_length_is_refused(monkeypatch):
     monkeypatch.setattr(catalogue, "_registered", {})
     register(EffectKind("cut", "Cut", "input", FACTOR, on_signal=lambda u, t, values: u[1:]))

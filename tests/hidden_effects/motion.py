@@ -134,8 +134,10 @@ def _lagging(case, lag, U, fine):
     m, (_, at, p) = case.machine, lag
     j, n = m.forced.index(at[0].removeprefix("F_")), (len(U) - 1) * fine + 1
     k = np.arange(n) / fine
-    found = np.column_stack([np.interp(k, np.arange(len(U)), u) for u in U.T])
-    driving = U[np.floor(k).astype(int), j] if case.held else found[:, j].copy()
+    found = np.column_stack(
+        [np.interp(np.floor(k) if case.held else k, range(len(U)), u) for u in U.T]
+    )
+    driving = found[:, j].copy()
     kept = np.exp(-m.dt / fine / p[0])
     for i in range(1, n):  # the mean of what drives it over the step
         mean = driving[i - 1] if case.held else (driving[i - 1] + driving[i]) / 2

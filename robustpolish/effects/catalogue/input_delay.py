@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from robustpolish.arrays import Array
-from robustpolish.effects.kind import EffectKind, Parameter, SignalSlope, Timing
+from robustpolish.effects.kind import EffectKind, Parameter, Timing
 from robustpolish.effects.shapes import Motion, Shape
 
 
@@ -36,10 +36,6 @@ def _timing(values: Mapping[str, float]) -> Timing:
     return Timing(delay=values["delay"])
 
 
-def _linear_signal(values: Mapping[str, float]) -> SignalSlope:
-    return SignalSlope(delay=values["delay"])
-
-
 KIND = EffectKind(
     kind="input_delay",
     title="Delay of an input",
@@ -47,7 +43,6 @@ KIND = EffectKind(
     parameters=(Parameter("delay", "T", "time from the record to the force", lower=0.0),),
     on_signal=_on_signal,
     timing=_timing,
-    linear_signal=_linear_signal,
     shapes=_shapes,
     looks_like="A residual in quadrature, growing with frequency; it looks like negative "
     "damping at every mode.",

@@ -8,7 +8,7 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects.along import lagged
-from robustpolish.effects.kind import EffectKind, Parameter, SignalSlope, Timing
+from robustpolish.effects.kind import EffectKind, Parameter, Timing
 from robustpolish.effects.shapes import Motion, Shape
 
 _TRIED = 6
@@ -42,10 +42,6 @@ def _timing(values: Mapping[str, float]) -> Timing:
     return Timing(lag=values["lag"])
 
 
-def _linear_signal(values: Mapping[str, float]) -> SignalSlope:
-    return SignalSlope(lag=values["lag"])
-
-
 KIND = EffectKind(
     kind="input_lag",
     title="Lag of an input (actuator)",
@@ -53,7 +49,6 @@ KIND = EffectKind(
     parameters=(Parameter("lag", "T", "time constant of the actuator", lower=0.0),),
     on_signal=_on_signal,
     timing=_timing,
-    linear_signal=_linear_signal,
     shapes=_shapes,
     looks_like="A residual in quadrature that grows with frequency, as of a delay, and a response "
     "that is too large at high frequencies.",

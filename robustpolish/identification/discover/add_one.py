@@ -91,15 +91,14 @@ def _instead(
     earned = _would_be_added([*refits, *tried], search) or earned
     effect = earned.effect
     if effect.definition.timing is not None:  # a delay may be a lag, or the other way round
-        here = [c for c in search.screening.candidates if c.effect.at == effect.at]
-        late = [c for c in here if c.effect.definition.timing is not None]
+        late = [c for c in search.screening.late if c.effect.at == effect.at]
         tried += _refits_of(late, [*refits, *tried], start, search)
     # within a family less than a visible fall tells kinds apart, if anything but noise is left
     if effect.definition.family and more_than_noise(earned.fitted, search):
         alike = rivals_of(effect, search.stage.fit, search.prepared, search.screening)
         tried += _refits_of(alike, [*refits, *tried], start, search)
-    found_here = [item for item in [*refits, *tried] if item.effect.at == effect.at]
-    return tried + rounded_friction(found_here, start, search)
+    here = [item for item in [*refits, *tried] if item.effect.at == effect.at]
+    return tried + rounded_friction(here, start, search)
 
 
 def _would_be_added(refits: Sequence[RefittedEffect], search: Search) -> RefittedEffect | None:

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from robustpolish.effects import Effect
 from robustpolish.identification.discover.add_one import add_one
 from robustpolish.identification.discover.conclude import conclude
 from robustpolish.identification.discover.dampings import settle_damping
 from robustpolish.identification.discover.own_numbers import (
     refit_own,
+    split_holds,
     with_holds,
     with_other_holds,
 )
@@ -105,7 +105,7 @@ def _diagnose(
     model, prepared = fewer.model, prepare(fewer.model, fewer.record, policy)
     say("how inputs act between their samples")
     # what its file says of the inputs is known
-    known = fewer.thinned or bool(_holds(model))
+    known = fewer.thinned or bool(_orders(model))
     held = model if known else with_holds(model, prepared)
 
     anew: dict[tuple[float, ...], Search] = {}
@@ -179,20 +179,18 @@ def _begun(
 
 
 def _late_holds(search: Search) -> MechanicalModel | None:
-    """Return the reference with the holds of its inputs that showed only beside an effect."""
+    """Return the reference with other holds of its inputs, if they show beside an effect."""
     found, reference = with_holds(search.stage.model, search.prepared), search.reference
     if found is search.stage.model:
         return None
-    own = [effect for effect in reference.effects if effect.kind != "input_hold"]
-    return replace(reference, effects=(*own, *_holds(found)))
-
-
-def _holds(model: MechanicalModel) -> tuple[Effect, ...]:
-    return tuple(effect for effect in model.effects if effect.kind == "input_hold")
+    holds, _ = split_holds(found.effects)
+    _, own = split_holds(reference.effects)
+    return replace(reference, effects=(*own, *holds))
 
 
 def _orders(model: MechanicalModel) -> tuple[float, ...]:
-    return tuple(hold.values["order"] for hold in _holds(model))
+    """Return the orders of the holds of a model's inputs; none if they are linear."""
+    return tuple(hold.values["order"] for hold in split_holds(model.effects)[0])
 
 
 def _of_records(prepared: PreparedRecord) -> list[str]:

@@ -99,9 +99,8 @@ def _late_twice(screening: Screening) -> set[tuple[str, tuple[str, ...]]]:
 
     A delay explains most of a lag and a lag most of a delay: two of the few refits for one finding.
     """
-    late = [c for c in screening.candidates if c.effect.definition.timing is not None]
-    first = {c.effect.at: c for c in sorted(late, key=lambda c: c.score)}
-    return {c.place for c in late if c is not first[c.effect.at]}
+    first = {c.effect.at: c for c in sorted(screening.late, key=lambda c: c.score)}
+    return {c.place for c in screening.late if c is not first[c.effect.at]}
 
 
 def _likeliest(likely: Sequence[ScreenedEffect], most: int) -> list[ScreenedEffect]:

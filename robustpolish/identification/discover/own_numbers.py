@@ -7,6 +7,7 @@ every model. Then its own numbers.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -43,11 +44,11 @@ def with_holds(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalMo
     """
     policy = prepared.policy
     names = [i.name for i in model.inputs if i.imposes is None]
-    told = {effect.values["order"] for effect in model.effects if effect.kind == _HOLD}
-    if not names or len(told) > 1:
+    holds, others = split_holds(model.effects)
+    now = _order(holds)
+    if not names or now is None:
         return model
-    now = told.pop() if told else _LINEAR
-    bare = replace(model, effects=tuple(e for e in model.effects if e.kind != _HOLD))
+    bare = replace(model, effects=tuple(others))
     orders = dict.fromkeys((now, _LINEAR, *policy.hold_orders))
     tried = {o: replace(bare, effects=(*bare.effects, *_holds(names, o))) for o in orders}
     scores = {order: null_score(candidate, prepared) for order, candidate in tried.items()}
@@ -57,6 +58,18 @@ def with_holds(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalMo
     if best == 0.0 and _late(bare, names, prepared) < scores[best]:
         return model  # a longer delay, of which a hold would take half a sample
     return tried[best]
+
+
+def split_holds(effects: Sequence[Effect]) -> tuple[list[Effect], list[Effect]]:
+    """Return the holds of inputs among effects, and the others."""
+    holds = [effect for effect in effects if effect.kind == _HOLD]
+    return holds, [effect for effect in effects if effect.kind != _HOLD]
+
+
+def _order(holds: Sequence[Effect]) -> float | None:
+    """Return the order of holds, linear if there are none, None if they are not of one kind."""
+    orders = {hold.values["order"] for hold in holds} or {_LINEAR}
+    return orders.pop() if len(orders) == 1 else None
 
 
 def _late(model: MechanicalModel, names: list[str], prepared: PreparedRecord) -> float:
@@ -91,12 +104,11 @@ def with_other_holds(
         Share by which the error of an output has to fall besides.
     """
     names = [i.name for i in model.inputs if i.imposes is None]
-    orders = {e.values["order"] for e in reference.effects if e.kind == _HOLD} or {_LINEAR}
-    if not names or len(orders) > 1:
+    taken, bare = split_holds(reference.effects)
+    order_now = _order(taken)
+    if not names or order_now is None:
         return None
-    (order_now,) = orders
-    bare = [e for e in reference.effects if e.kind != _HOLD]
-    fitted = [e for e in model.effects[: len(reference.effects)] if e.kind != _HOLD]
+    _, fitted = split_holds(model.effects[: len(reference.effects)])
     added = model.effects[len(reference.effects) :]
     spans = prepared.spans(prepared.trial)[-1:]
     held: dict[float, MechanicalModel] = {}

@@ -15,7 +15,6 @@ from robustpolish.identification.findings.findings import Confusion, RankedCandi
 from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy, left_by
 from robustpolish.identification.fit.parameters import idle, sized, turns_over_gently
 from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
-from robustpolish.identification.observer.kalman import rounding
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.residuals.noise_floor import noise_floor
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
@@ -147,9 +146,9 @@ class Search:
         started = prepared.with_fitted_starts(run, with_rest(model, pieces))
         motion = run.over_all(started).outputs
         known = prepared.repeats is not None
-        record, least = prepared.record, prepared.scales.noise
-        steps = np.array([rounding(y) for y in record.Y.T])
-        return noise_floor(record.Y - motion, motion, least, known, record.honest, steps)
+        record, scales = prepared.record, prepared.scales
+        errors = record.Y - motion
+        return noise_floor(errors, motion, scales.noise, known, record.honest, scales.rounded)
 
     def copy(self) -> Search:
         """Return the search as it is, to go on in another way."""

@@ -48,6 +48,8 @@ class Scales:
         Excited bandwidth in rad/s.
     leak : float
         Rate in 1/s at which a missing force is forgotten.
+    rounded : ndarray, shape (ny,)
+        Standard deviation of what sensors round away that count in steps.
     """
 
     noise: Array
@@ -55,6 +57,7 @@ class Scales:
     inputs: Array
     bandwidth: float
     leak: float
+    rounded: Array
 
 
 @dataclass(frozen=True)
@@ -194,7 +197,9 @@ def riccati(F: Array, C: Array, Q: Array, R: Array, N: Array) -> Array:
 def scales_of(model: MechanicalModel, record: Record) -> Scales:
     """Return the sizes that an observer of this record needs."""
     W = record.own(record.signals(model))
-    noise = np.array([_quietest(record, i) for i in range(len(model.outputs))])
+    rounded = np.array([rounding(y) for y in record.Y.T])
+    # where a sensor counts in steps, what stands still shows less noise than what moves
+    noise = np.array([max(_quietest(record, i), least) for i, least in enumerate(rounded)])
     bandwidth = excited_bandwidth(model, record)
     m = model.matrices
     inputs = np.std(W, axis=0) if W.shape[1] else np.zeros(0)
@@ -211,17 +216,14 @@ def scales_of(model: MechanicalModel, record: Record) -> Scales:
     if measured and driving == 0:
         force = np.full(len(rows), max(measured))
     share = max(_LEAK.get(o.quantity, 60.0) for o in model.outputs)
-    return Scales(noise, np.maximum(force, 1e-300), inputs, bandwidth, bandwidth / share)
+    leak = bandwidth / share
+    return Scales(noise, np.maximum(force, 1e-300), inputs, bandwidth, leak, rounded)
 
 
 def _quietest(record: Record, i: int) -> float:
-    """Return the noise of an output: of several records the one with the least motion shows it.
-
-    Where a sensor counts in steps, what stands still shows less of it than what moves.
-    """
+    """Return the noise of an output: of several records the one with the least motion shows it."""
     moving = [part.Y[:, i] for part in record.parts if np.ptp(part.Y[:, i]) > 0]
-    seen = min((white_noise(y, record.dt, record.honest) for y in moving), default=1.0)
-    return max(seen, rounding(record.Y[:, i]))
+    return min((white_noise(y, record.dt, record.honest) for y in moving), default=1.0)
 
 
 def white_noise(y: Array, dt: float, honest: float = 1.0) -> float:

@@ -61,7 +61,7 @@ def mimics(model: MechanicalModel, at: int, prepared: PreparedRecord) -> list[Mi
     effect = model.effects[at]
     bare = replace(model, effects=(*model.effects[:at], *model.effects[at + 1 :]))
     motion = prepared.motion(model, prepared.screened)
-    if not np.isfinite(motion.q).all():  # an effect that is too stiff for an observer's steps
+    if not np.isfinite(motion.q).all():  # which no observer can follow
         motion = prepared.motion(bare, prepared.screened)
     # a law that is stiffer than any step can follow is told that step, or its force overflows
     step = prepared.record.dt / MOST_SUBSTEPS

@@ -80,6 +80,11 @@ class Screening:
         named = [(c, c.effect.definition.line) for c in self.candidates]
         return [(c, c.effect.values[name]) for c, name in named if name]
 
+    @property
+    def late(self) -> list[ScreenedEffect]:
+        """What makes an input act late: delays and lags."""
+        return [c for c in self.candidates if c.effect.definition.timing is not None]
+
     def score(self, effect: Effect) -> float:
         """Return the log odds of an effect; none if it was no finalist."""
         there = (c.score for c in self.candidates if c.place == (effect.kind, effect.at))

@@ -8,7 +8,7 @@ from robustpolish.identification.observer.linear_observer import LinearObserver,
 from tests.identification.oscillators import PLACE, oscillator
 
 DT, SAMPLES = 0.01, 300
-SCALES = Scales(np.array([1e-4]), np.array([1.0]), np.array([1.0]), 25.0, 0.5)
+SCALES = Scales(np.array([1e-4]), np.array([1.0]), np.array([1.0]), 25.0, 0.5, np.zeros(1))
 RANDOM = np.random.default_rng(2)
 FORCE = RANDOM.standard_normal((SAMPLES, 1))
 START = np.array([2e-3, -0.05, 0.0])
