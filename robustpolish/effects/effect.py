@@ -50,6 +50,8 @@ BUILT_IN = (
     "input_lag",
     "input_gain",
     "input_hold",
+    "input_saturation",
+    "input_dead_zone",
     "sensor_offset",
     "sensor_gain",
 )

@@ -1,6 +1,7 @@
 """Every built-in kind: its explanation, its shapes, its energy."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -33,6 +34,8 @@ NAMED = [
     "input_delay",
     "input_lag",
     "input_gain",
+    "input_saturation",
+    "input_dead_zone",
     "sensor_offset",
     "sensor_gain",
 ]
@@ -123,6 +126,33 @@ def test_the_linear_part_of_a_signal_effect_is_its_answer_to_a_slow_signal(name,
     expected = gain * ((np.sin(late) - lag * np.cos(late)) / (1 + lag**2) + began)
     # a hold delays by half a sample
     np.testing.assert_allclose(changed[5:-5], expected[5:-5], atol=6e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "acting"),
+    [
+        ("input_saturation", {"limit": 2.0}, [-2.0, -1.0, 0.0, 2.0]),
+        ("input_saturation", {}, [-3.0, -1.0, 0.0, 2.5]),
+        ("input_dead_zone", {"width": 1.5}, [-1.5, 0.0, 0.0, 1.0]),
+    ],
+)
+def test_what_an_actuator_makes_of_its_commands(name, values, acting):
+    time, asked = np.arange(4.0), np.array([-3.0, -1.0, 0.0, 2.5])
+    assert Effect(name, "F", values).on_signal(asked, time).tolist() == acting
+    assert lookup(name).signal_slope(values) == (1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("name", ["input_saturation", "input_dead_zone"])
+def test_candidates_for_actuators_are_what_their_numbers_do(name):
+    along = motion(lookup(name))
+    shapes = shapes_along(lookup(name), along)
+    assert len(shapes) > 3
+    for shape in shapes:
+        acting = Effect(name, "F", shape.values(np.ones(1))).on_signal(along.q[0], along.time)
+        np.testing.assert_allclose(shape.columns[0, 0], acting - along.q[0], atol=1e-12)
+        assert shape.values(np.zeros(1)) != shape.values(np.ones(1))
+    still = replace(along, q=0 * along.q)
+    assert shapes_along(lookup(name), still) == []
 
 
 def test_friction_parameters_know_their_limits_in_a_fit():

@@ -321,6 +321,14 @@ def _added():
     )
     yield Case("input lag", one(), [("input_lag", ("F_x",), [0.004])], drive=10)
     yield Case("relaxation", one(), [("maxwell_element", ("x", G), [3000.0, 0.02])], drive=10)
+    # Forces beyond 1.4 times their root mean square do not come: a sixth of the samples.
+    yield Case("limited input", one(), [("input_saturation", ("F_x",), [14.0])], drive=10)
+    yield Case(
+        "input with a dead zone and friction",
+        one(),
+        [("input_dead_zone", ("F_x",), [1.5]), ("coulomb_friction", ("x", G), [1.0, 0.0])],
+        drive=10,
+    )
 
 
 def all_cases():

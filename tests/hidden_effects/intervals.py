@@ -209,6 +209,8 @@ TRUTH = {
     "attached_resonator": _same("mass", "stiffness", "damping"),
     "input_delay": _same("delay"),
     "input_lag": _same("lag"),
+    "input_saturation": _same("limit"),
+    "input_dead_zone": _same("width"),
     "maxwell_element": _same("stiffness", "time"),
     "input_gain": _same("gain"),
     "sensor_gain": _same("gain"),

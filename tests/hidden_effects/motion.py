@@ -90,10 +90,9 @@ def motion(case, which=0, rng=None, inputs=None, steps=12, begin=(0.0, 0.0)):
     over = max(steps, int(np.ceil(m.dt * stiffest * steps / 3)))
     others = {e[0]: e for e in case.effects if e[0] not in CODES}
     forces, dt, fine = _forces(m, others, U), m.dt, 1
-    for kind, changed in (("input_delay", _late), ("input_lag", _lagging)):
-        if kind in others:
-            forces = changed(case, others[kind], forces, over)
-            dt, fine, over = dt / over, over, 1
+    for kind in others.keys() & BETWEEN:  # one at most
+        forces = BETWEEN[kind](case, others[kind], forces, over)
+        dt, fine, over = dt / over, over, 1
     moved = integrate(M, C, K, B, forces, dt, over, codes, places, params, q0, v0, case.held)
     moved = (signal[::fine] for signal in moved)
     return Moved(*(signal[case.warm_up :] for signal in (*moved, U)))
@@ -114,8 +113,7 @@ def _late(case, delay, U, fine):
     What is linear or held between the samples stays so and is moved as a whole: a delayed force
     that was read off at the samples again would be a smoother one, which no delay explains.
     """
-    m, (_, at, p) = case.machine, delay
-    late = m.forced.index(at[0].removeprefix("F_"))
+    m, p, late = case.machine, delay[2], _acting(case, delay)
     t, h = np.arange(len(U)) * m.dt, m.dt / fine
     found = np.empty(((len(U) - 1) * fine + 1, U.shape[1]))
     for j, u in enumerate(U.T):
@@ -131,13 +129,9 @@ def _late(case, delay, U, fine):
 
 def _lagging(case, lag, U, fine):
     """Return forces of which one lags, `fine` of them per sample."""
-    m, (_, at, p) = case.machine, lag
-    j, n = m.forced.index(at[0].removeprefix("F_")), (len(U) - 1) * fine + 1
-    k = np.arange(n) / fine
-    found = np.column_stack(
-        [np.interp(np.floor(k) if case.held else k, range(len(U)), u) for u in U.T]
-    )
-    driving = found[:, j].copy()
+    p = lag[2]
+    m, j, found = case.machine, _acting(case, lag), _finer(case, U, fine)
+    n, driving = len(found), found[:, j].copy()
     kept = np.exp(-m.dt / fine / p[0])
     for i in range(1, n):  # the mean of what drives it over the step
         mean = driving[i - 1] if case.held else (driving[i - 1] + driving[i]) / 2
@@ -145,6 +139,42 @@ def _lagging(case, lag, U, fine):
     if case.held:  # over a step all forces are held: the lagging one at its mean
         found[:-1, j] = (found[:-1, j] + found[1:, j]) / 2
     return found
+
+
+def _limited(case, limit, U, fine):
+    """Return forces of which one never exceeds its limit, `fine` of them per sample."""
+    j, found = _acting(case, limit), _finer(case, U, fine)
+    found[:, j] = np.clip(found[:, j], -limit[2][0], limit[2][0])
+    return found
+
+
+def _dead(case, zone, U, fine):
+    """Return forces of which one does nothing within its dead zone, `fine` of them per sample."""
+    j, found = _acting(case, zone), _finer(case, U, fine)
+    found[:, j] = np.sign(found[:, j]) * np.maximum(np.abs(found[:, j]) - zone[2][0], 0.0)
+    return found
+
+
+BETWEEN = {
+    "input_delay": _late,
+    "input_lag": _lagging,
+    "input_saturation": _limited,
+    "input_dead_zone": _dead,
+}
+"""Effects on an input that tell between its samples."""
+
+
+def _acting(case, effect):
+    """Return which of the forces an effect acts on."""
+    return case.machine.forced.index(effect[1][0].removeprefix("F_"))
+
+
+def _finer(case, U, fine):
+    """Return the forces as they are between their samples, `fine` of them per sample."""
+    k = np.arange((len(U) - 1) * fine + 1) / fine
+    return np.column_stack(
+        [np.interp(np.floor(k) if case.held else k, range(len(U)), u) for u in U.T]
+    )
 
 
 def shown(case, moved, bare=False):

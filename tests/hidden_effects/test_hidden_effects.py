@@ -88,6 +88,7 @@ def test_the_cases_cover_the_catalogue():
         "constant_force", "harmonic_force", "unbalance", "parametric_stiffness",
         "gyroscopic_coupling", "cross_stiffness", "attached_resonator", "input_delay",
         "input_gain", "sensor_offset", "sensor_gain", "input_lag", "maxwell_element",
+        "input_saturation", "input_dead_zone",
     } <= kinds  # fmt: skip
     assert len({case.seed for case in CASES.values()}) == len(CASES)
 

@@ -52,3 +52,18 @@ def test_half_a_sample_later_keeps_the_size_of_the_force():
         for case in (late, replace(late, effects=[]))
     ]
     assert sizes[0] == pytest.approx(sizes[1], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("kind", "number", "acting"),
+    [
+        ("input_saturation", 6.0, lambda u: np.clip(u, -6.0, 6.0)),
+        ("input_dead_zone", 2.0, lambda u: u - np.clip(u, -2.0, 2.0)),
+    ],
+)
+def test_a_held_actuator_acts_as_its_samples_do(kind, number, acting):
+    case = Case(kind, one(), [(kind, ("F_x",), [number])], samples=1500, drive=10)
+    case = replace(case, warm_up=0, held=True)
+    asked = motion(case).inputs
+    plain = motion(replace(case, effects=[]), inputs=acting(asked))
+    np.testing.assert_allclose(motion(case).displacement, plain.displacement, rtol=1e-6, atol=1e-9)

@@ -311,12 +311,15 @@ def _verdict(
     """
     policy = search.policy
     size = np.std(search.prepared.record.Y, axis=0)
-    at_floor = bool(np.all(error < policy.shape_above * floor))
+    at_floor, into = bool(np.all(error < policy.shape_above * floor)), []
     if not at_floor and _noise_on_inputs(search) and np.all(error < policy.loudest * size):
+        times = float(np.max(error / floor))
+        into = [f"What is left is {times:.3g} times the noise of the sensors, "
+                "and like a noise on the inputs."]  # fmt: skip
         at_floor, floor = True, error
     if added:
         share = _explained(refitted, error, floor)
-        told = [f"The effects explain {100 * share:.0f} % of the error above the noise."]
+        told = [*into, f"The effects explain {100 * share:.0f} % of the error above the noise."]
         times = float(np.max(error / floor))
         if times > policy.far:
             told.insert(0, f"What is left is {times:.3g} times the noise.")
@@ -328,7 +331,7 @@ def _verdict(
         why = "No effect of the catalogue makes the error fall visibly."
         return Verdict("unexplained", [why], floor)
     wrong = np.any(base > policy.improved * error)
-    return Verdict("parameters" if wrong else "adequate", [], floor)
+    return Verdict("parameters" if wrong else "adequate", into, floor)
 
 
 def _noise_on_inputs(search: Search) -> bool:

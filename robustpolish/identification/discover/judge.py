@@ -24,6 +24,8 @@ from robustpolish.models.mechanical import MechanicalModel
 _SHIFTS = 0.1
 """Share by which the frequency of a decay may shift with its amplitude."""
 
+_LATE = 0.75
+"""Samples by which an input acts later than a linear one, that no hold explains."""
 _CERTAINLY = 5.0
 """Standard errors from which a fitted frequency is none of the lines of the inputs."""
 
@@ -83,7 +85,7 @@ def objection(
     refused = (
         effect.definition.implausible(effect.values)
         or _no_line_from_outside(before, after, prepared, index)
-        or _within_a_sample(effect, prepared.record)
+        or _within_a_sample(after.model, index, prepared.record)
     )
     if refused:
         return refused
@@ -164,7 +166,8 @@ def undetermined(fitted: Fit, index: int, policy: Policy, every: bool = False) -
     signal = effect.definition.domain == "output"
     for lead in numbers if every else dict.fromkeys((numbers[0], *sizes[:1])):
         error = errors.get(f"effect[{index}].{lead.name}", 0.0)
-        size = effect.values[lead.name] - (lead.default if signal else 0.0)  # a gain of 1 is none
+        nothing = lead.default if signal and np.isfinite(lead.default) else 0.0  # a gain of 1
+        size = effect.values[lead.name] - nothing
         if not error < policy.determined * abs(size):
             return lead.name
     return None
@@ -184,13 +187,20 @@ def _no_line_from_outside(
     return line_of_motion(after.model.effects[index], after.model, prepared.record, error)
 
 
-def _within_a_sample(effect: Effect, record: Record) -> str | None:
-    """Say whether an effect delays an input by less than a record can tell from a hold."""
+def _within_a_sample(model: MechanicalModel, index: int, record: Record) -> str | None:
+    """Say whether an effect delays an input by less than a record can tell from a hold.
+
+    A held input is half a sample late by itself. What is as near to that as to a whole sample no
+    hold explains: a velocity that is the difference of two positions is late by half a sample, too.
+    """
+    effect = model.effects[index]
     if effect.definition.domain != "input":
         return None
+    held = any(e.kind == "input_hold" and e.at == effect.at and e.values["order"] == 0.0
+               for e in model.effects)  # fmt: skip
     for number in effect.definition.parameters:
         late = effect.values[number.name] if number.dimension == "T" else np.inf
-        if late < record.dt:
+        if late < (_LATE - 0.5 * held) * record.dt:
             samples = late / record.dt
             return f"a {number.name} of {samples:.2g} samples is what its input does between them"
     return None

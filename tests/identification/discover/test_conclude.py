@@ -209,7 +209,9 @@ def test_noise_on_inputs_is_no_error_that_an_effect_has_to_explain():
         (Level(1.0, input_noise=0.03), "unexplained"),
     ):
         silent = replace(search, screening=Screening((), (), level))
-        assert conclude(silent, rig()).verdict == said
+        found = conclude(silent, rig())
+        assert found.verdict == said
+        assert any("like a noise on the inputs" in r for r in found.reasons) == (said == "adequate")
 
 
 def test_a_kind_whose_numbers_are_left_open_gives_way_to_a_simpler_one():

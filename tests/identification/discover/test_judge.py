@@ -156,6 +156,10 @@ def test_a_delay_within_a_sample_is_no_finding():
 
     assert str(remark(0.4)).startswith("a delay of 0.4 samples is what its input does")
     assert remark(1.6) is None
+    # held, it is late by half a sample already: one more is none of the hold
+    model = oscillator().with_effect("input_hold", ("F",), {"order": 0.0})
+    assert str(remark(0.1)).startswith("a delay of 0.1 samples is what its input does")
+    assert remark(0.5) is None
 
 
 def test_an_effect_in_the_middle_is_judged_by_its_own_numbers(search):
