@@ -267,8 +267,9 @@ class EffectKind:
     on_signal : callable, optional
         ``on_signal(u, time, values)`` returns the signal u, shape (samples,), as it acts (of an
         input) or as it is shown (of an output). Every effect on an input or output needs it.
-        The signal has to enter linearly, plus a constant; of an output also sample by sample,
-        so that it can be taken out of measured data again.
+        Of an output the signal has to enter linearly, plus a constant, and sample by sample, so
+        that it can be taken out of measured data again; of an input only as far as its velocity and
+        acceleration are inputs, too.
     timing : callable, optional
         Of an effect on an input that changes only when its samples act: ``timing(values)`` gives
         the hold between them, a delay and a lag, see :class:`Timing`. Runs go by it; `on_signal`

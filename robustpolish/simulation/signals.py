@@ -138,7 +138,18 @@ class _Timing(NamedTuple):
 def _changed(effect: Effect, signal: Array, time: Array, derivative: bool) -> Array:
     """Return what an effect makes of a signal; a constant that it adds has no derivative."""
     changed = effect.on_signal(signal, time)
-    return changed - effect.on_signal(np.zeros(time.size), time) if derivative else changed
+    if not derivative:
+        return changed
+    rest = effect.on_signal(np.zeros(time.size), time)
+    twice = effect.on_signal(2 * signal, time) - rest
+    if np.max(np.abs(twice - 2 * (changed - rest))) > _LEFT_OVER * np.max(np.abs(twice)):
+        raise invalid(
+            f"{effect.kind}.at",
+            effect.at[0],
+            "an input that is a force",
+            "Of a motion that an input imposes its velocity would have to change, too.",
+        )
+    return changed - rest
 
 
 def measured(model: MechanicalData, outputs: Array, time: Array) -> Array:

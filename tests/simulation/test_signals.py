@@ -206,3 +206,24 @@ def test_an_imposed_motion_is_smooth_and_late_with_its_derivatives():
 def test_a_missing_column_is_named():
     with pytest.raises(InvalidInputError, match="no column 'F'"):
         signals(oscillator(), push("G"))
+
+
+def test_an_imposed_motion_has_no_limit_that_its_velocity_would_not_know():
+    model = rp.MechanicalModel(
+        [rp.Dof("b", 0.0), rp.Dof("x", 1.0)],
+        [rp.Spring(("b", "x"), 50.0)],
+        [rp.Damper(("b", "x"), 1.0)],
+        inputs=[rp.Input("b", ("b", "ground"), imposes="displacement")],
+        outputs=[rp.Output("x", GROUND)],
+    )
+    doubled = signals(model.with_effect("input_gain", "b", {"gain": 2.0}), push("b"))
+    np.testing.assert_allclose(doubled, 2 * signals(model, push("b")), rtol=1e-12)
+    limited = model.with_effect("input_saturation", "b", {"limit": 0.5})
+    with pytest.raises(InvalidInputError, match="an input that is a force"):
+        signals(limited, push("b"))
+
+
+def test_a_force_beyond_its_limit_does_not_come():
+    data = push("F")
+    limited = oscillator().with_effect("input_saturation", "F", {"limit": 0.5})
+    np.testing.assert_allclose(signals(limited, data)[:, 0], np.clip(data["F"], -0.5, 0.5))

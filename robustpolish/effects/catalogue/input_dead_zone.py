@@ -42,7 +42,7 @@ KIND = EffectKind(
     kind="input_dead_zone",
     title="Dead zone of an input",
     domain="input",
-    parameters=(Parameter("width", "F", "command to either side that does nothing", lower=0.0),),
+    parameters=(Parameter("width", "signal", "command to either side that does nothing", lower=0.0),),
     on_signal=_on_signal,
     linear_signal=_linear_signal,
     shapes=_shapes,

@@ -43,7 +43,7 @@ KIND = EffectKind(
     title="Limit of an input (saturation)",
     domain="input",
     parameters=(
-        Parameter("limit", "F", "largest force to either side", lower=0.0, default=np.inf),
+        Parameter("limit", "signal", "largest force to either side", lower=0.0, default=np.inf),
     ),
     on_signal=_on_signal,
     linear_signal=_linear_signal,

@@ -166,8 +166,7 @@ def undetermined(fitted: Fit, index: int, policy: Policy, every: bool = False) -
     signal = effect.definition.domain == "output"
     for lead in numbers if every else dict.fromkeys((numbers[0], *sizes[:1])):
         error = errors.get(f"effect[{index}].{lead.name}", 0.0)
-        nothing = lead.default if signal and np.isfinite(lead.default) else 0.0  # a gain of 1
-        size = effect.values[lead.name] - nothing
+        size = effect.values[lead.name] - (lead.default if signal else 0.0)  # a gain of 1 is none
         if not error < policy.determined * abs(size):
             return lead.name
     return None

@@ -96,3 +96,19 @@ def test_a_hold_that_free_runs_speak_against_is_dropped(held):
     search = _first(model, named, prepared, str)
     assert search.reference is (named if held else model)
     assert search.at_floor(search.stage)
+
+
+@pytest.mark.parametrize(
+    ("kind", "number", "name"),
+    [("input_saturation", 12.0, "limit"), ("input_dead_zone", 1.5, "width")],
+)
+def test_names_what_an_actuator_makes_of_its_commands(kind, number, name):
+    case = Case(kind, one(), [(kind, ("F_x",), [number])], drive=8.0, samples=4000, seed=1)
+    (data, _), _ = records(case)
+    model = model_of(replace(case, wrong={"mass": 0.03, "stiffness": 0.1}))
+    diagnosis = diagnose(model, data)
+    assert [(e.kind, e.at) for e in diagnosis.effects] == [(kind, ("F_x",))]
+    found = diagnosis.effects[0].parameters[name]
+    assert found.value == pytest.approx(number, rel=0.02)
+    assert 0 < found.stderr < 0.05 * found.value
+    assert found.unit == "N"
