@@ -42,7 +42,9 @@ KIND = EffectKind(
     kind="input_dead_zone",
     title="Dead zone of an input",
     domain="input",
-    parameters=(Parameter("width", "signal", "command to either side that does nothing", lower=0.0),),
+    parameters=(
+        Parameter("width", "signal", "command to either side that does nothing", lower=0.0),
+    ),
     on_signal=_on_signal,
     linear_signal=_linear_signal,
     shapes=_shapes,
@@ -53,6 +55,8 @@ KIND = EffectKind(
         "before the force.",
         "Give a slow ramp of the command with the machine clamped, and measure the force.",
     ),
-    references=("Tao and Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor "
-                "Nonlinearities, chapter 2, Wiley",),
-)  # fmt: skip
+    references=(
+        "Tao and Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor "
+        "Nonlinearities, chapter 2, Wiley",
+    ),
+)
