@@ -25,6 +25,8 @@ _VERDICTS = {
 
 # Verdicts that leave more than noise.
 _LEFT = ("partly_explained", "unknown_law", "unexplained")
+_FAR = 3.0
+"""Times the noise from which what is left is named beside what was found."""
 
 
 def headline(found: Findings) -> str:
@@ -34,9 +36,18 @@ def headline(found: Findings) -> str:
         named = " and ".join(f"{e.definition.title} at {', '.join(e.at)}" for e in found.effects)
         if found.verdict == "unknown_law":
             return f"The model lacked a force that no catalogue describes: {named}."
-        more = "" if found.verdict == "missing_effect" else " And something else is missing."
+        more = " Far more than noise is left." if _far_from_noise(found) else ""
+        if found.verdict == "partly_explained":
+            more = " And something else is missing."
         return f"The model lacked: {named}.{more}"
     return _VERDICTS[found.verdict]
+
+
+def _far_from_noise(found: Findings) -> bool:
+    """Return whether the error of the final model is several times the noise of a sensor."""
+    floor, entries = found.noise_floor, found.ledger.entries
+    left = entries[-1].nrmse if entries else {}
+    return any(error > _FAR * floor[name] > 0 for name, error in left.items() if name in floor)
 
 
 def explain(found: Findings) -> str:

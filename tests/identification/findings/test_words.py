@@ -6,6 +6,7 @@ import pytest
 
 from robustpolish.effects import lookup
 from robustpolish.identification.findings.findings import FoundEffect, Value
+from robustpolish.identification.findings.ledger import Ledger
 from robustpolish.identification.findings.words import explain, headline, plain
 from tests import made_up
 
@@ -19,6 +20,17 @@ def test_the_effects_are_the_headline():
     assert headline(both).endswith(f"{lookup('input_gain').title} at F.")
     part = replace(found, verdict="partly_explained")
     assert headline(part) == f"{headline(found)} And something else is missing."
+
+
+def test_the_headline_says_that_far_more_than_noise_is_left():
+    found = made_up.diagnosis()
+    loud, quiet = (
+        replace(found, ledger=Ledger(noise_floor={"x": floor}).add("base", {"x": 0.5}))
+        for floor in (0.1, 0.3)
+    )
+    assert headline(loud) == f"{headline(quiet)} Far more than noise is left."
+    part = replace(loud, verdict="partly_explained")
+    assert headline(part) == f"{headline(quiet)} And something else is missing."
 
 
 @pytest.mark.parametrize(
