@@ -45,8 +45,9 @@ def solve(
         problem.options.timelimit = max(1, round(time_limit))
     budget = Budget(seconds=math.inf if time_limit is None else time_limit)
     status = "failed"
-    # CVXOPT breaks down, and loses its iterate, where it cannot reach the tolerance.
-    for eased in (tolerance, 10 * tolerance, 100 * tolerance, 1000 * tolerance):
+    # CVXOPT breaks down, and loses its iterate, where it cannot reach the tolerance; how near to
+    # rounding that is differs between processors.
+    for eased in (10.0**power * tolerance for power in range(6)):
         _set_tolerance(problem, eased)
         try:
             solution = problem.solve(solver=name)
