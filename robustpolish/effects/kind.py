@@ -52,6 +52,11 @@ class SignalSlope(NamedTuple):
     lag: float = 0.0
 
 
+def as_it_is(values: Values) -> SignalSlope:
+    """Return that a linear model keeps a signal as it is, whatever the values of its effect."""
+    return SignalSlope()
+
+
 class Timing(NamedTuple):
     """When the samples of an input act, of an effect that changes only that.
 

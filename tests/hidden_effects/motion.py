@@ -102,8 +102,8 @@ def _forces(m, others, U):
     """Return the forces behind the recorded inputs: their gain may be missing."""
     U = U.copy()
     if "input_gain" in others:
-        _, at, p = others["input_gain"]
-        U[:, m.forced.index(at[0].removeprefix("F_"))] *= p[0]
+        gain = others["input_gain"]
+        U[:, _acting(m, gain)] *= gain[2][0]
     return U
 
 
@@ -113,7 +113,7 @@ def _late(case, delay, U, fine):
     What is linear or held between the samples stays so and is moved as a whole: a delayed force
     that was read off at the samples again would be a smoother one, which no delay explains.
     """
-    m, p, late = case.machine, delay[2], _acting(case, delay)
+    m, p, late = case.machine, delay[2], _acting(case.machine, delay)
     t, h = np.arange(len(U)) * m.dt, m.dt / fine
     found = np.empty(((len(U) - 1) * fine + 1, U.shape[1]))
     for j, u in enumerate(U.T):
@@ -130,7 +130,7 @@ def _late(case, delay, U, fine):
 def _lagging(case, lag, U, fine):
     """Return forces of which one lags, `fine` of them per sample."""
     p = lag[2]
-    m, j, found = case.machine, _acting(case, lag), _finer(case, U, fine)
+    m, j, found = case.machine, _acting(case.machine, lag), _finer(case, U, fine)
     n, driving = len(found), found[:, j].copy()
     kept = np.exp(-m.dt / fine / p[0])
     for i in range(1, n):  # the mean of what drives it over the step
@@ -143,14 +143,14 @@ def _lagging(case, lag, U, fine):
 
 def _limited(case, limit, U, fine):
     """Return forces of which one never exceeds its limit, `fine` of them per sample."""
-    j, found = _acting(case, limit), _finer(case, U, fine)
+    j, found = _acting(case.machine, limit), _finer(case, U, fine)
     found[:, j] = np.clip(found[:, j], -limit[2][0], limit[2][0])
     return found
 
 
 def _dead(case, zone, U, fine):
     """Return forces of which one does nothing within its dead zone, `fine` of them per sample."""
-    j, found = _acting(case, zone), _finer(case, U, fine)
+    j, found = _acting(case.machine, zone), _finer(case, U, fine)
     found[:, j] = np.sign(found[:, j]) * np.maximum(np.abs(found[:, j]) - zone[2][0], 0.0)
     return found
 
@@ -164,9 +164,9 @@ BETWEEN = {
 """Effects on an input that tell between its samples."""
 
 
-def _acting(case, effect):
+def _acting(machine, effect):
     """Return which of the forces an effect acts on."""
-    return case.machine.forced.index(effect[1][0].removeprefix("F_"))
+    return machine.forced.index(effect[1][0].removeprefix("F_"))
 
 
 def _finer(case, U, fine):

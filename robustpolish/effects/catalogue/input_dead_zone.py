@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from robustpolish.arrays import Array
-from robustpolish.effects.kind import EffectKind, Parameter, SignalSlope
+from robustpolish.effects.kind import EffectKind, Parameter, as_it_is
 from robustpolish.effects.shapes import Motion, Shape
 
 _TRIED = (0.02, 0.06, 0.15, 0.3)
@@ -34,10 +34,6 @@ def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:
     return np.asarray(u - np.clip(u, -values["width"], values["width"]))
 
 
-def _linear_signal(values: Mapping[str, float]) -> SignalSlope:
-    return SignalSlope()  # beyond it, changes act in full
-
-
 KIND = EffectKind(
     kind="input_dead_zone",
     title="Dead zone of an input",
@@ -46,7 +42,7 @@ KIND = EffectKind(
         Parameter("width", "signal", "command to either side that does nothing", lower=0.0),
     ),
     on_signal=_on_signal,
-    linear_signal=_linear_signal,
+    linear_signal=as_it_is,  # beyond it, changes act in full
     shapes=_shapes,
     looks_like="A residual against the sign of the command, where dry friction's is against the "
     "sign of the velocity: small commands do nothing, large ones too little.",

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from robustpolish.arrays import Array
-from robustpolish.effects.kind import EffectKind, Parameter, SignalSlope
+from robustpolish.effects.kind import EffectKind, Parameter, as_it_is
 from robustpolish.effects.shapes import Motion, Shape
 
 _TRIED = (0.92, 0.8, 0.65, 0.5, 0.35)
@@ -34,10 +34,6 @@ def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:
     return np.clip(u, -values["limit"], values["limit"])
 
 
-def _linear_signal(values: Mapping[str, float]) -> SignalSlope:
-    return SignalSlope()  # below the limit
-
-
 KIND = EffectKind(
     kind="input_saturation",
     title="Limit of an input (saturation)",
@@ -46,7 +42,7 @@ KIND = EffectKind(
         Parameter("limit", "signal", "largest force to either side", lower=0.0, default=np.inf),
     ),
     on_signal=_on_signal,
-    linear_signal=_linear_signal,
+    linear_signal=as_it_is,  # below the limit
     shapes=_shapes,
     looks_like="A residual in phase with the largest forces alone: the machine answers small "
     "commands as it should and large ones too weakly.",

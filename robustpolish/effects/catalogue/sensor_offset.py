@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from robustpolish.arrays import Array
-from robustpolish.effects.kind import CONSTANT, EffectKind, Parameter, SignalSlope
+from robustpolish.effects.kind import CONSTANT, EffectKind, Parameter, as_it_is
 
 
 def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:
     return u + values["offset"]
-
-
-def _linear_signal(values: Mapping[str, float]) -> SignalSlope:
-    return SignalSlope()
 
 
 KIND = EffectKind(
@@ -22,7 +18,7 @@ KIND = EffectKind(
     domain="output",
     parameters=(Parameter("offset", "signal", "shown when there is nothing"),),
     on_signal=_on_signal,
-    linear_signal=_linear_signal,
+    linear_signal=as_it_is,
     linear_in=("offset",),
     family=CONSTANT,
     looks_like="This channel's residual has a mean, from the first sample on.",

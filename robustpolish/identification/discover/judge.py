@@ -9,6 +9,7 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
+from robustpolish.identification.discover.own_numbers import held_inputs
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.fit.homotopy import JudgedFit, left_by
@@ -195,8 +196,7 @@ def _within_a_sample(model: MechanicalModel, index: int, record: Record) -> str 
     effect = model.effects[index]
     if effect.definition.domain != "input":
         return None
-    held = any(e.kind == "input_hold" and e.at == effect.at and e.values["order"] == 0.0
-               for e in model.effects)  # fmt: skip
+    held = effect.at[0] in held_inputs(model)
     for number in effect.definition.parameters:
         late = effect.values[number.name] if number.dimension == "T" else np.inf
         if late < (_LATE - 0.5 * held) * record.dt:

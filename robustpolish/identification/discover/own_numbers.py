@@ -66,6 +66,12 @@ def split_holds(effects: Sequence[Effect]) -> tuple[list[Effect], list[Effect]]:
     return holds, [effect for effect in effects if effect.kind != _HOLD]
 
 
+def held_inputs(model: MechanicalModel) -> set[str]:
+    """Return the names of the inputs that stay as they are between their samples."""
+    holds, _ = split_holds(model.effects)
+    return {hold.at[0] for hold in holds if hold.values["order"] == 0.0}
+
+
 def _order(holds: Sequence[Effect]) -> float | None:
     """Return the order of holds, linear if there are none, None if they are not of one kind."""
     orders = {hold.values["order"] for hold in holds} or {_LINEAR}
@@ -146,8 +152,7 @@ def timely(effect: Effect, model: MechanicalModel, prepared: PreparedRecord) -> 
         Without it.
     prepared : PreparedRecord
     """
-    held = {e.at[0] for e in model.effects if e.kind == _HOLD and e.values["order"] == 0.0}
-    if effect.kind != "input_delay" or effect.at[0] not in held:
+    if effect.kind != "input_delay" or effect.at[0] not in held_inputs(model):
         return effect
     dt = prepared.record.dt
     first = int(effect.values["delay"] / dt)
