@@ -67,7 +67,8 @@ class Trials:
     def possible(self, sound: Callable[[Laws], bool] = lambda laws: True) -> list[Laws]:
         """Return the sets of laws that fit about as well as the best; each has an effect.
 
-        What a set cannot fit, visibly, none of its parts can.
+        What a set cannot fit, visibly, none of its parts can. Those that were found are asked
+        anyway: from where a larger set begins, a fit may end badly, beside a backlash for instance.
 
         Parameters
         ----------
@@ -76,6 +77,8 @@ class Trials:
         """
         policy, laws = self.prepared.policy, range(len(self.found.laws))
         hopeless: set[Laws] = set()
+        if not self._empty(self.found.found):
+            self.error(self.found.found)
         for size in range(len(laws), 0, -1):
             for some in map(frozenset, combinations(laws, size)):
                 if self.found.crowded(some):

@@ -79,7 +79,7 @@ def objection(
         most = max(float(np.max(falls(before, after))), 0)
         return f"the held-out error falls by {100 * most:.0f} % only"
     # likelihoods add up: an output that sees nothing of an effect says nothing against it
-    if _log_left(fall) > np.log(1 - policy.together):
+    if _mixed(fall, policy):
         return "one output gains what another loses"
     index = place % len(after.model.effects)
     effect = after.model.effects[index]
@@ -114,13 +114,28 @@ def visible_falls(before: JudgedFit, after: JudgedFit, policy: Policy) -> Array 
     """Return the share by which each error falls, None if none falls visibly.
 
     The held-out blocks may be the quieter part of a record. Where their errors fall at least half
-    as much as they should, those of the blocks that were fitted to count too; where they are far
-    below those and do not rise, an effect hardly acts there, and the fitted blocks judge it: their
-    errors have to fall by far.
+    as much as they should, those of the blocks that were fitted to count too. Where they do not
+    rise and an effect hardly acts there, the fitted blocks judge it: where those are far louder,
+    their errors have to fall by far; where beside the effect all blocks are alike, as after a sweep
+    that passed a resonance in one of them, by twice as much as held-out ones.
     """
     fall = falls(before, after)
-    if _visible(fall, policy.visible_fall):
+    if _visible(fall, policy.visible_fall) and not _mixed(fall, policy):
         return fall
+    loud = _falls_where_loud(before, after, policy)
+    if loud is not None:
+        return loud
+    return fall if _visible(fall, policy.visible_fall) else None
+
+
+def _mixed(fall: Array, policy: Policy) -> bool:
+    """Return whether one output gains what another loses."""
+    return _log_left(fall) > np.log(1 - policy.together)
+
+
+def _falls_where_loud(before: JudgedFit, after: JudgedFit, policy: Policy) -> Array | None:
+    """Return the falls that count where those of the blocks that were fitted to do, too."""
+    fall = falls(before, after)
     if len(before.fit.pieces) == len(after.fit.pieces):
         loud, left = before.fit.rmse, after.fit.rmse
     elif before.reproducible and after.reproducible:
@@ -128,10 +143,14 @@ def visible_falls(before: JudgedFit, after: JudgedFit, policy: Policy) -> Array 
     else:
         return None
     fitted = 1 - left / loud
-    if _visible(fall, policy.together):
+    if _visible(fall, policy.together) and not _mixed(fall, policy):
         return fall if _visible(fitted, policy.visible_fall) else None
     quiet = np.all(policy.far * before.error < loud) and np.min(fall) > -policy.together
-    return fitted if quiet and np.max(fitted) > 1 - 1 / policy.far else None
+    if quiet and np.max(fitted) > 1 - 1 / policy.far:
+        return fitted
+    alike = np.all(np.abs(np.log(left / after.error)) < np.log(policy.at_floor))
+    noisy = alike and _log_left(fall) < policy.together
+    return fitted if noisy and np.max(fitted) > 2 * policy.visible_fall else None
 
 
 def falls_where_fitted(before: JudgedFit, after: JudgedFit, policy: Policy) -> bool:

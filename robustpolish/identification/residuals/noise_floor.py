@@ -22,7 +22,11 @@ _CONFUSABLE = 3e-3
 """Mean of the log-likelihood by which colours may differ: no sensor is quite of first order."""
 _ROOM = 0.7
 """Errors over noise, both smoothed over frequencies, below which a colour has no room."""
+_SURE = 3.0
+"""Standard errors that an estimated density may lie below the true one by chance."""
 _FEWEST, _SMOOTHED, _DETRENDED = 8, 5, 3
+_ALIKE = 1.9
+"""Neighbours in a spectrum over windows of Hann's shape that say as much as one alone."""
 _STRETCHES, _SCATTER = 8, 1.2
 """Of an eighth of a record, and what the sizes of coloured noise in them differ by."""
 
@@ -98,7 +102,9 @@ def _floor(error: Array, motion: Array, least: float, honest: float) -> float:
     spread = np.ones(_SMOOTHED) / _SMOOTHED
     there = np.convolve(density, spread, "same")
     wanted = np.array([np.convolve(row, spread, "same") for row in strength[:, None] * shapes])
-    room = np.min((there / wanted)[:, hidden], axis=1, initial=np.inf) > _ROOM
+    chance = _SURE / np.sqrt(_SMOOTHED * averaged / _ALIKE)
+    least_room = min(_ROOM, 1 - chance)
+    room = np.min((there / wanted)[:, hidden], axis=1, initial=np.inf) > least_room
     if not np.any(plausible & room):
         return max(float(np.min(sizes[plausible])), least)
     return max(float(np.max(sizes[plausible & room])), least)

@@ -47,6 +47,20 @@ def test_what_a_set_cannot_fit_its_parts_are_not_asked(trials):
     assert frozenset({OWN}) not in trials.errors
 
 
+def test_what_was_found_is_asked_though_a_larger_set_fits_badly(trials, monkeypatch):
+    """The fit of a larger set may end in a bad minimum, which is nothing against its parts."""
+    fitted = Trials.error
+    found = trials.found.found
+
+    def badly(self, laws):
+        return 10.0 if laws > found else fitted(self, laws)
+
+    monkeypatch.setattr(Trials, "error", badly)
+    again = Trials(trials.prepared, trials.reference, trials.found, trials.cut)
+    again.possible()
+    assert found in again.errors
+
+
 def test_a_damper_that_is_left_out_stays_at_nothing(trials):
     without = frozenset({COULOMB, SHAPE, DRAG})
     trials.error(without)

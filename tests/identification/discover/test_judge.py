@@ -86,7 +86,33 @@ def test_where_what_is_held_out_is_far_quieter_the_fitted_blocks_judge(
     before, after = judged(MODEL, 1.0), cubic(held_out).fitted
     loud, left = sized(before, 10.0), sized(after, fitted)
     assert (objection(loud, left, search.prepared) is None) == earned
-    assert objection(sized(before, 2.5), sized(after, 0.5), search.prepared) is not None
+
+
+@pytest.mark.parametrize(
+    ("held_out", "loud", "left", "earned"),
+    [
+        (1.0, 2.5, 1.2, True),
+        (1.0, 2.5, 1.3, False),  # the fitted blocks still have more than the held-out ones
+        (1.0, 2.5, 0.7, False),  # the held-out ones have something that does not go
+        (1.0, 1.9, 1.2, False),  # they fall by less than twice what held-out ones would have to
+        (1.15, 2.5, 1.2, False),  # and the held-out errors rise
+    ],
+)
+def test_what_acts_in_fitted_blocks_alone_has_to_leave_all_blocks_alike(
+    search, held_out, loud, left, earned
+):
+    """As after a sweep that passed a resonance in none of the held-out blocks."""
+    before, after = judged(MODEL, 1.0), cubic(held_out).fitted
+    told = objection(sized(before, loud), sized(after, left), search.prepared)
+    assert (told is None) == earned
+
+
+def test_a_rise_of_quiet_held_out_errors_weighs_less_than_the_fall_of_loud_ones(search):
+    """One of two held-out errors rises by a little more than the other falls, all others fall."""
+    before, after = judged(MODEL, [1.1, 2.0]), cubic([1.35, 1.7]).fitted
+    loud, left = sized(before, [2.4, 6.0]), sized(after, [1.6, 2.0])
+    assert objection(loud, left, search.prepared) is None
+    assert objection(before, after, search.prepared) is not None
 
 
 def test_several_outputs_may_fall_by_half_of_that_together(search):
