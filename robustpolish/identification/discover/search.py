@@ -159,29 +159,32 @@ class Search:
     def fitted_with(self, model: MechanicalModel, *effects: Effect) -> JudgedFit | None:
         """Return a model with more effects, fitted; None if no fit ended well.
 
-        Without the gain of a sensor, masses and springs were bent to it, without what swings by
-        itself to one of the two modes that it splits one into, and without a law that is stronger
-        than they are: beside these they begin as they were known, too.
+        Where masses and springs were bent to what these do, they begin as they were known, too.
         """
         found = self._begun_smaller(model, *effects)
-        if any(effect.kind == "sensor_gain" for effect in effects) or self._bent(
-            model, found, any(effect.definition.swinging for effect in effects)
-        ):
-            known = replace(self.reference, effects=model.effects)
-            other = self._begun_smaller(known, *effects)
-            fits = [fitted for fitted in (found, other) if fitted is not None]
-            return min(fits, key=lambda fitted: left_by(fitted, fits), default=None)
-        return found
+        if not self._bent(model, found, effects):
+            return found
+        known = replace(self.reference, effects=model.effects)
+        fits = [f for f in (found, self._begun_smaller(known, *effects)) if f is not None]
+        return min(fits, key=lambda fitted: left_by(fitted, fits), default=None)
 
-    def _bent(self, model: MechanicalModel, found: JudgedFit | None, swinging: bool) -> bool:
-        """Return whether the fit before moved masses or springs too far to be believed.
+    def _bent(
+        self, model: MechanicalModel, found: JudgedFit | None, effects: Sequence[Effect]
+    ) -> bool:
+        """Return whether fits without these effects may have moved masses and springs to theirs.
 
-        Without an effect too far is by a factor, without one that swings it is anything at all.
+        The gain of a sensor looks like other masses; what swings by itself splits a mode in two,
+        and a fit without it has one of them; and any law that is stronger than the springs moves
+        them too far to be believed.
         """
+        if any(effect.kind == "sensor_gain" for effect in effects):
+            return True
         if found is not None and self.at_floor(found):
             return False
-        if swinging or model.effects != self.reference.effects:
-            return swinging
+        if any(effect.definition.swinging for effect in effects):
+            return True
+        if model.effects != self.reference.effects:
+            return False
         far = self.policy.bent
         known, now = (
             [dof.mass for dof in m.dofs] + [spring.stiffness for spring in m.springs]
