@@ -2,9 +2,10 @@
 
 Each point draws the machine's masses and stiffnesses by a tenth and simulates five seconds of its
 closed loop at 20 kHz. These times alone are of the wall clock: what counts is how well the cores
-are used, the start of the processes included. There are two peers: a loop over the points in one
+are used, the start of the processes included. The peers are a loop over the points in one
 process, as without a sweep, and the same sweep on one core. The first also tells what the workers'
-way with memory gains; the second has it as well, so that it tells of sharing the work alone.
+way with memory gains; the second has it as well, so that it tells of sharing the work alone. What
+the cores themselves lose when all of them work is told by sweeps that share nothing.
 """
 
 from __future__ import annotations
@@ -66,14 +67,34 @@ def found_in(count: int, seconds: float, executor: str | None) -> tuple[xr.Datas
 
 def on_one_core(count: int, seconds: float) -> float:
     """Return the time that the sweep takes with one worker, in ms; it has to start it as well."""
+    return _time_of(_begun(count, seconds, min(os.sched_getaffinity(0))))
+
+
+def at_once(count: int, seconds: float) -> float:
+    """Return the time of sweeps that share nothing, in ms: one on each core, of its part of all.
+
+    Cores share memory, cache and often more: no sharing of work is faster than that.
+    """
+    used = sorted(os.sched_getaffinity(0))[: cores()]
+    running = [_begun(count // len(used), seconds, core) for core in used]
+    return max(_time_of(run) for run in running)
+
+
+def _begun(count: int, seconds: float, core: int) -> subprocess.Popen[str]:
     # An own interpreter, for this one has started its workers already.
     code = (
         "import os, benchmarks.sweeps as b; from threadpoolctl import threadpool_limits\n"
-        "os.sched_setaffinity(0, [min(os.sched_getaffinity(0))]); threadpool_limits(1)\n"
+        f"os.sched_setaffinity(0, [{core}]); threadpool_limits(1)\n"
         f"print(b.found_in({count}, {seconds}, None)[1])"
     )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return float(run.stdout)
+    return subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+
+
+def _time_of(run: subprocess.Popen[str]) -> float:
+    out, _ = run.communicate()
+    if run.returncode:
+        raise RuntimeError(f"a sweep on one core ended with code {run.returncode}; see above")
+    return float(out)
 
 
 def rows(quick: bool) -> Iterator[Row]:
@@ -92,4 +113,13 @@ def rows(quick: bool) -> Iterator[Row]:
             f"rp.sweep, {processes} processes", spent, peer, time_of_peer,
             f"{said}{time_of_peer / spent / processes:.0%} of all cores used",
             asked=1 / (EFFICIENCY * processes), reason=_ALONE if processes == 1 else _START,
+        )  # fmt: skip
+    if len(peers) > 1:
+        apart = at_once(count, seconds)
+        yield Row(
+            "sweeps", f"{count} closed loops of {seconds:g} s, wall clock",
+            f"rp.sweep, {processes} processes", spent,
+            f"{processes} sweeps of a part each, sharing nothing", apart,
+            f"{apart / spent:.0%} of what these cores can do at once",
+            asked=1 / EFFICIENCY, reason=_START,
         )  # fmt: skip
