@@ -77,6 +77,10 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
         if fall < search.policy.visible_fall:
             # a fit to the whole record may leave nothing of what helped on some blocks
             wrong_name = wrong_name or "No effect of the catalogue makes the error fall visibly."
+        effects = range(len(reference.effects), len(final.model.effects))
+        if all(undetermined(final, at, search.policy) for at in effects):
+            # a size that stands for others is a finding where all is explained, and only there
+            wrong_name = wrong_name or "What helps has no size that the data determine."
     crowded = _crowded(final.model, len(reference.effects))
     if above and (wrong_name or crowded or not added):
         # whatever several named forces are, a surface is too: it takes their place if they fail

@@ -123,6 +123,19 @@ def test_what_explains_a_part_is_kept_and_the_rest_is_told():
     assert error > 1.25 * floor
 
 
+def test_what_helps_a_bit_and_has_no_size_gets_no_name(monkeypatch):
+    """Of a spring that drifts a mass that hangs somewhere takes a part, whatever that weighs."""
+    monkeypatch.setattr(
+        "robustpolish.identification.discover.conclude.undetermined", lambda *_, **__: "stiffness"
+    )
+    monkeypatch.setattr(LEARN, lambda *_: None)
+    push = 40 * X**3 + 3 * X**2 * V
+    found = concluded(push, Effect("cubic_stiffness", PLACE, {"stiffness": 10.0}))
+    assert found.verdict == "unexplained"
+    assert found.effects == found.model.effects == ()
+    assert found.reasons[-2] == "What helps has no size that the data determine."
+
+
 def test_what_is_left_far_above_the_noise_is_told_though_most_is_explained():
     push = 400 * X**3 + 9 * X**2 * V
     found = concluded(push, Effect("cubic_stiffness", PLACE, {"stiffness": 100.0}))
