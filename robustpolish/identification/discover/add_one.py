@@ -18,7 +18,7 @@ from robustpolish.identification.discover.judge import (
 from robustpolish.identification.discover.passed_over import passed_over
 from robustpolish.identification.discover.reconsider import rounded_friction
 from robustpolish.identification.discover.search import RefittedEffect, Search, Turn
-from robustpolish.identification.screening.candidates import places
+from robustpolish.identification.screening.candidates import places, rivals
 from robustpolish.identification.screening.filtered import null_score
 from robustpolish.identification.screening.screen import ScreenedEffect, screen
 from robustpolish.models.mechanical import MechanicalModel
@@ -94,11 +94,27 @@ def _instead(
         late = [c for c in search.screening.late if c.effect.at == effect.at]
         tried += _refits_of(late, [*refits, *tried], start, search)
     # within a family less than a visible fall tells kinds apart, if anything but noise is left
-    if effect.definition.family and more_than_noise(earned.fitted, search):
-        alike = rivals_of(effect, search.stage.fit, search.prepared, search.screening)
+    if effect.definition.family:
+        alike = _as_likely(earned, found, policy.near_score)
+        if more_than_noise(earned.fitted, search):
+            alike = rivals_of(effect, search.stage.fit, search.prepared, search.screening)
         tried += _refits_of(alike, [*refits, *tried], start, search)
     here = [item for item in [*refits, *tried] if item.effect.at == effect.at]
     return tried + rounded_friction(here, start, search)
+
+
+def _as_likely(earned: RefittedEffect, found: Hopeful, near: float) -> list[ScreenedEffect]:
+    """Return other kinds of an effect's family at its place that screening finds about as likely.
+
+    A kind that leaves noise alone may be one to which another comes close.
+    """
+    return [
+        c
+        for c in [*found.first, *found.further]
+        if c.effect.at == earned.effect.at
+        and rivals(c.effect.definition, earned.effect.definition)
+        and c.score > near * earned.screened.score
+    ]
 
 
 def _would_be_added(refits: Sequence[RefittedEffect], search: Search) -> RefittedEffect | None:

@@ -11,6 +11,7 @@ import numpy as np
 from robustpolish.identification.discover.add_one import add_one
 from robustpolish.identification.discover.conclude import conclude
 from robustpolish.identification.discover.dampings import settle_damping
+from robustpolish.identification.discover.judge import judgement
 from robustpolish.identification.discover.own_numbers import (
     refit_own,
     split_holds,
@@ -116,13 +117,14 @@ def _diagnose(
         while search.added < policy.most_effects:
             if (followed is not None and followed.came_here(search)) or not add_one(search):
                 break
-            late = None if settled else _late_holds(search)
+            # noise alone asks for nothing: what its fine structure looks like is luck
+            late = None if settled or search.at_floor(search.stage) else _late_holds(search)
             if late is None:
                 continue
             if _orders(late) not in begun:
                 begun.add(_orders(late))
                 anew[_orders(late)] = grown(_begun(model, late, prepared, say))
-            if _orders(late) in anew:
+            if _orders(late) in anew and not _worse(anew[_orders(late)], search):
                 return anew[_orders(late)].copy()
         return search
 
@@ -134,7 +136,8 @@ def _diagnose(
         other = with_other_holds(search.stage.model, search.reference, prepared, fall)
         if other is not None:
             settled = True
-            search = grown(_begun(model, other, prepared, say))
+            again = grown(_begun(model, other, prepared, say))
+            search = search if _worse(again, search) else again
     search = second_look(search, grown)
     # only now: as long as something is missing, a fit bends masses and springs alike
     add_wrong_gains(search)
@@ -142,6 +145,12 @@ def _diagnose(
     found = conclude(search, model)
     notes = (*fewer.notes, *warned(model, found.model, prepared))
     return replace(found, model=fewer.as_given(found.model), notes=notes)
+
+
+def _worse(one: Search, other: Search) -> bool:
+    """Return whether a search has come less far than another: it leaves visibly more."""
+    left = judgement(one.stage, [other.stage]) - judgement(other.stage, [one.stage])
+    return left > -np.log(1 - one.policy.visible_fall)
 
 
 def _first(
