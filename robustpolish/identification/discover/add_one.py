@@ -104,7 +104,7 @@ def _instead(
 
 
 def _as_likely(earned: RefittedEffect, found: Hopeful, near: float) -> list[ScreenedEffect]:
-    """Return other kinds of an effect's family at its place that screening finds about as likely.
+    """Return the kinds of an effect's family at its place that screening finds about as likely.
 
     A kind that leaves noise alone may be one to which another comes close.
     """

@@ -8,6 +8,7 @@ import pytest
 from robustpolish.effects import Effect
 from robustpolish.identification.discover import add_one as module
 from robustpolish.identification.discover.add_one import (
+    _as_likely,
     _at_lines,
     _moved,
     _refits,
@@ -97,6 +98,26 @@ def test_a_friction_that_helps_the_loud_part_alone_may_turn_over_gently(
     monkeypatch.setattr(module, "rounded_friction", lambda some, start, search: some)
     tried = _turned_gently([friction, other], search.stage.model, search)
     assert tried == ([friction] if asked else [])
+
+
+def test_kinds_of_the_family_that_are_about_as_likely_are_asked_beside_noise_alone(search):
+    """LuGre's friction errs by a few per cent less than Dahl's, which leaves noise alone, too."""
+    model = search.stage.model
+
+    def screened(kind, score, at=PLACE):
+        return ScreenedEffect(Effect(kind, at), score, 0.3)
+
+    loops = screened("dahl_friction", 650.0)
+    likely = screened("lugre_friction", 550.0)
+    others = [
+        screened("coulomb_friction", 100.0),
+        screened("cubic_stiffness", 900.0),
+        screened("lugre_friction", 900.0, ("y", "ground")),
+    ]
+    found = Hopeful([loops], [likely, *others], [], [])
+    earned = RefittedEffect(loops, judged(model, search.prepared.scales.noise))
+    # the one that would be added has been fitted already
+    assert _as_likely(earned, found, search.policy.near_score) == [loops, likely]
 
 
 def test_where_nothing_earns_its_place_what_helped_is_kept(search, monkeypatch):

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from robustpolish.identification import compare, diagnose
-from robustpolish.identification.discover.diagnose import _first
+from robustpolish.identification.discover.diagnose import _first, _worse
 from tests.hidden_effects.cases import Case, model_of, one, records
-from tests.identification.discover.searches import prepared_of
+from tests.identification.discover.searches import judged, prepared_of, search_of
 
 PLACE = ("x", "ground")
 CUBIC = Case("cubic", one(), [("cubic_stiffness", PLACE, [4e6])], drive=8.0, samples=4000, seed=1)
@@ -96,6 +96,26 @@ def test_a_hold_that_free_runs_speak_against_is_dropped(held):
     search = _first(model, named, prepared, str)
     assert search.reference is (named if held else model)
     assert search.at_floor(search.stage)
+
+
+def test_a_search_with_other_holds_has_to_come_about_as_far():
+    """From where it begins a friction may find no way to the noise that was reached without."""
+    search = search_of(model_of(CUBIC), records(CUBIC)[0][0])
+    model = search.stage.model
+    here, near, far = (replace(search, stage=judged(model, left)) for left in (1.0, 1.2, 20.0))
+    assert not _worse(near, here)
+    assert _worse(far, here)
+    assert not _worse(here, far)
+
+
+def test_noise_alone_asks_for_no_other_hold(monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        "robustpolish.identification.discover.diagnose._late_holds", lambda s: asked.append(s)
+    )
+    case = replace(CUBIC, samples=1500)
+    assert diagnose(model_of(case), records(case)[0][0]).verdict == "missing_effect"
+    assert asked == []
 
 
 @pytest.mark.parametrize(
