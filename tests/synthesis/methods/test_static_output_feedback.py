@@ -120,9 +120,13 @@ def test_d22_is_part_of_the_loop():
     check(design)
     # u = K y with y = y0 + D22 u is u = K0 y0: the same infimum.
     K = design.gain
-    same = np.linalg.solve(np.eye(2) - K @ D22, K)
+    around = np.eye(2) - K @ D22
+    same = np.linalg.solve(around, K)
+    # The infimum is a limit of gains K0 without bound, near which K0 loses digits: how many depends
+    # on how far the search came in its time.
+    lost = np.finfo(float).eps * np.linalg.cond(around)
     assert float(hinf_norm(plant.closed_loop(same))) == pytest.approx(
-        design.certificate.achieved, rel=1e-6
+        design.certificate.achieved, rel=max(1e-6, lost)
     )
 
 
