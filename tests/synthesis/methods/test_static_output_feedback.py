@@ -124,7 +124,7 @@ def test_d22_is_part_of_the_loop():
     same = np.linalg.solve(around, K)
     # The infimum is a limit of gains K0 without bound, near which K0 loses digits: how many depends
     # on how far the search came in its time.
-    lost = np.finfo(float).eps * np.linalg.cond(around)
+    lost = 10 * np.finfo(float).eps * np.linalg.cond(around)
     assert float(hinf_norm(plant.closed_loop(same))) == pytest.approx(
         design.certificate.achieved, rel=max(1e-6, lost)
     )
