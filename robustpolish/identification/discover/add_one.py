@@ -93,11 +93,13 @@ def _instead(
     if effect.definition.timing is not None:  # a delay may be a lag, or the other way round
         late = [c for c in search.screening.late if c.effect.at == effect.at]
         tried += _refits_of(late, [*refits, *tried], start, search)
-    # within a family less than a visible fall tells kinds apart, if anything but noise is left
     if effect.definition.family:
-        alike = _as_likely(earned, found, policy.near_score)
-        if more_than_noise(earned.fitted, search):
-            alike = rivals_of(effect, search.stage.fit, search.prepared, search.screening)
+        # less than a visible fall tells its kinds apart: all of them if more than noise is left
+        alike = (
+            rivals_of(effect, search.stage.fit, search.prepared, search.screening)
+            if more_than_noise(earned.fitted, search)
+            else _as_likely(earned, found, policy.near_score)
+        )
         tried += _refits_of(alike, [*refits, *tried], start, search)
     here = [item for item in [*refits, *tried] if item.effect.at == effect.at]
     return tried + rounded_friction(here, start, search)

@@ -120,12 +120,11 @@ def visible_falls(before: JudgedFit, after: JudgedFit, policy: Policy) -> Array 
     that passed a resonance in one of them, by twice as much as held-out ones.
     """
     fall = falls(before, after)
-    if _visible(fall, policy.visible_fall) and not _mixed(fall, policy):
-        return fall
-    loud = _falls_where_loud(before, after, policy)
-    if loud is not None:
-        return loud
-    return fall if _visible(fall, policy.visible_fall) else None
+    seen = fall if _visible(fall, policy.visible_fall) else None
+    if seen is not None and not _mixed(fall, policy):
+        return seen
+    loud = _falls_where_loud(before, after, fall, policy)
+    return seen if loud is None else loud
 
 
 def _mixed(fall: Array, policy: Policy) -> bool:
@@ -133,9 +132,10 @@ def _mixed(fall: Array, policy: Policy) -> bool:
     return _log_left(fall) > np.log(1 - policy.together)
 
 
-def _falls_where_loud(before: JudgedFit, after: JudgedFit, policy: Policy) -> Array | None:
+def _falls_where_loud(
+    before: JudgedFit, after: JudgedFit, fall: Array, policy: Policy
+) -> Array | None:
     """Return the falls that count where those of the blocks that were fitted to do, too."""
-    fall = falls(before, after)
     if len(before.fit.pieces) == len(after.fit.pieces):
         loud, left = before.fit.rmse, after.fit.rmse
     elif before.reproducible and after.reproducible:

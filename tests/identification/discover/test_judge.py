@@ -86,6 +86,7 @@ def test_where_what_is_held_out_is_far_quieter_the_fitted_blocks_judge(
     before, after = judged(MODEL, 1.0), cubic(held_out).fitted
     loud, left = sized(before, 10.0), sized(after, fitted)
     assert (objection(loud, left, search.prepared) is None) == earned
+    assert objection(sized(before, 2.5), sized(after, 0.5), search.prepared) is not None
 
 
 @pytest.mark.parametrize(
