@@ -116,17 +116,14 @@ def test_d22_is_part_of_the_loop():
     with_d22 = GeneralizedPlant.from_matrices(
         plant.A, plant.B1, plant.B2, plant.C1, plant.C2, D12=plant.D12, D22=D22
     )
-    design = static_output_feedback(with_d22, time_limit=3)
+    # Without a bound the infimum is a limit of loops through D22 that are nearly singular.
+    design = static_output_feedback(with_d22, time_limit=3, gain_bound=2.0)
     check(design)
     # u = K y with y = y0 + D22 u is u = K0 y0: the same infimum.
     K = design.gain
-    around = np.eye(2) - K @ D22
-    same = np.linalg.solve(around, K)
-    # The infimum is a limit of gains K0 without bound, near which K0 loses digits: how many depends
-    # on how far the search came in its time.
-    lost = 10 * np.finfo(float).eps * np.linalg.cond(around)
+    same = np.linalg.solve(np.eye(2) - K @ D22, K)
     assert float(hinf_norm(plant.closed_loop(same))) == pytest.approx(
-        design.certificate.achieved, rel=max(1e-6, lost)
+        design.certificate.achieved, rel=1e-6
     )
 
 
