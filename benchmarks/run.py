@@ -74,6 +74,7 @@ def _kept(out: Path | None) -> list[dict[str, Any]]:
 
 def _keep(out: Path, found: dict[str, Any]) -> None:
     """Write both files."""
+    out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(found, indent=1, ensure_ascii=False)
     (out / "benchmarks.json").write_text(text + "\n", encoding="utf-8")
     (out / "benchmarks.md").write_text(page.page(found), encoding="utf-8")
