@@ -54,12 +54,15 @@ def largest_deviation(
     return max(float(np.abs(found[name]).max()) for name in loop.output_labels)
 
 
+def controlled(seconds: float) -> partial[float]:
+    """Return the function that is swept over ``number``: all points have the controller."""
+    design = rp.state_feedback(rp.air_bearing(), norm="h2", control_weight=1e-4)
+    return partial(largest_deviation, seconds=seconds, gain=np.asarray(design.controller.D))
+
+
 def found_in(count: int, seconds: float, executor: str | None) -> tuple[xr.Dataset, float]:
     """Return what a sweep finds, and the time that it takes in ms."""
-    design = rp.state_feedback(rp.air_bearing(), norm="h2", control_weight=1e-4)
-    gain = np.asarray(design.controller.D)
-    points = {"number": range(count)}
-    function = partial(largest_deviation, seconds=seconds, gain=gain)
+    function, points = controlled(seconds), {"number": range(count)}
     start = time.perf_counter()
     found = rp.sweep(function, points, executor=executor, progress=False)
     return found, 1e3 * (time.perf_counter() - start)

@@ -6,7 +6,7 @@ from functools import partial
 import pytest
 
 import robustpolish as rp
-from benchmarks.sweeps import largest_deviation
+from benchmarks.sweeps import controlled
 from tests.sweeps import functions
 
 distributed = pytest.importorskip("distributed", reason="needs the extra [cluster]")
@@ -49,7 +49,7 @@ def test_a_worker_of_the_cluster_killed_in_mid_sweep_changes_nothing(cluster, tm
 
 def test_closed_loops_run_unchanged_on_processes_and_on_a_cluster(cluster):
     """The sweep of the benchmark, shorter: every point draws a machine and simulates its loop."""
-    loops, points = partial(largest_deviation, seconds=0.1), {"number": range(200)}
+    loops, points = controlled(0.1), {"number": range(200)}
     here = rp.sweep(loops, points, seed=1)
     assert (here.failure == "").all()
     assert rp.sweep(loops, points, executor=cluster.get_executor(), seed=1).identical(here)
