@@ -74,6 +74,9 @@ class Policy:
     turnovers : tuple of float
         Shares of the typical velocity over which a friction may turn over, among which a fit of it
         begins: from a tenth of the true one, or three times it, no slope leads there.
+    standing : (float, float)
+        Share of its typical velocity below which a place stands still, and share of the time for
+        which it has to, for a dry friction to be tried where something swings by itself.
     near_error : float
         Times the error left by the largest that another may leave to be refitted as well: a look at
         free runs without a fit is no sharper.
@@ -220,6 +223,7 @@ class Policy:
     most_likely: int = 2
     followed: tuple[int, ...] = (2, 1)
     turnovers: tuple[float, ...] = (0.1, 0.03, 0.01, 0.003)
+    standing: tuple[float, float] = (0.1, 0.2)
     near_error: float = 1.3
     mimicked: float = 0.5
     far: float = 3.0

@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Sequence
 
 from robustpolish.effects import Effect, kinds
-from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of
+from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of, sticking
 from robustpolish.identification.discover.judge import (
     chosen,
     falls_where_fitted,
@@ -89,7 +89,9 @@ def _instead(
         candidates += [c for c, _ in search.screening.lines if c.effect.at == effect.at]
     tried = _refits_of(candidates, refits, start, search)
     if effect.definition.swinging or effect.definition.line:
-        tried += _sticking(refits, start, search)
+        # what sticks and slips swings by itself, and its velocity while it sticks is noise
+        stuck = sticking(search.stage.fit, search.prepared, search.screening)
+        tried += _refits_of(stuck, [*refits, *tried], start, search)
     earned = _would_be_added([*refits, *tried], search) or earned
     effect = earned.effect
     if effect.definition.timing is not None:  # a delay may be a lag, or the other way round
@@ -105,21 +107,6 @@ def _instead(
         tried += _refits_of(alike, [*refits, *tried], start, search)
     here = [item for item in [*refits, *tried] if item.effect.at == effect.at]
     return tried + rounded_friction(here, start, search)
-
-
-def _sticking(
-    refits: Sequence[RefittedEffect], start: MechanicalModel, search: Search
-) -> list[RefittedEffect]:
-    """Refit the dry frictions where there may be one, whatever the others of its family do.
-
-    What sticks and slips swings by itself, at a frequency of its own, as what is pulled from
-    outside does. While it sticks its velocity is noise, so that screening hardly sees the friction.
-    """
-    assert search.screening is not None
-    dry = [c for c in search.screening.candidates if c.effect.definition.turns_over and c.score > 0]
-    here = rivals_of(dry[0].effect, search.stage.fit, search.prepared, search.screening) if dry else ()
-    alike = [c for c in here if c.effect.definition.turns_over]
-    return _refits_of([*dry[:1], *alike], refits, start, search)
 
 
 def _as_likely(earned: RefittedEffect, found: Hopeful, near: float) -> list[ScreenedEffect]:

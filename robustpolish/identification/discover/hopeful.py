@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from robustpolish.effects import Effect, kinds
+import numpy as np
+
+from robustpolish.effects import Effect, EffectKind, kinds
 from robustpolish.identification.discover.judge import line_of_motion
 from robustpolish.identification.fit.least_squares import Fit
 from robustpolish.identification.fit.prepared import PreparedRecord
-from robustpolish.identification.screening.candidates import columns_at, rivals
+from robustpolish.identification.screening.candidates import columns_at, places, rivals
 from robustpolish.identification.screening.evidence import Evidence, evidence
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
+from robustpolish.models.mechanical.ports import port_rows
 
 
 class Hopeful(NamedTuple):
@@ -177,11 +180,53 @@ def rivals_of(
     prepared : PreparedRecord
     screening : Screening
     """
-    model, record = stage.model, prepared.screened
-    motion = prepared.motion(model, record)
     kind = effect.definition
     others = [k for k in kinds().values() if k.kind != kind.kind and rivals(k, kind)]
-    entries = [c for k in others for c in columns_at(model, k, effect.at, motion, record)]
+    return _suited(others, effect.at, stage, prepared, screening)
+
+
+def sticking(stage: Fit, prepared: PreparedRecord, screening: Screening) -> list[ScreenedEffect]:
+    """Return the dry frictions at the place that stands still for longest, with suitable values.
+
+    Parameters
+    ----------
+    stage : Fit
+        The model without any.
+    prepared : PreparedRecord
+    screening : Screening
+
+    Returns
+    -------
+    list of ScreenedEffect
+        None where all places move nearly all of the time. A harmonic motion is as slow as asked
+        for in 5 % of its time, and noise in 8 %.
+    """
+    slow, least = prepared.policy.standing
+    motion = prepared.motion(stage.model, prepared.screened)
+    dry = [kind for kind in kinds().values() if kind.turns_over]
+
+    def standing(at: tuple[str, ...]) -> float:
+        (speed,) = np.abs(port_rows(stage.model, Effect(dry[0].kind, at)) @ motion.v)
+        return float(np.mean(speed < slow * np.sqrt(np.mean(speed**2))))
+
+    shares = {at: standing(at) for at in places(stage.model, dry[0])}
+    stillest = max(shares, key=lambda at: shares[at], default=None)
+    if stillest is None or shares[stillest] < least:
+        return []
+    return _suited(dry, stillest, stage, prepared, screening)
+
+
+def _suited(
+    tried: Sequence[EffectKind],
+    at: tuple[str, ...],
+    stage: Fit,
+    prepared: PreparedRecord,
+    screening: Screening,
+) -> list[ScreenedEffect]:
+    """Return kinds of one family at a place, with the values that suit free runs best."""
+    model, record = stage.model, prepared.screened
+    motion = prepared.motion(model, record)
+    entries = [c for kind in tried for c in columns_at(model, kind, at, motion, record)]
     # among its like a kind needs no evidence of each of its parts: they show once it is refitted
     found = [
         e for span in _spans(prepared) for e in evidence(stage, prepared, entries, span, True)[0]
