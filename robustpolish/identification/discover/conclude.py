@@ -15,6 +15,7 @@ from robustpolish.identification.discover.reconsider import (
     closer_kinds,
     gently,
     knows_turn,
+    nearly_the_same,
     simpler,
 )
 from robustpolish.identification.discover.search import Search
@@ -23,7 +24,7 @@ from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.findings.findings import Confusion, FoundEffect, Value
 from robustpolish.identification.findings.ledger import Entry, Ledger
 from robustpolish.identification.fit.homotopy import JudgedFit, free_rms, homotopy, rms_over
-from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
+from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from, inflation
 from robustpolish.identification.fit.parameters import (
     turns_over_gently,
 )
@@ -61,6 +62,7 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
     calm = best.reproducible and free_rms(best.model, prepared, prepared.everything)[1]
     final, error = _final_fit(search, best, calm)
     final, error = _without_idle(search, final, error, calm)
+    final, error = _likeliest_kinds(search, final, error, calm)
     final, error = _gently(search, final, error, calm)
     added = len(final.model.effects) > len(reference.effects)
     search.say("errors of every step")
@@ -137,6 +139,68 @@ def _without_idle(search: Search, final: Fit, error: Array, calm: bool) -> tuple
     return final, error
 
 
+def _likeliest_kinds(search: Search, final: Fit, error: Array, calm: bool) -> tuple[Fit, Array]:
+    """Return the final fit with the kinds of friction with memory that the whole record prefers.
+
+    A part of the record may leave numbers of one kind more open than those of another, and held-out
+    blocks judge kinds with such numbers. Where noise alone is left, likelihood over the whole
+    decides, each kind begun with the force that the one found makes. What comes near is told alike.
+    """
+    first, policy = len(search.reference.effects), search.policy
+    over_all = calm and len(final.errors) == search.prepared.record.samples
+    found = [e for e in final.model.effects[first:] if e.definition.family]
+    remembering = [(e.kind, e.at) for e in found if e.definition.has_memory]
+    if not (over_all and remembering) or np.any(
+        error > policy.at_floor * search.floor_beside(final.model, calm)
+    ):
+        return final, error
+    for place in remembering:
+        at = [(e.kind, e.at) for e in final.model.effects].index(place)
+        effects = final.model.effects
+        rest = (*effects[:at], *effects[at + 1 :])
+        likelier, most = None, policy.least_odds
+        alike: list[Effect] = []
+        for instead in nearly_the_same(search, final.model, at):
+            model = replace(final.model, effects=(*rest, instead))
+            for fitted in _over_all(model, search, calm):
+                odds = _odds(fitted, final)
+                last = fitted.model.effects[-1]
+                open_ = undetermined(fitted, len(rest), policy)
+                if open_ or last.definition.implausible(last.values):
+                    continue
+                if odds > most:
+                    likelier, most = fitted, odds
+                elif odds > -policy.strong_odds:
+                    alike.append(last)
+        if likelier is None:
+            search.confusions += [confused(effects[at], other) for other in alike]
+            continue
+        final, error = likelier, _whole_error(likelier.model, search, calm)
+        said = f"{effects[at]} is less likely over the whole record, by log odds of {most:.0f}."
+        search.reasons.append(said)
+        kept = [p for p in search.confusions if (p.first.kind, p.first.at) != place]
+        search.confusions[:] = kept
+        del search.steps[2 + at - first]
+        search.steps.append((final.model.effects[-1].kind, final.model))
+    return final, error
+
+
+def _odds(one: Fit, other: Fit) -> float:
+    """Return the log odds by which the whole record prefers one fit to another, numbers counted."""
+    told = np.array([len(error) / inflation(error) for error in other.errors.T])
+    numbers = 0.5 * (len(one.free) - len(other.free)) * np.log(np.sum(told))
+    return float(np.sum(told * np.log(other.rmse / one.rmse)) - numbers)
+
+
+def _over_all(model: MechanicalModel, search: Search, calm: bool) -> list[Fit]:
+    """Return a model fitted to the whole record from its numbers; none if that did not end well."""
+    prepared = search.prepared
+    pieces = prepared.everything if calm else prepared.windows
+    spans = prepared.spans(pieces)[-1:]
+    last = search.policy.follows(prepared.record.Y.size)
+    return homotopy(model, prepared, pieces, search.reference, spans, prepared.steps, last=last)
+
+
 def _gently(search: Search, final: Fit, error: Array, calm: bool) -> tuple[Fit, Array]:
     """Return the final fit with those jumps of friction rounded that the data know to be none.
 
@@ -144,7 +208,6 @@ def _gently(search: Search, final: Fit, error: Array, calm: bool) -> tuple[Fit, 
     by more than their standard errors. So likelihood decides, not a visible fall.
     """
     prepared, reference = search.prepared, search.reference
-    pieces = prepared.everything if calm else prepared.windows
     for at in range(len(reference.effects), len(final.model.effects)):
         effect = final.model.effects[at]
         if not effect.definition.turns_over or turns_over_gently(effect):
@@ -154,11 +217,7 @@ def _gently(search: Search, final: Fit, error: Array, calm: bool) -> tuple[Fit, 
             continue
         effects = final.model.effects
         model = replace(final.model, effects=(*effects[:at], gentle, *effects[at + 1 :]))
-        spans = prepared.spans(pieces)[-1:]
-        last = search.policy.follows(prepared.record.Y.size)
-        for fitted in homotopy(
-            model, prepared, pieces, reference, spans, prepared.steps, last=last
-        ):
+        for fitted in _over_all(model, search, calm):
             left = _whole_error(fitted.model, search, calm)
             odds = prepared.record.samples * float(np.sum(np.log(error / left)))
             if odds > search.policy.least_odds and knows_turn(fitted, at, search):

@@ -74,7 +74,7 @@ def objection(
         just come. Beside others that take the error away, only its own numbers speak for one.
     """
     policy = prepared.policy
-    fall = visible_falls(before, after, policy)
+    fall = visible_falls(before, after, prepared)
     if fall is None:
         most = max(float(np.max(falls(before, after))), 0)
         return f"the held-out error falls by {100 * most:.0f} % only"
@@ -110,20 +110,22 @@ def falls(before: JudgedFit, after: JudgedFit) -> Array:
     return 1 - after.short / before.short
 
 
-def visible_falls(before: JudgedFit, after: JudgedFit, policy: Policy) -> Array | None:
+def visible_falls(before: JudgedFit, after: JudgedFit, prepared: PreparedRecord) -> Array | None:
     """Return the share by which each error falls, None if none falls visibly.
 
     The held-out blocks may be the quieter part of a record. Where their errors fall at least half
     as much as they should, those of the blocks that were fitted to count too. Where they do not
     rise and an effect hardly acts there, the fitted blocks judge it: where those are far louder,
     their errors have to fall by far; where beside the effect all blocks are alike, as after a sweep
-    that passed a resonance in one of them, by twice as much as held-out ones.
+    that passed a resonance in one of them, or where the held-out ones show noise alone in any case,
+    as when a decay is over, by twice as much as held-out ones.
     """
+    policy = prepared.policy
     fall = falls(before, after)
     seen = fall if _visible(fall, policy.visible_fall) else None
     if seen is not None and not _mixed(fall, policy):
         return seen
-    loud = _falls_where_loud(before, after, fall, policy)
+    loud = _falls_where_loud(before, after, fall, prepared)
     return seen if loud is None else loud
 
 
@@ -133,9 +135,10 @@ def _mixed(fall: Array, policy: Policy) -> bool:
 
 
 def _falls_where_loud(
-    before: JudgedFit, after: JudgedFit, fall: Array, policy: Policy
+    before: JudgedFit, after: JudgedFit, fall: Array, prepared: PreparedRecord
 ) -> Array | None:
     """Return the falls that count where those of the blocks that were fitted to do, too."""
+    policy = prepared.policy
     if len(before.fit.pieces) == len(after.fit.pieces):
         loud, left = before.fit.rmse, after.fit.rmse
     elif before.reproducible and after.reproducible:
@@ -149,7 +152,8 @@ def _falls_where_loud(
     if quiet and np.max(fitted) > 1 - 1 / policy.far:
         return fitted
     alike = np.all(np.abs(np.log(left / after.error)) < np.log(policy.at_floor))
-    noisy = alike and _log_left(fall) < policy.together
+    silent = np.all(before.error < policy.at_floor * prepared.scales.noise)
+    noisy = (alike or silent) and _log_left(fall) < policy.together
     return fitted if noisy and np.max(fitted) > 2 * policy.visible_fall else None
 
 

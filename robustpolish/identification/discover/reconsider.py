@@ -28,7 +28,7 @@ from robustpolish.identification.fit.least_squares import Fit, covariance_of, er
 from robustpolish.identification.fit.parameters import turns_over_gently
 from robustpolish.identification.fit.reordered import reordered
 from robustpolish.identification.screening.candidates import places, rivals
-from robustpolish.identification.screening.mimicked import Mimic, mimics
+from robustpolish.identification.screening.mimicked import mimics
 from robustpolish.identification.screening.screen import ScreenedEffect
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_rows
@@ -66,7 +66,8 @@ def renamed(search: Search) -> Search:
     The rivals of the last effect have been tried beside all others when it was added, begun
     without any of them; where more than noise is left they are begun from each other, too.
     Constants at two places are rivals as well, the last one too: a fit from another start may tell
-    them apart. Beside another kind some of the others may have nothing left to do.
+    them apart. Beside another kind some of the others may have nothing left to do: of two kinds
+    that do as well the one that needs fewer others is taken.
     """
     first, count = len(search.reference.effects), len(search.stage.model.effects)
     before = search.stage
@@ -82,8 +83,24 @@ def renamed(search: Search) -> Search:
                 search.stage = item.fitted
                 break
             if apart < tolerance(search) or _as_near_to_all(item.fitted, search):
+                fewer = _with_fewer(item, search)
+                if fewer is not None:
+                    search = fewer
+                    break
                 search.confusions.append(confused(effect, item.fitted.model.effects[-1]))
     return search if search.stage is before else without_the_needless(search, last=True)
+
+
+def _with_fewer(item: RefittedEffect, search: Search) -> Search | None:
+    """Return the search with another effect in place of one, if that leaves others needless.
+
+    The offset of a sensor beside a cubic spring is a constant force, a cubic and a quadratic one.
+    """
+    other = replace(search.copy(), stage=item.fitted)
+    if objection(search.linear, item.fitted, search.prepared):
+        return None
+    fewer = without_the_needless(other)
+    return fewer if fewer.added < search.added else None
 
 
 def _as_near_to_all(other: JudgedFit, search: Search) -> bool:
@@ -117,10 +134,10 @@ def _mimics(search: Search, at: int) -> list[RefittedEffect]:
     if not more_than_noise(search.stage, search):
         return []
     tried = []
-    for mimic in mimics(search.stage.model, at, search.prepared):
-        fitted = _in_place(search, at, mimic.effect) if _close(mimic, search) else None
+    for effect in nearly_the_same(search, search.stage.model, at):
+        fitted = _in_place(search, at, effect)
         if fitted is not None:
-            tried.append(RefittedEffect(ScreenedEffect(mimic.effect, 0.0, 0.0), fitted))
+            tried.append(RefittedEffect(ScreenedEffect(effect, 0.0, 0.0), fitted))
     return tried
 
 
@@ -166,7 +183,7 @@ def simpler(search: Search, at: int) -> Iterator[JudgedFit]:
     the force that it makes.
     """
     effect = search.stage.model.effects[at]
-    near = [m.effect for m in mimics(search.stage.model, at, search.prepared) if _close(m, search)]
+    near = nearly_the_same(search, search.stage.model, at)
     fewer = [e for e in (*_in_common(effect), *near) if numbers_of(e) < numbers_of(effect)]
     for instead in sorted(fewer, key=numbers_of):
         fitted = _in_place(search, at, instead)
@@ -210,8 +227,10 @@ def _in_common(effect: Effect) -> Iterator[Effect]:
             yield Effect(other.kind, effect.at, {name: values[name] for name in (*names, *turn)})
 
 
-def _close(mimic: Mimic, search: Search) -> bool:
-    return mimic.left < search.policy.mimicked
+def nearly_the_same(search: Search, model: MechanicalModel, at: int) -> list[Effect]:
+    """Return the rivals of an effect of a fitted model that make nearly its force, the best first."""
+    found = mimics(model, at, search.prepared)
+    return [mimic.effect for mimic in found if mimic.left < search.policy.mimicked]
 
 
 def still_alike(search: Search) -> Search:
@@ -365,7 +384,7 @@ def _next(told: Sequence[int], left: list[int], search: Search) -> MechanicalMod
 
 def _as_good(without: JudgedFit, search: Search) -> bool:
     """Return whether a model leaves no output visibly more than that of the search."""
-    return visible_falls(without, search.stage, search.policy) is None
+    return visible_falls(without, search.stage, search.prepared) is None
 
 
 def _does_as_well(search: Search, at: int, other: Effect) -> bool:

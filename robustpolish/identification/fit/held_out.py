@@ -14,6 +14,8 @@ from robustpolish.models.mechanical import MechanicalModel
 _MARKS = (0.0, 0.4, 0.55, 0.85, 1.0)
 _MARKS_OF_DECAYS = (0.0, 0.35, 0.65, 0.9, 1.0)
 
+_OVER = 1e-3
+"""Share of the motion's power that is left where a free decay is over: 3 % of the amplitude."""
 _UNEVEN = 0.15
 """Share of the motion by which it may be ahead of the time in a record that moves steadily."""
 _AS_MUCH = 2.0
@@ -86,15 +88,19 @@ def _blocks(model: MechanicalModel, part: Record, several: bool) -> list[int]:
     """Return where the blocks of a record begin, and its end.
 
     They are shares of its time where it moves steadily, and of one free decay, whose end shows what
-    is small. In the long quiet ends of blows nothing could be judged, and a sweep passes its
+    is small, unless that is over long before. In the long quiet ends of blows nothing could be judged, and a sweep passes its
     resonances in a moment, where alone a stop may be met: of those they are shares of the motion.
     """
     marks = _MARKS if model.inputs else _MARKS_OF_DECAYS
     of_time = [round(part.samples * mark) for mark in marks]
     away = np.abs(part.Y - part.Y.mean(axis=0))
     motion = np.cumsum(np.sum(away / np.maximum(away.max(axis=0), 1e-300), axis=1))
-    uneven = np.max(np.abs(motion / motion[-1] - np.linspace(0, 1, motion.size))) > _UNEVEN
-    if not several and not (model.inputs and uneven):
+    if model.inputs:
+        uneven = np.max(np.abs(motion / motion[-1] - np.linspace(0, 1, motion.size))) > _UNEVEN
+    else:
+        power = np.sum(away**2 / np.maximum(np.sum(away**2, axis=0), 1e-300), axis=1)
+        uneven = np.sum(power[of_time[1] :]) < _OVER * np.sum(power)
+    if not several and not uneven:
         return of_time
     inner = np.searchsorted(motion, np.array(marks[1:-1]) * motion[-1])
     found = [0, *inner.tolist(), part.samples]
