@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -156,33 +156,39 @@ def _likeliest_kinds(search: Search, final: Fit, error: Array, calm: bool) -> tu
         return final, error
     for place in remembering:
         at = [(e.kind, e.at) for e in final.model.effects].index(place)
-        effects = final.model.effects
-        rest = (*effects[:at], *effects[at + 1 :])
-        likelier, most = None, policy.least_odds
-        alike: list[Effect] = []
-        for instead in nearly_the_same(search, final.model, at):
-            model = replace(final.model, effects=(*rest, instead))
-            for fitted in _over_all(model, search, calm):
-                odds = _odds(fitted, final)
-                last = fitted.model.effects[-1]
-                open_ = undetermined(fitted, len(rest), policy)
-                if open_ or last.definition.implausible(last.values):
-                    continue
-                if odds > most:
-                    likelier, most = fitted, odds
-                elif odds > -policy.strong_odds:
-                    alike.append(last)
-        if likelier is None:
-            search.confusions += [confused(effects[at], other) for other in alike]
+        effect = final.model.effects[at]
+        judged = [(_odds(other, final), other) for other in _kinds_instead(search, final, at)]
+        odds, best = max(judged, key=lambda pair: pair[0], default=(-np.inf, final))
+        here = [p for p in search.confusions if (p.first.kind, p.first.at) == place]
+        if odds > policy.least_odds:
+            final, error = best, _whole_error(best.model, search, calm)
+            search.confusions[:] = [p for p in search.confusions if p not in here]
+            said = f"{effect} is less likely over the whole record, by log odds of {odds:.0f}."
+            search.reasons.append(said)
+            del search.steps[2 + at - first]
+            search.steps.append((final.model.effects[-1].kind, final.model))
             continue
-        final, error = likelier, _whole_error(likelier.model, search, calm)
-        said = f"{effects[at]} is less likely over the whole record, by log odds of {most:.0f}."
-        search.reasons.append(said)
-        kept = [p for p in search.confusions if (p.first.kind, p.first.at) != place]
-        search.confusions[:] = kept
-        del search.steps[2 + at - first]
-        search.steps.append((final.model.effects[-1].kind, final.model))
+        told = [p.second.kind for p in here]
+        near = [other.model.effects[-1] for odds, other in judged if odds > -policy.strong_odds]
+        search.confusions += [confused(effect, e) for e in near if e.kind not in told]
     return final, error
+
+
+def _kinds_instead(search: Search, final: Fit, at: int) -> Iterator[Fit]:
+    """Yield fits to the whole record with other kinds in place of an effect, at the end of all.
+
+    Those whose numbers are physical, and determined.
+    """
+    effects = final.model.effects
+    for instead in nearly_the_same(search, final.model, at):
+        model = replace(final.model, effects=(*effects[:at], *effects[at + 1 :], instead))
+        for fitted in _over_all(model, search, calm=True):
+            other = fitted.model.effects[-1]
+            if not (
+                other.definition.implausible(other.values)
+                or undetermined(fitted, len(effects) - 1, search.policy)
+            ):
+                yield fitted
 
 
 def _odds(one: Fit, other: Fit) -> float:

@@ -17,7 +17,7 @@ from robustpolish.effects import CONSTANT, Effect
 from robustpolish.identification.decays.cut import Cut, cut_decays
 from robustpolish.identification.decays.laws import Laws, damped_places, damping_laws
 from robustpolish.identification.decays.trials import Trials
-from robustpolish.identification.discover.judge import judgement, undetermined
+from robustpolish.identification.discover.judge import more_left, undetermined
 from robustpolish.identification.discover.search import Search, numbers_of
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.findings.findings import Confusion
@@ -77,8 +77,7 @@ def _worse(before: Search, after: Search, trials: Trials, chosen: Laws) -> bool:
     A fit of all laws at once may end elsewhere than the one that the search had reached; and a law
     may take what another force of the machine, which is not known, does to the loud part alone.
     """
-    held_out = judgement(after.stage, [before.stage]) - judgement(before.stage, [after.stage])
-    if held_out > -np.log(1 - before.policy.together):
+    if more_left(after.stage, before.stage) > -np.log(1 - before.policy.together):
         return True
     found = trials.found.found
     if not np.isfinite(trials.error(found)):

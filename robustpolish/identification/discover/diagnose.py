@@ -11,7 +11,7 @@ import numpy as np
 from robustpolish.identification.discover.add_one import add_one
 from robustpolish.identification.discover.conclude import conclude
 from robustpolish.identification.discover.dampings import settle_damping
-from robustpolish.identification.discover.judge import judgement
+from robustpolish.identification.discover.judge import more_left
 from robustpolish.identification.discover.own_numbers import (
     refit_own,
     split_holds,
@@ -149,8 +149,7 @@ def _diagnose(
 
 def _worse(one: Search, other: Search) -> bool:
     """Return whether a search has come less far than another: it leaves visibly more."""
-    left = judgement(one.stage, [other.stage]) - judgement(other.stage, [one.stage])
-    return left > -np.log(1 - one.policy.visible_fall)
+    return more_left(one.stage, other.stage) > -np.log(1 - one.policy.visible_fall)
 
 
 def _first(

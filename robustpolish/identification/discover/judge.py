@@ -59,6 +59,11 @@ def judgement(fitted: JudgedFit, among: Sequence[RefittedEffect | JudgedFit]) ->
     return left_by(fitted, [i if isinstance(i, JudgedFit) else i.fitted for i in among])
 
 
+def more_left(one: JudgedFit, other: JudgedFit) -> float:
+    """Return the log of the held-out error that one fit leaves over that which another leaves."""
+    return judgement(one, [other]) - judgement(other, [one])
+
+
 def objection(
     before: JudgedFit, after: JudgedFit, prepared: PreparedRecord, place: int = -1
 ) -> str | None:

@@ -16,6 +16,7 @@ from robustpolish.identification.discover.hopeful import rivals_of
 from robustpolish.identification.discover.judge import (
     advantage,
     judgement,
+    more_left,
     more_than_noise,
     objection,
     tolerance,
@@ -206,7 +207,7 @@ def closer_kinds(search: Search) -> list[Effect]:
                 and rivals(other.definition, last.definition)
                 and other.at == last.at
                 and _before_last(item.fitted) == _before_last(stage)
-                and judgement(item.fitted, [stage]) < judgement(stage, [item.fitted])
+                and more_left(item.fitted, stage) < 0
             ):
                 found[other.kind] = other
     return list(found.values())
@@ -228,7 +229,7 @@ def _in_common(effect: Effect) -> Iterator[Effect]:
 
 
 def nearly_the_same(search: Search, model: MechanicalModel, at: int) -> list[Effect]:
-    """Return the rivals of an effect of a fitted model that make nearly its force, the best first."""
+    """Return the rivals of an effect that make nearly its force, the nearest first."""
     found = mimics(model, at, search.prepared)
     return [mimic.effect for mimic in found if mimic.left < search.policy.mimicked]
 
@@ -392,8 +393,7 @@ def _does_as_well(search: Search, at: int, other: Effect) -> bool:
     fitted = _in_place(search, at, other)
     if fitted is None:
         return False
-    apart = judgement(fitted, [search.stage]) - judgement(search.stage, [fitted])
-    return apart < tolerance(search)
+    return more_left(fitted, search.stage) < tolerance(search)
 
 
 def _in_place(search: Search, at: int, other: Effect) -> JudgedFit | None:

@@ -88,8 +88,9 @@ def _blocks(model: MechanicalModel, part: Record, several: bool) -> list[int]:
     """Return where the blocks of a record begin, and its end.
 
     They are shares of its time where it moves steadily, and of one free decay, whose end shows what
-    is small, unless that is over long before. In the long quiet ends of blows nothing could be judged, and a sweep passes its
-    resonances in a moment, where alone a stop may be met: of those they are shares of the motion.
+    is small. In the long quiet ends of blows nothing could be judged, nor where a decay was over
+    long before, and a sweep passes its resonances in a moment, where alone a stop may be met: of
+    those they are shares of the motion.
     """
     marks = _MARKS if model.inputs else _MARKS_OF_DECAYS
     of_time = [round(part.samples * mark) for mark in marks]

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from robustpolish.effects import Effect
 from robustpolish.identification.discover import add_one as module
@@ -15,10 +16,11 @@ from robustpolish.identification.discover.add_one import (
     _turned_gently,
     add_one,
 )
-from robustpolish.identification.discover.hopeful import Hopeful
+from robustpolish.identification.discover.hopeful import Hopeful, sticking
 from robustpolish.identification.discover.search import RefittedEffect
 from robustpolish.identification.observer.kalman import FREE
-from robustpolish.identification.screening.screen import ScreenedEffect, Screening
+from robustpolish.identification.screening.screen import ScreenedEffect, Screening, screen
+from robustpolish.simulation.run import simulate
 from tests.hidden_effects.cases import Case, model_of, one, records, two
 from tests.identification.discover.searches import judged, refitted, search_of
 
@@ -159,6 +161,31 @@ def test_what_swings_by_itself_is_tried_at_the_lines_of_the_force():
     assert (found.effect.kind, found.effect.at) == ("attached_resonator", at)
     assert found.fitted.model.effects[-1].values["mass"] == pytest.approx(0.1, rel=0.1)
     assert _at_lines([found], search.stage.model, search) == [found]  # it helps: no more is tried
+
+
+def test_what_sticks_and_slips_is_no_force_with_a_line_of_its_own():
+    """A slide that a slow spring draws along: it stands still, jumps, and stands still again."""
+    model = model_of(Case("drawn along", one()))
+    model = model.with_parameters({"spring[0].stiffness": 200.0, "damper[0].damping": 1.0})
+    time = 2e-3 * np.arange(2000)
+    data = xr.Dataset({"F_x": ("time", 10.0 * time)}, {"time": time})
+    friction = {"force": 2.0, "static_force": 3.2, "velocity": 0.05}
+    truth = model.with_effect("stribeck_friction", PLACE, friction)
+    x = simulate(truth, data).outputs[:, 0]
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(x.size)
+    search = search_of(model, data.assign({model.output_names[0]: ("time", x + noise)}))
+    stuck = sticking(search.stage.fit, search.prepared, screen(model, search.prepared))
+    assert {c.effect.kind for c in stuck} == {"coulomb_friction", "stribeck_friction"}
+    assert add_one(search)
+    (found,) = search.stage.model.effects
+    assert found.kind == "stribeck_friction"
+    assert found.values["static_force"] == pytest.approx(3.2, rel=0.05)
+    tried = {c.kind for c in search.candidates if np.isfinite(c.nrmse_held_out)}
+    assert tried & {"harmonic_force", "attached_resonator"}
+
+
+def test_what_moves_all_the_time_sticks_nowhere(search):
+    assert sticking(search.stage.fit, search.prepared, Screening((), (), FREE)) == []
 
 
 @pytest.mark.parametrize(("kind", "values"), [("input_delay", [0.005]), ("input_lag", [0.004])])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.effects import Effect
+from robustpolish.effects import Effect, Motion, force_with
 from robustpolish.identification.discover.conclude import conclude
 from robustpolish.identification.discover.search import RefittedEffect
 from robustpolish.identification.observer.kalman import FREE, Level
@@ -209,6 +209,27 @@ def test_a_jump_of_friction_is_rounded_where_the_data_tell():
         assert abs(found.value - truth) < 3 * found.stderr
     (effect,) = concluded(30.0 * np.sign(V), friction).effects
     assert "width" not in effect.parameters
+
+
+def test_of_friction_with_memory_the_whole_record_tells_the_kind():
+    """Dahl's law has no force beyond the one of sliding, at which it begins to move."""
+    truth = {"force": 20.0, "static_force": 30.0, "velocity": 2.0, "stiffness": 200.0, "damping": 0}
+    lugre = Effect("lugre_friction", PLACE, truth)
+    along = Motion(DATA["time"].values, X[None], V[None])
+    force = -force_with(lugre.definition, lugre.values, along).ravel()
+    found = concluded(force, Effect("dahl_friction", PLACE, {"force": 25.0, "stiffness": 200.0}))
+    (effect,) = found.effects
+    assert effect.kind == "lugre_friction"
+    for name in ("force", "static_force", "velocity", "stiffness"):
+        value = effect.parameters[name]
+        assert abs(value.value - truth[name]) < 3 * value.stderr
+    assert any("dahl_friction" in r and "less likely" in r for r in found.reasons)
+    assert found.ledger.entries[-1].step == "lugre_friction"
+    # the loops of Bouc and Wen hold Dahl's: their further numbers are not needed
+    dahl = Effect("dahl_friction", PLACE, {"force": 20.0, "stiffness": 80.0})
+    found = concluded(-force_with(dahl.definition, dahl.values, along).ravel(), dahl)
+    assert [e.kind for e in found.effects] == ["dahl_friction"]
+    assert [p.second.kind for p in found.indistinguishable] == ["bouc_wen_hysteresis"]
 
 
 def test_noise_on_inputs_is_no_error_that_an_effect_has_to_explain():

@@ -83,10 +83,10 @@ def test_where_what_is_held_out_is_far_quieter_the_fitted_blocks_judge(
     search, held_out, fitted, earned
 ):
     """As of a decay whose end says nothing of a law that shows in large motions alone."""
-    before, after = judged(MODEL, 1.0), cubic(held_out).fitted
-    loud, left = sized(before, 10.0), sized(after, fitted)
+    before, after = judged(MODEL, 2.0), cubic(2 * held_out).fitted
+    loud, left = sized(before, 20.0), sized(after, 2 * fitted)
     assert (objection(loud, left, search.prepared) is None) == earned
-    assert objection(sized(before, 2.5), sized(after, 0.5), search.prepared) is not None
+    assert objection(sized(before, 5.0), sized(after, 1.0), search.prepared) is not None
 
 
 @pytest.mark.parametrize(
@@ -103,8 +103,19 @@ def test_what_acts_in_fitted_blocks_alone_has_to_leave_all_blocks_alike(
     search, held_out, loud, left, earned
 ):
     """As after a sweep that passed a resonance in none of the held-out blocks."""
+    before, after = judged(MODEL, 2.0), cubic(2 * held_out).fitted
+    told = objection(sized(before, 2 * loud), sized(after, 2 * left), search.prepared)
+    assert (told is None) == earned
+
+
+@pytest.mark.parametrize(
+    ("held_out", "left", "earned"),
+    [(1.0, 5.5, True), (1.0, 6.5, False), (1.15, 5.5, False)],
+)
+def test_where_noise_alone_is_held_out_the_fitted_blocks_judge(search, held_out, left, earned):
+    """As of a decay that is over before the first held-out block begins."""
     before, after = judged(MODEL, 1.0), cubic(held_out).fitted
-    told = objection(sized(before, loud), sized(after, left), search.prepared)
+    told = objection(sized(before, 10.0), sized(after, left), search.prepared)
     assert (told is None) == earned
 
 

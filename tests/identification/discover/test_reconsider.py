@@ -135,7 +135,7 @@ def test_a_kind_gives_way_to_a_better_one_of_its_family(monkeypatch, error, take
     monkeypatch.setattr(reconsider, "rivals_of", lambda *given: [candidate])
     monkeypatch.setattr(reconsider, "mimics", lambda *given: [])
     monkeypatch.setattr(reconsider, "_as_near_to_all", lambda *given: False)
-    monkeypatch.setattr(reconsider, "without_the_needless", lambda search, last: search)
+    monkeypatch.setattr(reconsider, "without_the_needless", lambda search, last=False: search)
     found = renamed(search)
     assert (kinds(found)[-1] == "dahl_friction") == taken
     assert bool(found.confusions) == alike
@@ -143,6 +143,25 @@ def test_a_kind_gives_way_to_a_better_one_of_its_family(monkeypatch, error, take
         assert {found.confusions[0].first.kind, found.confusions[0].second.kind} == {
             "coulomb_friction", "dahl_friction",
         }  # fmt: skip
+
+
+@pytest.mark.parametrize(("needless", "taken"), [(10.2, True), (20.0, False)])
+def test_of_kinds_that_tie_the_one_that_needs_fewer_others_is_taken(monkeypatch, needless, taken):
+    """The offset of a sensor beside a cubic spring makes a quadratic one, and a constant force."""
+    search = two(COULOMB)
+    errors = {
+        frozenset({"cubic_stiffness"}): 20.0,
+        frozenset(): 100.0,
+        frozenset({"dahl_friction"}): needless,
+        frozenset({"cubic_stiffness", "dahl_friction"}): 10.0,
+    }
+    monkeypatch.setattr(Search, "fitted_with", fitting(errors))
+    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: None)
+    monkeypatch.setattr(reconsider, "rivals_of", lambda *_: [ScreenedEffect(DAHL, 0.0, 0.5)])
+    monkeypatch.setattr(reconsider, "mimics", lambda *_: [])
+    found = renamed(search)
+    assert kinds(found) == (["dahl_friction"] if taken else kinds(search))
+    assert bool(found.confusions) == (not taken)
 
 
 @pytest.mark.parametrize("last", [True, False])
@@ -155,7 +174,7 @@ def test_a_constant_is_asked_for_at_all_other_places(monkeypatch, last):
     for kind, at, values in [(*other, {"stiffness": 2.0}), push][:: 1 if last else -1]:
         found.accept([refitted(found.stage.model, kind, at, values, 10.0)])
     monkeypatch.setattr(reconsider, "_as_near_to_all", lambda *given: False)
-    monkeypatch.setattr(reconsider, "without_the_needless", lambda search, last: search)
+    monkeypatch.setattr(reconsider, "without_the_needless", lambda search, last=False: search)
     monkeypatch.setattr(Search, "fitted_with", placed({("m1",): 10.0, ("m2",): 10.01}))
     (pair,) = renamed(found).confusions
     assert (pair.first.at, pair.second.at) == (("m1",), ("m2",))

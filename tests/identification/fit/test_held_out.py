@@ -92,6 +92,16 @@ def test_a_free_decay_is_cut_by_time():
     assert ranges(steady)[0] == pytest.approx((400, 550), abs=120)
 
 
+def test_a_decay_that_is_over_early_is_judged_where_it_moves():
+    time = np.arange(3000) / RATE
+    x = np.exp(-2.5 * time) * np.cos(20 * time)
+    assert np.max(np.abs(x[1050:])) < 0.03
+    decay = xr.Dataset({"x": ("time", x)}, {"time": time})
+    judges = sides_of(oscillator(inputs=[]), decay)[1]
+    assert np.max(np.abs(judges[0].Y)) > 0.3
+    assert judges[-1].first + judges[-1].samples == 3000
+
+
 def test_blocks_too_short_for_a_fit_are_cut_by_time():
     """Where nearly all of the motion is in a few samples."""
     time = np.arange(2000) / RATE
