@@ -111,7 +111,7 @@ def windows_after(
     """Cut pieces into windows that start where the stage before was, or the smoothed motion."""
     windows = prepared.windows_of(model, pieces, span)
     if before is None:
-        return windows
+        return _not_lost(model, prepared, windows)
     run = prepared.runner(before.model).run(before.model)
     seen = run.over_all(before.pieces, keep=True)
     first = {}
@@ -130,6 +130,24 @@ def windows_after(
         finite = np.isfinite(start.vector).all()
         found.append(StartedPiece(window.record, start) if finite else window)
     return found
+
+
+def _not_lost(
+    model: MechanicalModel, prepared: PreparedRecord, windows: list[StartedPiece]
+) -> list[StartedPiece]:
+    """Return the windows, with starts of their own where those of the smoothed motion are far off.
+
+    Where a mass has no displacement sensor its place is a matter of the model that smoothed the
+    motion, and a law that grows fast makes of a wrong place a force beyond all bounds: a fit would
+    then bend the law to the starts, even away from the true one.
+    """
+    run = prepared.runner(model).run(model)
+    if run.linear or not windows[0].start.vector.size:
+        return windows
+    with np.errstate(over="ignore", invalid="ignore"):
+        left = np.mean(run.all_errors(windows) ** 2, axis=0)
+    seen = np.var(np.concatenate([window.record.Y for window in windows]), axis=0)
+    return windows if np.all(left < seen) else prepared.with_fitted_starts(run, windows)
 
 
 @dataclass(frozen=True, eq=False)
