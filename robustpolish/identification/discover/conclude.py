@@ -76,7 +76,7 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
     wrong_name = better_shape(final.model, prepared) if added and above else None
     if added and verdict.word == "partly_explained":
         fall = float(np.max(1 - error / refitted))
-        if fall < search.policy.visible_fall:
+        if fall < search.policy.visible_fall or _explained(refitted, error, verdict.floor) <= 0:
             # a fit to the whole record may leave nothing of what helped on some blocks
             wrong_name = wrong_name or "No effect of the catalogue makes the error fall visibly."
         effects = range(len(reference.effects), len(final.model.effects))
