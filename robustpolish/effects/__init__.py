@@ -19,6 +19,8 @@ from robustpolish.effects.kind import CONSTANT as CONSTANT
 from robustpolish.effects.kind import GROUND as GROUND
 from robustpolish.effects.kind import EffectKind as EffectKind
 from robustpolish.effects.kind import Parameter as Parameter
+from robustpolish.effects.kind import SignalSlope as SignalSlope
+from robustpolish.effects.kind import Timing as Timing
 from robustpolish.effects.learned_law import LearnedLaw as LearnedLaw
 from robustpolish.effects.own import OWN_KEYS as OWN_KEYS
 from robustpolish.effects.own import own_kind as own_kind

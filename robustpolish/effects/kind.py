@@ -277,12 +277,12 @@ class EffectKind:
         acceleration are inputs, too.
     timing : callable, optional
         Of an effect on an input that changes only when its samples act: ``timing(values)`` gives
-        the hold between them, a delay and a lag, see :class:`Timing`. Runs go by it; `on_signal`
-        is the nearest record of a linear input.
+        the hold between them, a delay and a lag, see :class:`robustpolish.effects.Timing`. Runs go
+        by it; `on_signal` is the nearest record of a linear input.
     linear_signal : callable, optional
         ``linear_signal(values)`` gives the gain, the delay and the lag that a linear model keeps
-        of `on_signal`, see :class:`SignalSlope`; by default what `timing` says, else its answer to
-        a step, at once.
+        of `on_signal`, see :class:`robustpolish.effects.SignalSlope`; by default what `timing`
+        says, else its answer to a step, at once.
     linear_in : tuple of str or of tuple of str, optional
         Parameters in which the law is linear: screening fits a coefficient for each. An entry of
         several names moves them together.
