@@ -42,9 +42,10 @@ def add_one(search: Search) -> bool:
         others = [r for r in ranked if not objection(search.stage, r.fitted, search.prepared)]
         near = _helpful(ranked, search)
         before = search.copy()
+        room = search.policy.most_effects - search.added
         earned = (
             chosen(ranked, search)
-            or together(ranked, found.pairs, search)
+            or (together(ranked, found.pairs, search) if room > 1 else [])
             or chosen(_preloads(refits, start, search), search)
         )
         if earned:

@@ -135,6 +135,16 @@ def test_where_nothing_earns_its_place_what_helped_is_kept(search, monkeypatch):
     assert not any(item.constant for item in turn.others)
 
 
+@pytest.mark.parametrize(("most", "asked"), [(1, False), (2, True)])
+def test_two_at_once_need_room_for_two(search, monkeypatch, most, asked):
+    tried = []
+    monkeypatch.setattr(module, "chosen", lambda *_: [])
+    monkeypatch.setattr(module, "together", lambda *_: tried.append(1) or [])
+    policy = replace(search.policy, most_effects=most)
+    add_one(replace(search, prepared=replace(search.prepared, policy=policy)))
+    assert bool(tried) == asked
+
+
 def test_what_swings_by_itself_is_tried_at_all_places():
     """Found at one place, it may as well hang at another."""
     at, values = ("x",), [0.1, 0.1 * 60.0**2, 0.3]
