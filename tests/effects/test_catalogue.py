@@ -5,8 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from robustpolish.effects import Effect, Motion, force_along, kinds, lookup, shapes_along
+from robustpolish.models import Damper, Dof, MechanicalModel, Output, Spring
+from robustpolish.simulation.run import simulate
 
 NAMED = [
     "coulomb_friction",
@@ -176,3 +179,18 @@ def test_loops_that_feed_the_motion_are_no_hysteresis():
     assert kind.implausible(values) is None
     assert "feed energy" in str(kind.implausible({**values, "beta": -0.1}))
     assert [p.name for p in kind.parameters if not p.fitted] == ["force"]  # beta and gamma say it
+
+
+@pytest.mark.parametrize("stiffness", [500.0, 2000.0, 8000.0])
+def test_a_slider_behind_a_spring_slips_right_in_rough_steps(stiffness):
+    """What a step overshoots slides back, but not beyond its end, where the slider would stick."""
+    at, time = ("x", "ground"), 0.004 * np.arange(1000)
+    spring, damper, output = Spring(at, 4000.0), Damper(at, 1.0), Output("x", at)
+    model = MechanicalModel((Dof("x", 1.0),), (spring,), (damper,), (), (output,))
+    values = {"force": 0.5, "stiffness": stiffness}
+    model = model.with_effect("elastic_coulomb_friction", at, values)
+    about = xr.Dataset({"x": ("time", 0.02 * np.cos(63 * time))}, {"time": time})
+    fine, rough = (
+        simulate(model, about, [0.02, 0.0], substeps=steps).outputs for steps in (64, None)
+    )
+    assert np.std(rough - fine) < 1e-3 * np.std(fine)

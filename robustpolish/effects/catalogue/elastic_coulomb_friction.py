@@ -13,9 +13,10 @@ from robustpolish.effects.shapes import Scan
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
     # z is the elongation between the slider and the end, p: slip force, stiffness, whether it acts
-    # behind the clearance, which comes last.
+    # behind the clearance, the clearance and the length of a step.
     # It follows the motion until the slider slips. A step may overshoot the elongation of slip:
-    # the force is cut off, and the overshoot slides back with the sliding distance.
+    # the force is cut off, and the overshoot slides back with the sliding distance, but not beyond
+    # its end in one step, where the slider would stick again.
     reach = p[0] / max(p[1], 1e-300)
     gap = p[2] * p[3]
     longest = reach + gap
@@ -24,12 +25,17 @@ def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by N
     if over >= 0.0:
         f[0] = -side * p[0]
         if side * v[0] > 0.0:
-            dz[0] = -side * over * abs(v[0]) / max(reach, 1e-300)
+            dz[0] = -side * over * min(abs(v[0]) / max(reach, 1e-300), 1.0 / max(p[4], 1e-300))
         else:
             dz[0] = v[0]
     else:
         f[0] = -side * p[1] * max(abs(z[0]) - gap, 0.0)
         dz[0] = v[0]
+
+
+def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    # what a step overshoots slides back with the sliding distance
+    return values["stiffness"], 0.0, v * values["stiffness"] / max(values["force"], 1e-300)
 
 
 def _state_sizes(values: Mapping[str, float], q: float, v: float) -> tuple[float, ...]:
@@ -48,9 +54,10 @@ KIND = EffectKind(
     law=_law,
     linear_in=("force",),
     scan=(Scan("stiffness", "per slip", (0.02, 0.05, 0.12, 0.3, 0.6, 1.0)),),
+    gains=_gains,
     state_sizes=_state_sizes,
     states=1,
-    context=("clearance",),
+    context=("clearance", "step"),
     family="dry friction",
     sharp=True,
     looks_like="Parallelogram loops of residual force over displacement; stiff after each "

@@ -123,7 +123,7 @@ def visible_falls(before: JudgedFit, after: JudgedFit, prepared: PreparedRecord)
     rise and an effect hardly acts there, the fitted blocks judge it: where those are far louder,
     their errors have to fall by far; where beside the effect all blocks are alike, as after a sweep
     that passed a resonance in one of them, or where the held-out ones show noise alone in any case,
-    as when a decay is over, by twice as much as held-out ones.
+    as when a decay is over, by twice as much as held-out ones; where both holds, by as much.
     """
     policy = prepared.policy
     fall = falls(before, after)
@@ -158,8 +158,11 @@ def _falls_where_loud(
         return fitted
     alike = np.all(np.abs(np.log(left / after.error)) < np.log(policy.at_floor))
     silent = np.all(before.error < policy.at_floor * prepared.scales.noise)
-    noisy = (alike or silent) and _log_left(fall) < policy.together
-    return fitted if noisy and np.max(fitted) > 2 * policy.visible_fall else None
+    if _log_left(fall) >= policy.together or not (alike or silent):
+        return None
+    if alike and silent:
+        return fitted if _visible(fitted, policy.visible_fall) else None
+    return fitted if np.max(fitted) > 2 * policy.visible_fall else None
 
 
 def falls_where_fitted(before: JudgedFit, after: JudgedFit, policy: Policy) -> bool:

@@ -119,6 +119,13 @@ def test_where_noise_alone_is_held_out_the_fitted_blocks_judge(search, held_out,
     assert (told is None) == earned
 
 
+@pytest.mark.parametrize(("loud", "earned"), [(1.5, True), (1.3, False)])
+def test_where_noise_alone_is_left_everywhere_a_visible_fall_is_enough(search, loud, earned):
+    before, after = judged(MODEL, 1.0), cubic(1.0).fitted
+    told = objection(sized(before, loud), sized(after, 1.1), search.prepared)
+    assert (told is None) == earned
+
+
 def test_a_rise_of_quiet_held_out_errors_weighs_less_than_the_fall_of_loud_ones(search):
     """One of two held-out errors rises by a little more than the other falls, all others fall."""
     before, after = judged(MODEL, [1.1, 2.0]), cubic([1.35, 1.7]).fitted
