@@ -64,6 +64,8 @@ class Policy:
     most_lines, light : int, float
         Lines of the missing force at which something that hangs on a machine is tried where nothing
         else helps, and the share of the mass it hangs on with which it begins.
+    heavy : float
+        Times the mass of a machine from which what would hang on it is the ground.
     most_paired : int
         How many of the best are tried beside each other.
     most_pairs : int
@@ -218,6 +220,7 @@ class Policy:
     most_elsewhere: int = 2
     most_lines: int = 2
     light: float = 0.05
+    heavy: float = 10.0
     most_paired: int = 3
     most_pairs: int = 3
     most_likely: int = 2

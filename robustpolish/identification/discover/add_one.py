@@ -264,9 +264,11 @@ def _starts(search: Search) -> list[MechanicalModel]:
     """Return the models from which to screen, the more likely one first.
 
     A free-run fit bends the model's numbers to what is missing; one that is led by the data
-    leaves that to the free force, but may wander off where the data say little.
+    leaves that to the free force, but may wander off where the data say little. Where the fit went
+    too far to be believed, as after the offset of a sensor, the numbers as they were known lead.
     """
     if search.stage.model.effects != search.guided.effects:
         return [search.stage.model]
     pair = [search.stage.model, search.guided]
-    return sorted(pair, key=lambda model: null_score(model, search.prepared))
+    known = [search.reference] if search.far_from_known(search.stage.model) else []
+    return [*known, *sorted(pair, key=lambda model: null_score(model, search.prepared))]

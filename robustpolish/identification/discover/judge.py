@@ -92,6 +92,7 @@ def objection(
         effect.definition.implausible(effect.values)
         or _no_line_from_outside(before, after, prepared, index)
         or _within_a_sample(after.model, index, prepared.record)
+        or _too_heavy(after.model, index, policy)
     )
     if refused:
         return refused
@@ -233,6 +234,20 @@ def _within_a_sample(model: MechanicalModel, index: int, record: Record) -> str 
         if late < (_LATE - 0.5 * held) * record.dt:
             samples = late / record.dt
             return f"a {number.name} of {samples:.2g} samples is what its input does between them"
+    return None
+
+
+def _too_heavy(model: MechanicalModel, index: int, policy: Policy) -> str | None:
+    """Say whether an effect hangs far more mass on a machine than that has.
+
+    What cannot be moved is the ground: as a resonator it drifts for ever, as the offset of a sensor
+    makes a motion seem to.
+    """
+    effect = model.effects[index]
+    mass = effect.values.get("mass", 0.0) if effect.definition.swinging else 0.0
+    known = sum(dof.mass for dof in model.dofs)
+    if known > 0 and mass > policy.heavy * known:  # of a motion that is imposed none is known
+        return f"a mass of {mass:.3g} kg is far more than the machine has"
     return None
 
 

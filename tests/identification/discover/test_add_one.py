@@ -13,6 +13,7 @@ from robustpolish.identification.discover.add_one import (
     _at_lines,
     _moved,
     _refits,
+    _starts,
     _turned_gently,
     add_one,
 )
@@ -133,6 +134,16 @@ def test_where_nothing_earns_its_place_what_helped_is_kept(search, monkeypatch):
     assert turn.others[0].effect.kind == "cubic_stiffness"
     assert all(item.fitted.error < search.stage.error for item in turn.others)
     assert not any(item.constant for item in turn.others)
+
+
+@pytest.mark.parametrize(("times", "leads"), [(0.1, True), (0.9, False)])
+def test_numbers_as_they_were_known_lead_where_the_fit_went_too_far(search, times, leads):
+    """As after the offset of a sensor, which makes a spring vanish."""
+    stiffness = search.reference.springs[0].stiffness
+    moved = search.reference.with_parameters({"spring[0].stiffness": times * stiffness})
+    begun = replace(search, stage=judged(moved, 10.0), guided=moved)
+    assert (_starts(begun)[0] is search.reference) == leads
+    assert len(_starts(begun)) == 2 + leads
 
 
 @pytest.mark.parametrize(("most", "asked"), [(1, False), (2, True)])

@@ -207,6 +207,18 @@ def test_a_delay_within_a_sample_is_no_finding():
     assert remark(0.5) is None
 
 
+@pytest.mark.parametrize(("mass", "earned"), [(1.0, True), (1e5, False)])
+def test_what_hangs_on_a_machine_is_not_the_ground(mass, earned):
+    """With a mass without end it drifts as the offset of a sensor makes a motion seem to."""
+    model = oscillator()
+    prepared = prepared_of(model, record(1000))
+    values = {"mass": mass, "stiffness": 1.0, "damping": 1.0}
+    item = refitted(model, "attached_resonator", ("x",), values, 2.0)
+    told = objection(judged(model, 10.0), item.fitted, prepared)
+    assert (told is None) == earned
+    assert earned or "far more than the machine has" in told
+
+
 def test_an_effect_in_the_middle_is_judged_by_its_own_numbers(search):
     first = MODEL.with_effect("cubic_stiffness", PLACE, {"stiffness": 3.0})
     both = judged(first.with_effect("quadratic_damping", PLACE, {"coefficient": 3.0}), 2.0, share=1)
