@@ -158,19 +158,29 @@ def _likeliest_kinds(search: Search, final: Fit, error: Array, calm: bool) -> tu
         at = [(e.kind, e.at) for e in final.model.effects].index(place)
         effect = final.model.effects[at]
         judged = [(_odds(other, final), other) for other in _kinds_instead(search, final, at)]
-        odds, best = max(judged, key=lambda pair: pair[0], default=(-np.inf, final))
+        likelier = [
+            (odds, other)
+            for odds, other in judged
+            # more numbers ask for more evidence than they cost
+            if odds > (policy.least_odds if len(other.free) > len(final.free) else 0.0)
+        ]
         here = [p for p in search.confusions if (p.first.kind, p.first.at) == place]
-        if odds > policy.least_odds:
-            final, error = best, _whole_error(best.model, search, calm)
+        best, told = 0.0, [p.second.kind for p in here]
+        if likelier:
+            best, final = max(likelier, key=lambda pair: pair[0])
+            error, told = _whole_error(final.model, search, calm), []
             search.confusions[:] = [p for p in search.confusions if p not in here]
-            said = f"{effect} is less likely over the whole record, by log odds of {odds:.0f}."
+            said = f"{effect} is less likely over the whole record, by log odds of {best:.1f}."
             search.reasons.append(said)
             del search.steps[2 + at - first]
             search.steps.append((final.model.effects[-1].kind, final.model))
-            continue
-        told = [p.second.kind for p in here]
-        near = [other.model.effects[-1] for odds, other in judged if odds > -policy.strong_odds]
-        search.confusions += [confused(effect, e) for e in near if e.kind not in told]
+        now = final.model.effects[-1 if likelier else at]
+        seen = [(0.0, effect), *((odds, other.model.effects[-1]) for odds, other in judged)]
+        search.confusions += [
+            confused(now, other)
+            for odds, other in seen
+            if odds > best - policy.strong_odds and other.kind not in (now.kind, *told)
+        ]
     return final, error
 
 
