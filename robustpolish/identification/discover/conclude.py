@@ -31,6 +31,7 @@ from robustpolish.identification.fit.parameters import (
 from robustpolish.identification.laws.free_shape import better_shape
 from robustpolish.identification.laws.learn import Learned, learn
 from robustpolish.identification.observer.kalman import force_sites
+from robustpolish.identification.policy import Policy
 from robustpolish.identification.residuals.force_maps import force_maps
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import effect_unit, unit_of
@@ -155,33 +156,42 @@ def _likeliest_kinds(search: Search, final: Fit, error: Array, calm: bool) -> tu
     ):
         return final, error
     for place in remembering:
-        at = [(e.kind, e.at) for e in final.model.effects].index(place)
-        effect = final.model.effects[at]
-        judged = [(_odds(other, final), other) for other in _kinds_instead(search, final, at)]
-        likelier = [
-            (odds, other)
-            for odds, other in judged
-            # more numbers ask for more evidence than they cost
-            if odds > (policy.least_odds if len(other.free) > len(final.free) else 0.0)
-        ]
         here = [p for p in search.confusions if (p.first.kind, p.first.at) == place]
-        best, told = 0.0, [p.second.kind for p in here]
-        if likelier:
-            best, final = max(likelier, key=lambda pair: pair[0])
-            error, told = _whole_error(final.model, search, calm), []
-            search.confusions[:] = [p for p in search.confusions if p not in here]
-            said = f"{effect} is less likely over the whole record, by log odds of {best:.1f}."
+        began = at = [(e.kind, e.at) for e in final.model.effects].index(place)
+        others = list(_kinds_instead(search, final, at))
+        while likelier := _likelier(others, final, policy):
+            effect = final.model.effects[at]
+            odds, final = max(likelier, key=lambda pair: pair[0])
+            said = f"{effect} is less likely over the whole record, by log odds of {odds:.1f}."
             search.reasons.append(said)
-            del search.steps[2 + at - first]
-            search.steps.append((final.model.effects[-1].kind, final.model))
-        now = final.model.effects[-1 if likelier else at]
-        seen = [(0.0, effect), *((odds, other.model.effects[-1]) for odds, other in judged)]
-        search.confusions += [
-            confused(now, other)
-            for odds, other in seen
-            if odds > best - policy.strong_odds and other.kind not in (now.kind, *told)
-        ]
+            at = len(final.model.effects) - 1
+            others = list(_kinds_instead(search, final, at))  # begun with the force of this one
+        now = final.model.effects[at]
+        if now.kind != place[0]:
+            error = _whole_error(final.model, search, calm)
+            del search.steps[2 + began - first]
+            search.steps.append((now.kind, final.model))
+        # numbers that do nothing cost nothing here: they do not tell two kinds apart
+        odds_of = [(f.model.effects[-1], _odds(f, final, counted=False)) for f in others]
+        judged = {now.kind, *(e.kind for e, _ in odds_of)}
+        alike = [e for e, odds in odds_of if odds > -policy.strong_odds]
+        alike += [p.second for p in here if p.second.at != now.at or p.second.kind not in judged]
+        search.confusions[:] = [p for p in search.confusions if p not in here]
+        search.confusions += [confused(now, other) for other in alike]
     return final, error
+
+
+def _likelier(others: Sequence[Fit], final: Fit, policy: Policy) -> list[tuple[float, Fit]]:
+    """Return the fits that the whole record prefers, with their log odds.
+
+    One with more numbers needs more evidence than they cost.
+    """
+    judged = [(_odds(other, final), other) for other in others]
+    return [
+        (odds, other)
+        for odds, other in judged
+        if odds > (policy.least_odds if len(other.free) > len(final.free) else 0.0)
+    ]
 
 
 def _kinds_instead(search: Search, final: Fit, at: int) -> Iterator[Fit]:
@@ -201,11 +211,14 @@ def _kinds_instead(search: Search, final: Fit, at: int) -> Iterator[Fit]:
                 yield fitted
 
 
-def _odds(one: Fit, other: Fit) -> float:
-    """Return the log odds by which the whole record prefers one fit to another, numbers counted."""
+def _odds(one: Fit, other: Fit, counted: bool = True) -> float:
+    """Return the log odds by which the whole record prefers one fit to another.
+
+    `counted` says whether each number costs half a log of the samples.
+    """
     told = np.array([len(error) / inflation(error) for error in other.errors.T])
-    numbers = 0.5 * (len(one.free) - len(other.free)) * np.log(np.sum(told))
-    return float(np.sum(told * np.log(other.rmse / one.rmse)) - numbers)
+    cost = 0.5 * (len(one.free) - len(other.free)) * np.log(np.sum(told)) if counted else 0.0
+    return float(np.sum(told * np.log(other.rmse / one.rmse)) - cost)
 
 
 def _over_all(model: MechanicalModel, search: Search, calm: bool) -> list[Fit]:
