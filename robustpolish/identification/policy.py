@@ -95,7 +95,8 @@ class Policy:
         Times by which an error jumps where a fit lost the data that the one before followed.
 
     vanished : float
-        Share of its first size below which an effect has vanished in a stage of a fit.
+        Share of its first size below which an effect has vanished in a stage of a fit, or a spring
+        in the fit without effects.
 
     direct_steps, many_steps, few_steps : int
         Most steps of a direct fit, and of a stage for records up to and beyond `long_record`.

@@ -264,11 +264,13 @@ def _starts(search: Search) -> list[MechanicalModel]:
     """Return the models from which to screen, the more likely one first.
 
     A free-run fit bends the model's numbers to what is missing; one that is led by the data
-    leaves that to the free force, but may wander off where the data say little. Where the fit went
-    too far to be believed, as after the offset of a sensor, the numbers as they were known lead.
+    leaves that to the free force, but may wander off where the data say little. Where it left
+    nothing of a spring, as after the offset of a sensor, the numbers as they were known lead.
     """
     if search.stage.model.effects != search.guided.effects:
         return [search.stage.model]
     pair = [search.stage.model, search.guided]
-    known = [search.reference] if search.far_from_known(search.stage.model) else []
+    springs = zip(search.reference.springs, search.stage.model.springs, strict=True)
+    gone = any(now.stiffness < search.policy.vanished * was.stiffness for was, now in springs)
+    known = [search.reference] if gone else []
     return [*known, *sorted(pair, key=lambda model: null_score(model, search.prepared))]

@@ -183,10 +183,8 @@ class Search:
             return False
         if any(effect.definition.swinging for effect in effects):
             return True
-        return model.effects == self.reference.effects and self.far_from_known(model)
-
-    def far_from_known(self, model: MechanicalModel) -> bool:
-        """Return whether masses or springs of a model are too far from the known ones."""
+        if model.effects != self.reference.effects:
+            return False
         far = self.policy.bent
         known, now = (
             [dof.mass for dof in m.dofs] + [spring.stiffness for spring in m.springs]
