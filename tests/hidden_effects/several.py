@@ -22,10 +22,9 @@ SEEN_SEED = 20261122
 """Chosen before any of its cases had been run. Rules of the diagnosis were changed while looking at
 them since, so that they tell whether something got worse, and no more how good it is."""
 UNSEEN_SEED = 20270315
-"""Chosen when rules had been changed for the last time, before any of its cases had been drawn or
-run; cases of the numbers between had been looked at by then. Rules are not
-to be changed while looking at them: after the next change that does so this seed has been seen,
-too, and a new one takes its place."""
+"""Chosen before any of its cases had been drawn or run. Rules have been changed after a look at its
+mistakes since, so that it has been seen, too: a new one takes its place before the next
+examination. Rules are not to be changed while looking at that."""
 
 COUNTS = {"two": 2, "three": 3, "nothing": 0, "numbers": 0}
 PLAN = (

@@ -30,7 +30,8 @@ def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by N
             f[0] = -min(max(force, -size), size)
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+def gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
+    """Return the steepness of a force that builds up over a way, and slides: see `EffectKind`."""
     rate = abs(values["stiffness"]) * v / max(values["force"], 1e-300)
     return abs(values["stiffness"]), 0.0, rate
 
@@ -51,7 +52,7 @@ KIND = EffectKind(
     law=_law,
     linear_in=("force",),
     scan=(Scan("stiffness", "per slip", (0.003, 0.01, 0.03, 0.1, 0.3)),),
-    gains=_gains,
+    gains=gains,
     state_sizes=_state_sizes,
     states=1,
     context=("clearance", "step"),

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from robustpolish.effects.catalogue.backlash import BEHIND_CLEARANCE
+from robustpolish.effects.catalogue.dahl_friction import gains
 from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.effects.shapes import Scan
 
@@ -33,11 +34,6 @@ def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by N
         dz[0] = v[0]
 
 
-def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
-    # what a step overshoots slides back with the sliding distance
-    return values["stiffness"], 0.0, v * values["stiffness"] / max(values["force"], 1e-300)
-
-
 def _state_sizes(values: Mapping[str, float], q: float, v: float) -> tuple[float, ...]:
     return (max(values["force"] / max(values["stiffness"], 1e-300), 1e-6 * q),)
 
@@ -54,7 +50,7 @@ KIND = EffectKind(
     law=_law,
     linear_in=("force",),
     scan=(Scan("stiffness", "per slip", (0.02, 0.05, 0.12, 0.3, 0.6, 1.0)),),
-    gains=_gains,
+    gains=gains,
     state_sizes=_state_sizes,
     states=1,
     context=("clearance", "step"),

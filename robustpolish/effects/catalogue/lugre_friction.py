@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from robustpolish.effects.catalogue.dahl_friction import gains
 from robustpolish.effects.catalogue.stribeck_friction import STATIC_FORCE, VELOCITY, implausible
 from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.effects.shapes import Scan
@@ -21,8 +22,8 @@ def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by N
 
 
 def _gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
-    rate = abs(values["stiffness"]) * v / max(values["force"], 1e-300)
-    return abs(values["stiffness"]), abs(values["damping"]), rate
+    stiffness, _, rate = gains(values, q, v)
+    return stiffness, abs(values["damping"]), rate
 
 
 def _state_sizes(values: Mapping[str, float], q: float, v: float) -> tuple[float, ...]:

@@ -24,7 +24,13 @@ from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.findings.findings import Confusion, FoundEffect, Value
 from robustpolish.identification.findings.ledger import Entry, Ledger
 from robustpolish.identification.fit.homotopy import JudgedFit, free_rms, homotopy, rms_over
-from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from, inflation
+from robustpolish.identification.fit.least_squares import (
+    Fit,
+    covariance_of,
+    errors_from,
+    independent,
+    log_odds,
+)
 from robustpolish.identification.fit.parameters import (
     turns_over_gently,
 )
@@ -172,7 +178,7 @@ def _likeliest_kinds(search: Search, final: Fit, error: Array, calm: bool) -> tu
             del search.steps[2 + began - first]
             search.steps.append((now.kind, final.model))
         # numbers that do nothing cost nothing here: they do not tell two kinds apart
-        odds_of = [(f.model.effects[-1], _odds(f, final, counted=False)) for f in others]
+        odds_of = [(f.model.effects[-1], log_odds(f, final)) for f in others]
         judged = {now.kind, *(e.kind for e, _ in odds_of)}
         alike = [e for e, odds in odds_of if odds > -policy.strong_odds]
         alike += [p.second for p in here if p.second.at != now.at or p.second.kind not in judged]
@@ -186,7 +192,7 @@ def _likelier(others: Sequence[Fit], final: Fit, policy: Policy) -> list[tuple[f
 
     One with more numbers needs more evidence than they cost.
     """
-    judged = [(_odds(other, final), other) for other in others]
+    judged = [(log_odds(other, final) - _cost(other, final), other) for other in others]
     return [
         (odds, other)
         for odds, other in judged
@@ -211,14 +217,9 @@ def _kinds_instead(search: Search, final: Fit, at: int) -> Iterator[Fit]:
                 yield fitted
 
 
-def _odds(one: Fit, other: Fit, counted: bool = True) -> float:
-    """Return the log odds by which the whole record prefers one fit to another.
-
-    `counted` says whether each number costs half a log of the samples.
-    """
-    told = np.array([len(error) / inflation(error) for error in other.errors.T])
-    cost = 0.5 * (len(one.free) - len(other.free)) * np.log(np.sum(told)) if counted else 0.0
-    return float(np.sum(told * np.log(other.rmse / one.rmse)) - cost)
+def _cost(one: Fit, other: Fit) -> float:
+    """Return the log odds that the numbers which one fit has more than another cost it."""
+    return 0.5 * (len(one.free) - len(other.free)) * float(np.log(np.sum(independent(other))))
 
 
 def _over_all(model: MechanicalModel, search: Search, calm: bool) -> list[Fit]:

@@ -22,7 +22,7 @@ from robustpolish.identification.discover.search import Search, numbers_of
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.findings.findings import Confusion
 from robustpolish.identification.fit.homotopy import homotopy, judged
-from robustpolish.identification.fit.least_squares import inflation
+from robustpolish.identification.fit.least_squares import log_odds
 from robustpolish.identification.fit.polished import sharpened
 from robustpolish.identification.fit.prepared import with_rest
 from robustpolish.models.mechanical import MechanicalModel
@@ -237,9 +237,7 @@ def _another_friction(trials: Trials, chosen: Laws, other: Laws) -> bool:
 
 def _odds(trials: Trials, one: Laws, other: Laws) -> float:
     """Return the log odds by which the whole record prefers another set of laws to one."""
-    first, second = trials.fits[one], trials.fits[other]
-    told = np.array([len(first.errors) / inflation(error) for error in first.errors.T])
-    return float(np.sum(told * np.log(first.rmse / second.rmse)))
+    return log_odds(trials.fits[other], trials.fits[one])
 
 
 def _fitted(trials: Trials, laws: Laws, but: Laws) -> list[Effect]:

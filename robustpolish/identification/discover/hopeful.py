@@ -11,6 +11,7 @@ from robustpolish.effects import Effect, EffectKind, kinds
 from robustpolish.identification.discover.judge import line_of_motion
 from robustpolish.identification.fit.least_squares import Fit
 from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.observer.missing_force import Smoothed
 from robustpolish.identification.screening.candidates import columns_at, places, rivals
 from robustpolish.identification.screening.evidence import Evidence, evidence
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
@@ -182,7 +183,8 @@ def rivals_of(
     """
     kind = effect.definition
     others = [k for k in kinds().values() if k.kind != kind.kind and rivals(k, kind)]
-    return _suited(others, effect.at, stage, prepared, screening)
+    motion = prepared.motion(stage.model, prepared.screened)
+    return _suited(others, effect.at, motion, stage, prepared, screening)
 
 
 def sticking(stage: Fit, prepared: PreparedRecord, screening: Screening) -> list[ScreenedEffect]:
@@ -213,19 +215,19 @@ def sticking(stage: Fit, prepared: PreparedRecord, screening: Screening) -> list
     stillest = max(shares, key=lambda at: shares[at], default=None)
     if stillest is None or shares[stillest] < least:
         return []
-    return _suited(dry, stillest, stage, prepared, screening)
+    return _suited(dry, stillest, motion, stage, prepared, screening)
 
 
 def _suited(
     tried: Sequence[EffectKind],
     at: tuple[str, ...],
+    motion: Smoothed,
     stage: Fit,
     prepared: PreparedRecord,
     screening: Screening,
 ) -> list[ScreenedEffect]:
     """Return kinds of one family at a place, with the values that suit free runs best."""
     model, record = stage.model, prepared.screened
-    motion = prepared.motion(model, record)
     entries = [c for kind in tried for c in columns_at(model, kind, at, motion, record)]
     # among its like a kind needs no evidence of each of its parts: they show once it is refitted
     found = [

@@ -21,7 +21,7 @@ from robustpolish.identification.fit.homotopy import (
     judged,
     rms_over,
 )
-from robustpolish.identification.fit.least_squares import Fit, inflation
+from robustpolish.identification.fit.least_squares import Fit, log_odds
 from robustpolish.identification.fit.parameters import chain_keys, connected, driving
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.screening.filtered import null_score
@@ -132,9 +132,7 @@ def with_other_holds(
     now = left[order_now]
     best = min(left, key=lambda order: float(np.sum(np.log(left[order].rmse))))
     falls = np.log(now.rmse / left[best].rmse)
-    # coloured errors tell less
-    told = np.array([len(now.errors) / inflation(error) for error in now.errors.T])
-    odds = float(np.sum(told * falls))
+    odds = log_odds(left[best], now)
     believed = odds > prepared.policy.hold_odds and np.max(falls) >= -np.log(1 - fall)
     return held[best] if believed else None
 

@@ -480,6 +480,20 @@ def errors_from(covariance: xr.DataArray) -> dict[str, float]:
     return dict(zip(covariance["parameter"].values.tolist(), errors.tolist(), strict=True))
 
 
+def log_odds(one: Fit, other: Fit) -> float:
+    """Return the log odds by which a record prefers one fit to another fit to the same pieces.
+
+    Their errors alone are compared, numbers cost nothing. Coloured errors tell less: as many are
+    counted as are independent in the other fit.
+    """
+    return float(np.sum(independent(other) * np.log(other.rmse / one.rmse)))
+
+
+def independent(fitted: Fit) -> Array:
+    """Return how many errors of each output of a fit are as good as independent."""
+    return np.array([len(error) / inflation(error) for error in fitted.errors.T])
+
+
 def inflation(e: Array) -> float:
     """Return one plus twice the sum of squared autocorrelations, Bartlett's factor."""
     e = np.nan_to_num(e - np.mean(e))
