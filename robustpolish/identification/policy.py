@@ -166,6 +166,9 @@ class Policy:
     shares : tuple of float
         Shares of an effect's first size with which its fit is begun, one after the other, until
         runs follow the data at all.
+    larger : tuple of float
+        Times of its first size with which the likeliest effect is begun where its fit left nothing
+        of it.
     nats : float
         Fall of the log-likelihood below which the last stage of a final fit stops: a standard error
         is half of one, so that a fit that stops sooner is off by more than it says.
@@ -276,6 +279,7 @@ class Policy:
     growth: int = 4
     settled: float = 0.03
     shares: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1)
+    larger: tuple[float, ...] = (10.0, 100.0)
     nats: float = 0.05
     windows: int = 25
     shortest_window: int = 60

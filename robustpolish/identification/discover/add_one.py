@@ -9,6 +9,7 @@ from robustpolish.effects import Effect, kinds
 from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of, sticking
 from robustpolish.identification.discover.judge import (
     chosen,
+    constants_beside,
     falls_where_fitted,
     judgement,
     more_than_noise,
@@ -18,6 +19,8 @@ from robustpolish.identification.discover.judge import (
 from robustpolish.identification.discover.passed_over import passed_over
 from robustpolish.identification.discover.reconsider import rounded_friction
 from robustpolish.identification.discover.search import RefittedEffect, Search, Turn
+from robustpolish.identification.fit.homotopy import JudgedFit
+from robustpolish.identification.fit.parameters import idle, sized
 from robustpolish.identification.screening.candidates import places, rivals
 from robustpolish.identification.screening.filtered import null_score
 from robustpolish.identification.screening.screen import ScreenedEffect, screen
@@ -182,8 +185,46 @@ def _refits(search: Search, start: MechanicalModel, found: Hopeful) -> list[Refi
         search.say(f"refit with {candidate.effect}")
         fitted = search.fitted_with(start, candidate.effect)
         if fitted is not None:
-            refits.append(RefittedEffect(candidate, fitted))
+            refits.append(
+                RefittedEffect(candidate, _begun_larger(candidate, fitted, start, search))
+            )
+    refits += _other_constants(refits, start, search)
     return _at_lines([*refits, *_moved(refits, start, search)], start, search)
+
+
+def _begun_larger(
+    candidate: ScreenedEffect, fitted: JudgedFit, start: MechanicalModel, search: Search
+) -> JudgedFit:
+    """Return the fit of an effect, begun with more of it if nothing is left of what is likeliest.
+
+    Of a law that is stronger than all springs, a motion that was smoothed without it shows but a
+    hundredth.
+    """
+    assert search.screening is not None
+    likeliest = max(c.score for c in search.screening.candidates)
+    if candidate.score < likeliest or not idle(fitted.model.effects[-1]):
+        return fitted
+    fits = [fitted]
+    for times in search.policy.larger:
+        search.say(f"refit with {candidate.effect}, {times:g} times as large")
+        larger = search.fitted_with(start, sized(candidate.effect, times))
+        fits += [larger] if larger is not None else []
+    return min(fits, key=lambda each: judgement(each, fits))
+
+
+def _other_constants(
+    refits: Sequence[RefittedEffect], start: MechanicalModel, search: Search
+) -> list[RefittedEffect]:
+    """Refit constants of the other kinds beside one, where a law was found that tells them apart.
+
+    To a linear machine an offset is a preload; one with a clearance or a cubic spring feels the
+    preload alone.
+    """
+    first = next((item for item in refits if item.constant), None)
+    if first is None or not any(e.definition.domain == "pair" for e in start.effects):
+        return []
+    beside = constants_beside(first, refits, search)
+    return _refits_of([ScreenedEffect(e, 0.0, 0.0) for e in beside], refits, start, search)
 
 
 def _at_lines(

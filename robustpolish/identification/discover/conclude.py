@@ -70,7 +70,10 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
     final, error = _final_fit(search, best, calm)
     final, error = _without_idle(search, final, error, calm)
     final, error = _likeliest_kinds(search, final, error, calm)
+    jumping = final
     final, error = _gently(search, final, error, calm)
+    if final is not jumping:  # what stood in for the turn has nothing left to do
+        final, error = _without_idle(search, final, error, calm)
     added = len(final.model.effects) > len(reference.effects)
     search.say("errors of every step")
     errors = [_whole_error(m, search, calm) for _, m in search.steps[:-1]] + [error]

@@ -41,7 +41,7 @@ def chosen(refits: Sequence[RefittedEffect], search: Search) -> list[RefittedEff
     search : Search
     """
     refits = _unbeaten(refits, search)
-    earned = _first_earned(_in_turn(refits, search), search)
+    earned = _first_earned(refits, search)
     if earned is None:
         return []
     earned = _before_constant(earned, refits, search)
@@ -120,11 +120,12 @@ def visible_falls(before: JudgedFit, after: JudgedFit, prepared: PreparedRecord)
     """Return the share by which each error falls, None if none falls visibly.
 
     The held-out blocks may be the quieter part of a record. Where their errors fall at least half
-    as much as they should, those of the blocks that were fitted to count too. Where they do not
-    rise and an effect hardly acts there, the fitted blocks judge it: where those are far louder,
-    their errors have to fall by far; where beside the effect all blocks are alike, as after a sweep
-    that passed a resonance in one of them, or where the held-out ones show noise alone in any case,
-    as when a decay is over, by twice as much as held-out ones; where both holds, by as much.
+    as much as they should, those of the blocks that were fitted to count too. Where an effect
+    hardly acts there, the fitted blocks judge it: where those are far louder, their errors have to
+    fall by far, and those of both together; where the held-out ones do not rise and beside the
+    effect all blocks are alike, as after a sweep that passed a resonance in one of them, or where
+    the held-out ones show noise alone in any case, as when a decay is over, by twice as much as
+    held-out ones; where both holds, by as much.
     """
     policy = prepared.policy
     fall = falls(before, after)
@@ -154,8 +155,10 @@ def _falls_where_loud(
     fitted = 1 - left / loud
     if _visible(fall, policy.together) and not _mixed(fall, policy):
         return fall if _visible(fitted, policy.visible_fall) else None
-    quiet = np.all(policy.far * before.error < loud) and np.min(fall) > -policy.together
-    if quiet and np.max(fitted) > 1 - 1 / policy.far:
+    quiet = np.all(policy.far * before.error < loud)
+    # with what is still missing, the quiet blocks may lose a part of what the loud ones gain
+    gained = (_log_left(fall) + _log_left(fitted)) / fall.size < -np.log(policy.far)
+    if quiet and gained and np.max(fitted) > 1 - 1 / policy.far:
         return fitted
     alike = np.all(np.abs(np.log(left / after.error)) < np.log(policy.at_floor))
     silent = np.all(before.error < policy.at_floor * prepared.scales.noise)
@@ -407,16 +410,24 @@ def _simpler_first(ordered: list[RefittedEffect], search: Search) -> list[Refitt
     if not simpler:
         return ordered
     first = min(simpler, key=lambda item: (item.size, judgement(item.fitted, ordered)))
+    # what is like the simpler kind, and simpler still, may be of any family: one that never slips
+    # is a preload
+    most = judgement(first.fitted, ordered) + tolerance(search)
+    like = [i for i in ordered if i.size < first.size and judgement(i.fitted, ordered) < most]
+    first = min([first, *like], key=lambda item: (item.size, judgement(item.fitted, ordered)))
     return [first, *(item for item in ordered if item is not first)]
 
 
-def _first_earned(ordered: Sequence[RefittedEffect], search: Search) -> RefittedEffect | None:
-    """Return the first candidate that earns its place."""
-    for item in ordered:
+def _first_earned(refits: Sequence[RefittedEffect], search: Search) -> RefittedEffect | None:
+    """Return the first candidate that earns its place; those that are refused set no measure."""
+    left = list(refits)
+    while left:
+        item = _in_turn(left, search)[0]
         remark = objection(search.stage, item.fitted, search.prepared)
         if not remark:
             return item
         search.reasons.append(f"{item.effect} was not added: {remark}.")
+        left = [other for other in left if other is not item]
     return None
 
 
@@ -426,19 +437,43 @@ def _before_constant(
     """Return the effect that is to be named before a constant, or the constant.
 
     An offset or a preload hides how well other effects do. If one of them earns its place beside
-    the constant, it comes first, and the constant later.
+    the constant, it comes first, and the constant later. Beside a law that is not linear an offset
+    and a preload are no longer alike, so both are tried.
     """
     if not earned.constant:
         return earned
     alone = earned.fitted
     found: list[tuple[float, RefittedEffect]] = []
-    for item in ranked[: search.policy.most_paired]:
-        if item.constant:
-            continue
-        both = search.fitted_with(item.fitted.model, alone.model.effects[-1])
-        if both is not None and not objection(alone, both, search.prepared, place=-2):
-            found.append((float(np.mean(np.log(both.error))), item))
+    for item in _of_each_family(ranked)[: search.policy.most_paired]:
+        for constant in constants_beside(earned, ranked, search):
+            both = search.fitted_with(item.fitted.model, constant)
+            if both is not None and not objection(alone, both, search.prepared, place=-2):
+                found.append((float(np.mean(np.log(both.error))), item))
     return min(found, key=lambda pair: pair[0])[1] if found else earned
+
+
+def _of_each_family(ranked: Sequence[RefittedEffect]) -> list[RefittedEffect]:
+    """Return the first of each family at each place, constants left out."""
+    first: dict[tuple[str, tuple[str, ...]], RefittedEffect] = {}
+    for item in ranked:
+        kind = item.effect.definition
+        if not item.constant:
+            first.setdefault((kind.family or kind.kind, item.effect.at), item)
+    return list(first.values())
+
+
+def constants_beside(
+    constant: RefittedEffect, ranked: Sequence[RefittedEffect], search: Search
+) -> list[Effect]:
+    """Return a constant as fitted, and the likeliest one of each other kind.
+
+    Where it is one of the refits, with the values that were fitted.
+    """
+    screened = search.screening.candidates if search.screening is not None else ()
+    refitted = [item.fitted.model.effects[-1] for item in ranked if item.constant]
+    likely = sorted((c for c in screened if c.constant), key=lambda c: -c.score)
+    found = [constant.fitted.model.effects[-1], *refitted, *(c.effect for c in likely)]
+    return list({effect.kind: effect for effect in reversed(found)}.values())[::-1]
 
 
 def together(

@@ -16,6 +16,7 @@ from robustpolish.identification.observer.kalman import (
     Level,
     Scales,
     amplitude_of,
+    peak_of,
     scales_of,
 )
 from robustpolish.identification.observer.missing_force import Smoothed, smooth
@@ -41,8 +42,8 @@ class PreparedRecord:
     policy : Policy
         What fits and decisions go by.
     scales : Scales
-    amplitude : float
-        Of displacements, in m or rad.
+    amplitude, peak : float
+        Of displacements, in m or rad, and the largest; the second decides on steps.
     motion_sizes : ndarray, shape (n,)
         Sizes of the free displacements and velocities.
     estimation, trial, held_out, everything : list of StartedPiece
@@ -63,6 +64,7 @@ class PreparedRecord:
     policy: Policy
     scales: Scales
     amplitude: float
+    peak: float
     motion_sizes: Array
     estimation: list[StartedPiece]
     trial: list[StartedPiece]
@@ -145,7 +147,7 @@ class PreparedRecord:
 
     def runner(self, model: MechanicalModel, level: Level = FREE) -> Runner:
         """Return what runs a model and those that are tried in its place, led at a level."""
-        return Runner(model, self.record.dt, self.amplitude, level, self.scales)
+        return Runner(model, self.record.dt, self.peak, level, self.scales)
 
     def motion(self, model: MechanicalModel, record: Record) -> Smoothed:
         """Return the smoothed motion along the record or a part of it."""
@@ -204,6 +206,7 @@ def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedR
         motion = smooth(linear, record, scales, amplitude, policy.following)
     except np.linalg.LinAlgError as error:
         raise _no_such_motion(amplitude, scales) from error
+    peak = peak_of(model, record, scales.bandwidth, motion.q)
     repeated = repeats(model, record)
     if repeated is not None:
         scales = replace(scales, noise=repeated.noise)
@@ -220,7 +223,7 @@ def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedR
         )
 
     return PreparedRecord(
-        record, policy, scales, amplitude, _motion_sizes(model, motion),
+        record, policy, scales, amplitude, peak, _motion_sizes(model, motion),
         estimation=pieces(kept),
         trial=pieces([part.part(0, min(first, part.samples)) for part in kept]),
         held_out=pieces(judges),

@@ -29,6 +29,9 @@ _UNSOLVED = 1e-2
 # whole numbers of them, share of the range below which values are the same, and distances needed.
 _OFF, _SAME, _FEWEST = 0.02, 1e-9, 8
 # A force that lasts cannot be told from a displacement by a sensor that does not see one.
+_USUAL, _PEAK = 98.0, 4.0
+"""Percentile of a motion that is its amplitude, and times by which its peak is larger at most:
+beyond is a spike, or what an observer makes of drifting accelerometers."""
 _LEAK = {VELOCITY: 20.0, ACCELERATION: 4.0}
 
 
@@ -309,13 +312,39 @@ def _spectrum(record: Record, i: int) -> tuple[Array, Array]:
 
 def amplitude_of(model: MechanicalModel, record: Record, bandwidth: float) -> float:
     """Return a displacement amplitude, in m or rad, from outputs or imposed motions."""
+    return _displacement(model, record, bandwidth, _USUAL)
+
+
+def peak_of(
+    model: MechanicalModel, record: Record, bandwidth: float, smoothed: Array | None = None
+) -> float:
+    """Return the largest displacement, in m or rad: steps have to resolve laws there, too.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    record : Record
+    bandwidth : float
+        In rad/s.
+    smoothed : ndarray, optional
+        Displacements that an observer made of the record: accelerometers tell none.
+    """
+    moved = float(np.max(np.abs(smoothed), initial=0.0)) if smoothed is not None else 0.0
+    usual = amplitude_of(model, record, bandwidth)
+    return min(max(_displacement(model, record, bandwidth, 100.0), moved), _PEAK * usual)
+
+
+def _displacement(
+    model: MechanicalModel, record: Record, bandwidth: float, percentile: float
+) -> float:
     found = []
     for i, output in enumerate(model.outputs):
-        size = float(np.percentile(np.abs(record.Y[:, i] - np.median(record.Y[:, i])), 98))
+        away = np.abs(record.Y[:, i] - np.median(record.Y[:, i]))
         order = {DISPLACEMENT: 0, VELOCITY: 1, ACCELERATION: 2}.get(output.quantity)
         if order is not None:
-            found.append(size / bandwidth**order)
+            found.append(float(np.percentile(away, percentile)) / bandwidth**order)
     for item in model.inputs:
         if item.imposes == DISPLACEMENT and item.on[0] not in model.channels:
-            found.append(float(np.percentile(np.abs(record.data[item.name].values), 98)))
+            imposed = np.abs(record.data[item.name].values)
+            found.append(float(np.percentile(imposed, percentile)))
     return max(found, default=0.0)

@@ -13,9 +13,9 @@ from robustpolish.identification.observer.kalman import (
     Gain,
     Level,
     Scales,
-    amplitude_of,
     excited_bandwidth,
     observer_gain,
+    peak_of,
     with_missing_force,
 )
 from robustpolish.identification.record import Record
@@ -232,10 +232,10 @@ class RecordRun:
 
 def free_run(model: MechanicalModel, record: Record) -> RecordRun:
     """Return a model ready to run freely over a record."""
-    amplitude = 0.0
+    peak = 0.0
     if model.effects:
-        amplitude = amplitude_of(model, record, excited_bandwidth(model, record))
-    return Runner(model, record.dt, amplitude).run(model)
+        peak = peak_of(model, record, excited_bandwidth(model, record))
+    return Runner(model, record.dt, peak).run(model)
 
 
 def rest(model: MechanicalData) -> Start:
