@@ -172,6 +172,9 @@ class Policy:
     nats : float
         Fall of the log-likelihood below which the last stage of a final fit stops: a standard error
         is half of one, so that a fit that stops sooner is off by more than it says.
+    fades : float
+        Times by which a motion is louder where models are fitted than where they are judged, from
+        which both judge.
     windows, shortest_window : int
         Number and least length of windows, for models whose long runs judge nothing ("backlash
         between, in motion").
@@ -281,6 +284,7 @@ class Policy:
     shares: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1)
     larger: tuple[float, ...] = (10.0, 100.0)
     nats: float = 0.05
+    fades: float = 2.0
     windows: int = 25
     shortest_window: int = 60
     long_record: int = 4000

@@ -55,7 +55,7 @@ def chosen(refits: Sequence[RefittedEffect], search: Search) -> list[RefittedEff
 
 
 def judgement(fitted: JudgedFit, among: Sequence[RefittedEffect | JudgedFit]) -> float:
-    """Return the mean log of the held-out errors; of short windows unless all run reproducibly."""
+    """Return the mean log of the errors that rank; of short windows unless all run reproducibly."""
     return left_by(fitted, [i if isinstance(i, JudgedFit) else i.fitted for i in among])
 
 
@@ -120,18 +120,22 @@ def visible_falls(before: JudgedFit, after: JudgedFit, prepared: PreparedRecord)
     """Return the share by which each error falls, None if none falls visibly.
 
     The held-out blocks may be the quieter part of a record. Where their errors fall at least half
-    as much as they should, those of the blocks that were fitted to count too. Where an effect
-    hardly acts there, the fitted blocks judge it: where those are far louder, their errors have to
-    fall by far, and those of both together; where the held-out ones do not rise and beside the
-    effect all blocks are alike, as after a sweep that passed a resonance in one of them, or where
-    the held-out ones show noise alone in any case, as when a decay is over, by twice as much as
-    held-out ones; where both holds, by as much.
+    as much as they should, those of the blocks that were fitted to count too; where motion fades,
+    those of both together do. Where an effect hardly acts there, the fitted blocks judge it: where
+    those are far louder, their errors have to fall by far; where the held-out ones do not rise and
+    beside the effect all blocks are alike, as after a sweep that passed a resonance in one of them,
+    or where the held-out ones show noise alone in any case, as when a decay is over, by twice as
+    much as held-out ones; where both holds, by as much.
     """
     policy = prepared.policy
     fall = falls(before, after)
     seen = fall if _visible(fall, policy.visible_fall) else None
     if seen is not None and not _mixed(fall, policy):
         return seen
+    if before.reproducible and after.reproducible:
+        over_all = 1 - after.over_all / before.over_all
+        if _visible(over_all, policy.visible_fall) and not _mixed(over_all, policy):
+            return over_all
     loud = _falls_where_loud(before, after, fall, prepared)
     return seen if loud is None else loud
 
@@ -155,10 +159,8 @@ def _falls_where_loud(
     fitted = 1 - left / loud
     if _visible(fall, policy.together) and not _mixed(fall, policy):
         return fall if _visible(fitted, policy.visible_fall) else None
-    quiet = np.all(policy.far * before.error < loud)
-    # with what is still missing, the quiet blocks may lose a part of what the loud ones gain
-    gained = (_log_left(fall) + _log_left(fitted)) / fall.size < -np.log(policy.far)
-    if quiet and gained and np.max(fitted) > 1 - 1 / policy.far:
+    quiet = np.all(policy.far * before.error < loud) and np.min(fall) > -policy.together
+    if quiet and np.max(fitted) > 1 - 1 / policy.far:
         return fitted
     alike = np.all(np.abs(np.log(left / after.error)) < np.log(policy.at_floor))
     silent = np.all(before.error < policy.at_floor * prepared.scales.noise)

@@ -165,6 +165,8 @@ class JudgedFit:
         Whether free runs over whole pieces judge anything.
     over_fitted : callable
         Returns the error of free runs over the whole pieces that fits are made to, shape (ny,).
+    fades : bool
+        Whether the held-out pieces are far quieter than those that fits are made to.
     """
 
     fit: Fit
@@ -172,6 +174,7 @@ class JudgedFit:
     over_windows: Callable[[], Array]
     reproducible: bool
     over_fitted: Callable[[], Array]
+    fades: bool = False
 
     @cached_property
     def short(self) -> Array:
@@ -182,6 +185,15 @@ class JudgedFit:
     def fitted(self) -> Array:
         """Error over whole fitted pieces; measured only where fits ended on unlike windows."""
         return self.over_fitted()
+
+    @property
+    def over_all(self) -> Array:
+        """Error of free runs by which fits are ranked, held out and, where motion fades, fitted.
+
+        Many laws do the same in a motion that has faded; which of them is there shows while it is
+        loud, and with thousands of samples for each number a fit cannot bend itself to noise.
+        """
+        return np.sqrt(self.free * self.fitted) if self.fades else self.free
 
     @property
     def model(self) -> MechanicalModel:
@@ -195,9 +207,9 @@ class JudgedFit:
 
 
 def left_by(fitted: JudgedFit, among: Sequence[JudgedFit]) -> float:
-    """Return the mean log of the held-out errors; of short windows unless all run reproducibly."""
+    """Return the mean log of the errors that rank; of short windows unless all run reproducibly."""
     calm = fitted.reproducible and all(other.reproducible for other in among)
-    errors = fitted.free if calm else fitted.short
+    errors = fitted.over_all if calm else fitted.short
     return float(np.mean(np.log(np.maximum(errors, 1e-300))))
 
 
@@ -206,7 +218,7 @@ def judged(fitted: Fit, prepared: PreparedRecord) -> JudgedFit:
     free, calm = free_rms(fitted.model, prepared, prepared.held_out)
     over = partial(short_rms, fitted.model, prepared, prepared.held_out)
     long = partial(rms_over, fitted.model, prepared, prepared.trial)
-    return JudgedFit(fitted, free, over, calm, long)
+    return JudgedFit(fitted, free, over, calm, long, prepared.fades)
 
 
 def free_rms(

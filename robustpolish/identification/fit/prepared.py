@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -132,6 +133,15 @@ class PreparedRecord:
                 internal[known:] = end[known:]
                 started[i] = StartedPiece(here.record, Start(here.start.state, internal))
         return started
+
+    @cached_property
+    def fades(self) -> bool:
+        """Whether all outputs are far quieter where fits are judged than where they are made."""
+        held, fitted = (
+            np.std(np.concatenate([piece.record.Y for piece in pieces]), axis=0)
+            for pieces in (self.held_out, self.trial)
+        )
+        return bool(np.all(self.policy.fades * held < fitted))
 
     @property
     def steps(self) -> int:
