@@ -106,7 +106,8 @@ class Policy:
         Share of the error that a direct fit has to reach where both are far from the noise
         ("wrong numbers, four masses, coloured").
     unchanged : float
-        Log of a common factor, and of the error it may cost, that is not worth settling.
+        Log of a common factor, and of the error it may cost, that is not worth settling; and of an
+        error that is not worth to begin windows anew.
 
     mass_prior, gain_prior, spring_prior, damper_prior : float
         How well numbers are known beforehand, as shares: masses are weighed, springs are known
@@ -169,6 +170,8 @@ class Policy:
     larger : tuple of float
         Times of its first size with which the likeliest effect is begun where its fit left nothing
         of it.
+    rounds : int
+        Most times that the first windows of a fit are begun anew.
     nats : float
         Fall of the log-likelihood below which the last stage of a final fit stops: a standard error
         is half of one, so that a fit that stops sooner is off by more than it says.
@@ -283,6 +286,7 @@ class Policy:
     settled: float = 0.03
     shares: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1)
     larger: tuple[float, ...] = (10.0, 100.0)
+    rounds: int = 6
     nats: float = 0.05
     fades: float = 2.0
     windows: int = 25

@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
+import numpy as np
+
 from robustpolish.effects import Effect, kinds
 from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of, sticking
 from robustpolish.identification.discover.judge import (
@@ -37,7 +39,7 @@ def add_one(search: Search) -> bool:
         screening = search.screening = screen(start, search.prepared)
         search.say(f"a look at free runs for effect {number}")
         found = hopeful(screening, search.stage.fit, search.prepared).without(search.barred)
-        refits = _refits(search, start, found)
+        refits = _sought_again(_refits(search, start, found), start, search)
         refits += _instead(refits, found, start, search)
         ranked = sorted(refits, key=lambda item: judgement(item.fitted, refits))
         why = passed_over(screening.candidates, found, refits, search)
@@ -190,6 +192,28 @@ def _refits(search: Search, start: MechanicalModel, found: Hopeful) -> list[Refi
             )
     refits += _other_constants(refits, start, search)
     return _at_lines([*refits, *_moved(refits, start, search)], start, search)
+
+
+def _sought_again(
+    refits: list[RefittedEffect], start: MechanicalModel, search: Search
+) -> list[RefittedEffect]:
+    """Fit what would be added, or is likeliest, once more if it leaves far more than noise.
+
+    The windows of its first fit begin where a motion was that was smoothed without its law: of one
+    that is far stronger than the springs they are lost, and the fit with them.
+    """
+    first = _would_be_added(refits, search) or max(
+        refits, key=lambda item: item.screened.score, default=None
+    )
+    least = search.policy.far * search.prepared.scales.noise
+    if first is None or not np.all(first.fitted.fitted > least):
+        return refits
+    search.say(f"refit with {first.effect}, its windows begun anew")
+    again = search.fitted_with(start, first.effect, anew=True)
+    if again is None or judgement(again, [first]) >= judgement(first.fitted, [again]):
+        return refits
+    better = RefittedEffect(first.screened, again)
+    return [better if item is first else item for item in refits]
 
 
 def _begun_larger(

@@ -57,6 +57,8 @@ def settle_damping(search: Search) -> Search:
             and p.first.definition.family == p.second.definition.family
         ]
         trials = _trials(search, search.stage.model, at, cut, alike)
+        if not np.isfinite(trials.found.lost):
+            continue  # no observer follows a law far stronger than the springs
         good = trials.possible(partial(_sound, trials))
         if not all(trials.found.effects(laws) for laws in good):
             continue  # a damper alone does about as well, and nothing else was found

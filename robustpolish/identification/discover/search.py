@@ -156,16 +156,20 @@ class Search:
         lists: dict[str, Any] = {k: list(v) for k, v in values.items() if isinstance(v, list)}
         return replace(self, **lists)
 
-    def fitted_with(self, model: MechanicalModel, *effects: Effect) -> JudgedFit | None:
+    def fitted_with(
+        self, model: MechanicalModel, *effects: Effect, anew: bool = False
+    ) -> JudgedFit | None:
         """Return a model with more effects, fitted; None if no fit ended well.
 
         Where masses and springs were bent to what these do, they begin as they were known, too.
+        With `anew` the first windows are begun anew as their law is found.
         """
-        found = self._begun_smaller(model, *effects)
+        found = self._begun_smaller(model, *effects, anew=anew)
         if not self._bent(model, found, effects):
             return found
         known = replace(self.reference, effects=model.effects)
-        fits = [f for f in (found, self._begun_smaller(known, *effects)) if f is not None]
+        again = self._begun_smaller(known, *effects, anew=anew)
+        fits = [f for f in (found, again) if f is not None]
         return min(fits, key=lambda fitted: left_by(fitted, fits), default=None)
 
     def _bent(
@@ -192,7 +196,9 @@ class Search:
         )
         return any(a > 0 and not a / far <= b <= a * far for a, b in zip(known, now, strict=True))
 
-    def _begun_smaller(self, model: MechanicalModel, *effects: Effect) -> JudgedFit | None:
+    def _begun_smaller(
+        self, model: MechanicalModel, *effects: Effect, anew: bool = False
+    ) -> JudgedFit | None:
         """Return a model with more effects, fitted, begun with a share of their first sizes.
 
         Where these make runs diverge, as a softening spring does beyond its peak, smaller ones may
@@ -210,8 +216,9 @@ class Search:
                 values = sized(effect, share).values
                 extended = extended.with_effect(effect.definition, effect.at, values)
             stages = homotopy(
-                extended, prepared, pieces, self.reference, spans, steps, settled=policy.settled
-            )
+                extended, prepared, pieces, self.reference, spans, steps,
+                settled=policy.settled, anew=anew,
+            )  # fmt: skip
             if stages:
                 found = best_stage(stages, prepared)
                 if np.isfinite(found.error).all():

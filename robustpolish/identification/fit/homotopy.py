@@ -33,6 +33,7 @@ def homotopy(
     progress: Callable[[], None] | None = None,
     settled: float = SETTLED,
     last: float = SETTLED,
+    anew: bool = False,
 ) -> list[Fit]:
     """Fit over windows that grow; return the fit of every stage.
 
@@ -59,25 +60,27 @@ def homotopy(
         Relative fall of the cost below which a stage stops that only the next one begins with.
     last : float, optional
         The same of the last stage; below the usual one, it has as many steps as a direct fit.
+    anew : bool, optional
+        Whether the first windows are begun anew after their fit, as long as that helps: their first
+        starts are those of a motion that was smoothed without the law.
     """
     stages: list[Fit] = []
     kept: Fit | None = None
     first = model = with_units_of_force(model, reference)
     for span in spans if model.free else spans[-1:]:  # what is imposed cannot go astray
-        free = free_parameters(model, prepared.scales.bandwidth, prepared.policy, reference)
-        free = [number for number in free if number.key not in prepared.held]
         windows = windows_after(model, prepared, pieces, span, kept)
-        runner = prepared.runner(model)
-        sizes = prepared.sizes(model) if windows[0].start.vector.size else None
         enough = last if span == spans[-1] else settled
         steps = max(iterations, prepared.policy.direct_steps) if enough < SETTLED else iterations
         # an offset that is not known yet makes the smoothed motion so fast that laws diverge
         still = [StartedPiece(window.record, rest(model)) for window in windows]
-        tried = (Residuals(model, begun, runner, free, sizes) for begun in (windows, still))
+        tried = (residuals_of(model, begun, prepared, reference) for begun in (windows, still))
         fits = (fit(residuals, steps, progress, enough) for residuals in tried)
         result = next((found for found in fits if np.isfinite(found.cost)), None)
         if result is None:
             continue
+        if anew and not stages:
+            smoothed = prepared.windows_of(model, pieces, span)
+            result = _begun_anew(result, smoothed, prepared, reference, steps)
         stages.append(result)
         if kept is not None and np.max(result.rmse / kept.rmse) > prepared.policy.lost:
             continue  # the next stage starts where this one did
@@ -85,6 +88,37 @@ def homotopy(
     if kept is not None and all(kept is not stage for stage in stages[-2:]):
         stages.insert(len(stages) - 1, kept)
     return stages
+
+
+def _begun_anew(
+    found: Fit,
+    windows: Sequence[StartedPiece],
+    prepared: PreparedRecord,
+    reference: MechanicalModel,
+    steps: int,
+) -> Fit:
+    """Return a fit after rounds of starts that suit its law, and fits that suit the starts."""
+    for _ in range(prepared.policy.rounds):
+        run = prepared.runner(found.model).run(found.model)
+        begun = prepared.with_fitted_starts(run, windows)
+        other = fit(residuals_of(found.model, begun, prepared, reference), steps)
+        if not np.mean(np.log(other.rmse / found.rmse)) < -prepared.policy.unchanged:
+            break
+        found = other
+    return found
+
+
+def residuals_of(
+    model: MechanicalModel,
+    pieces: Sequence[StartedPiece],
+    prepared: PreparedRecord,
+    reference: MechanicalModel,
+) -> Residuals:
+    """Return the residuals of a model's runs over pieces, those numbers free that are not held."""
+    free = free_parameters(model, prepared.scales.bandwidth, prepared.policy, reference)
+    free = [number for number in free if number.key not in prepared.held]
+    sizes = prepared.sizes(model) if pieces[0].start.vector.size else None
+    return Residuals(model, pieces, prepared.runner(model), free, sizes)
 
 
 def _revived(model: MechanicalModel, first: MechanicalModel, vanished: float) -> MechanicalModel:

@@ -19,10 +19,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from robustpolish.arrays import Array
-from robustpolish.identification.fit.least_squares import Fit, Residuals, unfitted
-from robustpolish.identification.fit.parameters import free_parameters, turns_over_gently
+from robustpolish.identification.fit.homotopy import residuals_of
+from robustpolish.identification.fit.least_squares import Fit, unfitted
+from robustpolish.identification.fit.parameters import turns_over_gently
 from robustpolish.identification.fit.prepared import PreparedRecord
-from robustpolish.identification.observer.run import StartedPiece
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_rows
 
@@ -158,16 +158,3 @@ def polished(fitted: Fit, prepared: PreparedRecord, reference: MechanicalModel) 
 
 _LOST = 1e6
 """What an error counts at most, in those of the fit at its beginning: a run that diverged."""
-
-
-def residuals_of(
-    model: MechanicalModel,
-    pieces: list[StartedPiece] | tuple[StartedPiece, ...],
-    prepared: PreparedRecord,
-    reference: MechanicalModel,
-) -> Residuals:
-    """Return the residuals of a model's runs over pieces, those numbers free that are not held."""
-    free = free_parameters(model, prepared.scales.bandwidth, prepared.policy, reference)
-    free = [number for number in free if number.key not in prepared.held]
-    sizes = prepared.sizes(model) if pieces[0].start.vector.size else None
-    return Residuals(model, pieces, prepared.runner(model), free, sizes)
