@@ -44,7 +44,10 @@ def chosen(refits: Sequence[RefittedEffect], search: Search) -> list[RefittedEff
     earned = _first_earned(refits, search)
     if earned is None:
         return []
-    earned = _before_constant(earned, refits, search)
+    if earned.constant:
+        beside = _beside_constant(earned, refits, search)
+        if beside:
+            return beside
     here = judgement(earned.fitted, refits)
     for item in refits:
         apart = judgement(item.fitted, refits) - here
@@ -433,25 +436,25 @@ def _first_earned(refits: Sequence[RefittedEffect], search: Search) -> RefittedE
     return None
 
 
-def _before_constant(
-    earned: RefittedEffect, ranked: Sequence[RefittedEffect], search: Search
-) -> RefittedEffect:
-    """Return the effect that is to be named before a constant, or the constant.
+def _beside_constant(
+    constant: RefittedEffect, ranked: Sequence[RefittedEffect], search: Search
+) -> list[RefittedEffect]:
+    """Return what earns its place beside a constant, and the constant; none if nothing does.
 
-    An offset or a preload hides how well other effects do. If one of them earns its place beside
-    the constant, it comes first, and the constant later. Beside a law that is not linear an offset
-    and a preload are no longer alike, so both are tried.
+    An offset or a preload hides how well other effects do, and friction that never slips takes its
+    place if it is left for later. Beside a law that is not linear an offset and a preload are no
+    longer alike, so both are tried.
     """
-    if not earned.constant:
-        return earned
-    alone = earned.fitted
-    found: list[tuple[float, RefittedEffect]] = []
+    found: list[tuple[float, list[RefittedEffect]]] = []
     for item in _of_each_family(ranked)[: search.policy.most_paired]:
-        for constant in constants_beside(earned, ranked, search):
-            both = search.fitted_with(item.fitted.model, constant)
-            if both is not None and not objection(alone, both, search.prepared, place=-2):
-                found.append((float(np.mean(np.log(both.error))), item))
-    return min(found, key=lambda pair: pair[0])[1] if found else earned
+        for effect in constants_beside(constant, ranked, search):
+            both = search.fitted_beside(item.fitted, effect)
+            if both is None or objection(constant.fitted, both, search.prepared, place=-2):
+                continue
+            later = RefittedEffect(ScreenedEffect(effect, 0.0, 0.0), both)
+            stays = not objection(item.fitted, both, search.prepared)
+            found.append((judgement(both, [both]), [item, later] if stays else [item]))
+    return min(found, key=lambda pair: pair[0])[1] if found else []
 
 
 def _of_each_family(ranked: Sequence[RefittedEffect]) -> list[RefittedEffect]:
@@ -509,7 +512,7 @@ def together(
             continue
         one, other = (item for item in alone if item is not None)
         search.say(f"refit with {one.effect} and {other.effect}")
-        both = search.fitted_with(one.fitted.model, pair[1].effect)
+        both = search.fitted_beside(one.fitted, pair[1].effect)
         first = search.fitted_with(search.stage.model, pair[0].effect, pair[1].effect)
         fits = [fitted for fitted in (both, first) if fitted is not None]
         if not fits:

@@ -88,6 +88,8 @@ class Search:
         How it came here.
     barred : tuple of (str, tuple of str)
         Kinds with their places that are not to be added: taken out, to see what comes instead.
+    beside : dict
+        Fits with a further effect, by the fit without, kind and place: they are asked for again.
     """
 
     prepared: PreparedRecord
@@ -103,6 +105,9 @@ class Search:
     screening: Screening | None = None
     turns: list[Turn] = field(default_factory=list)
     barred: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    beside: dict[tuple[JudgedFit, str, tuple[str, ...]], JudgedFit | None] = field(
+        default_factory=dict
+    )
 
     @property
     def policy(self) -> Policy:
@@ -171,6 +176,13 @@ class Search:
         again = self._begun_smaller(known, *effects, anew=anew)
         fits = [f for f in (found, again) if f is not None]
         return min(fits, key=lambda fitted: left_by(fitted, fits), default=None)
+
+    def fitted_beside(self, fitted: JudgedFit, effect: Effect) -> JudgedFit | None:
+        """Return a fitted model with one more effect, fitted; None if no fit ended well."""
+        key = (fitted, effect.kind, effect.at)
+        if key not in self.beside:
+            self.beside[key] = self.fitted_with(fitted.model, effect)
+        return self.beside[key]
 
     def _bent(
         self, model: MechanicalModel, found: JudgedFit | None, effects: Sequence[Effect]
