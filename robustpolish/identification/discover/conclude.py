@@ -153,7 +153,7 @@ def _likeliest_kinds(search: Search, final: Fit, error: Array, calm: bool) -> tu
     """Return the final fit with the kinds of friction with memory that the whole record prefers.
 
     A part of the record may leave numbers of one kind more open than those of another, and held-out
-    blocks judge kinds with such numbers. Where noise alone is left, likelihood over the whole
+    blocks judge kinds with such numbers. Where little more than noise is left, likelihood over all
     decides, each kind begun with the force that the one found makes. What comes near is told alike.
     """
     first, policy = len(search.reference.effects), search.policy
@@ -161,7 +161,7 @@ def _likeliest_kinds(search: Search, final: Fit, error: Array, calm: bool) -> tu
     found = [e for e in final.model.effects[first:] if e.definition.family]
     remembering = [(e.kind, e.at) for e in found if e.definition.has_memory]
     if not (over_all and remembering) or np.any(
-        error > policy.at_floor * search.floor_beside(final.model, calm)
+        error > policy.shape_above * search.floor_beside(final.model, calm)
     ):
         return final, error
     for place in remembering:
