@@ -144,7 +144,7 @@ def _add(search: Search, wrong: WrongGain) -> None:
     effect, stage = wrong.effect, _with_gain(search, wrong.effect)
     if stage is None:
         return
-    if np.mean(np.log(stage.error / search.stage.error)) > search.policy.gain_loss:
+    if _lost(search.stage, stage) > search.policy.gain_loss:
         return
     search.stage = stage
     search.confusions += [confused(effect, other) for other in wrong.alike]
@@ -153,6 +153,12 @@ def _add(search: Search, wrong: WrongGain) -> None:
         "times as strongly as the record says."
     )
     search.steps.append((effect.kind, stage.model))
+
+
+def _lost(before: JudgedFit, after: JudgedFit) -> float:
+    """Return the log of the error that is lost; near chaos only long runs part by chance."""
+    pairs = (after.error, before.error), (after.short, before.short)
+    return min(float(np.mean(np.log(new / old))) for new, old in pairs)
 
 
 def _with_gain(search: Search, gain: Effect, at: int | None = None) -> JudgedFit | None:
