@@ -154,9 +154,10 @@ class Policy:
     shape_levels : tuple of Level
         Where the free curve is tried.
 
-    trial, screened, screened_imposed : int
+    trial, screened, screened_imposed, least_moving : int
         Samples of a trial piece, and of what is screened; where all motion is imposed, screening
-        is quick and the amplitudes of the whole record are welcome (the friction damper).
+        is quick and the amplitudes of the whole record are welcome (the friction damper). The last:
+        of what is screened at least, where a motion dies away early.
     swings, least_window, growth : float, int, int
         Swings of the fastest motion, and samples, that the first windows of a fit have at least,
         and by how much those of a candidate's fit grow: errors over a swing or two depend smoothly
@@ -280,6 +281,7 @@ class Policy:
     trial: int = 3500
     screened: int = 9000
     screened_imposed: int = 30000
+    least_moving: int = 200
     least_window: int = 50
     swings: float = 1.5
     growth: int = 4

@@ -269,6 +269,26 @@ def liveliest(record: Record, most: int) -> Record:
     return max(found, key=lambda item: item[0])[1]
 
 
+def moving(outputs: Array, quiet: Array, least: int) -> int:
+    """Return after how many samples outputs are quiet for good; all if that is less than half.
+
+    Parameters
+    ----------
+    outputs : ndarray, shape (samples, ny)
+    quiet : ndarray, shape (ny,)
+        Root mean squares below which they are.
+    least : int
+        Samples that are left in any case; in blocks of a quarter of them outputs are looked at.
+    """
+    samples, block = len(outputs), max(least // 4, 1)
+    away = outputs - np.mean(outputs[samples // 2 :], axis=0)
+    marks = np.arange(0, samples, block)
+    power = np.add.reduceat(away**2, marks, axis=0) / np.diff(np.append(marks, samples))[:, None]
+    loud = np.flatnonzero(np.any(power > quiet**2, axis=1))
+    over = max(int(marks[loud[-1]]) + block, least) if loud.size else least
+    return over if 2 * over < samples else samples
+
+
 def repetition(inputs: Array, dt: float) -> float | None:
     """Return the period in s with which inputs repeat, None if they do not.
 

@@ -24,7 +24,7 @@ from robustpolish.identification.observer.missing_force import Smoothed, smooth
 from robustpolish.identification.observer.run import RecordRun, Runner, Start, StartedPiece, rest
 from robustpolish.identification.observer.starts import fitted_starts, state_sizes
 from robustpolish.identification.policy import Policy
-from robustpolish.identification.record import Record, least_samples, liveliest
+from robustpolish.identification.record import Record, least_samples, liveliest, moving
 from robustpolish.identification.repeats import Repeats, repeats
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid
@@ -150,10 +150,17 @@ class PreparedRecord:
 
     @property
     def screened(self) -> Record:
-        """The contiguous part of a record that is screened: the liveliest."""
+        """The contiguous part of a record that is screened: the liveliest, while it moves.
+
+        What a motion has died away to is the same noise for all models, and over most of a record
+        it says that none of them explains anything.
+        """
         policy = self.policy
         most = policy.screened if self.motion_sizes.size else policy.screened_imposed
-        return liveliest(self.record, most)
+        part = liveliest(self.record, most)
+        return part.part(
+            0, moving(part.Y, policy.at_floor * self.scales.noise, policy.least_moving)
+        )
 
     def runner(self, model: MechanicalModel, level: Level = FREE) -> Runner:
         """Return what runs a model and those that are tried in its place, led at a level."""
