@@ -136,7 +136,7 @@ def _without_idle(search: Search, final: Fit, error: Array, calm: bool) -> tuple
         absurd = effect.definition.implausible(final.model.effects[at].values)
         if not absurd and not undetermined(final, at, policy, every=True):
             continue
-        for instead in simpler(search, at):
+        for instead in simpler(search, final.model, at):
             shorter = _no_worse(search, instead, error, calm, np.log(1 + policy.together))
             if shorter is not None:
                 final, error = shorter

@@ -136,7 +136,7 @@ def _mimics(search: Search, at: int) -> list[RefittedEffect]:
         return []
     tried = []
     for effect in nearly_the_same(search, search.stage.model, at):
-        fitted = _in_place(search, at, effect)
+        fitted = _in_place(search, search.stage.model, at, effect)
         if fitted is not None:
             tried.append(RefittedEffect(ScreenedEffect(effect, 0.0, 0.0), fitted))
     return tried
@@ -152,7 +152,7 @@ def _elsewhere(search: Search, at: int) -> list[RefittedEffect]:
         if (kind.kind, place) not in taken:
             same = kind.kind == model.effects[at].kind
             other = Effect.of(kind, place, model.effects[at].parameters if same else None)
-            fitted = _in_place(search, at, other)
+            fitted = _in_place(search, model, at, other)
             if fitted is not None:
                 tried.append(RefittedEffect(ScreenedEffect(other, 0.0, 0.0), fitted))
     return tried
@@ -177,17 +177,17 @@ def _rivals(search: Search, at: int) -> list[RefittedEffect]:
     return tried + rounded_friction(tried, without.model, search)
 
 
-def simpler(search: Search, at: int) -> Iterator[JudgedFit]:
-    """Fit kinds with fewer numbers in place of an effect, the fewest first.
+def simpler(search: Search, model: MechanicalModel, at: int) -> Iterator[JudgedFit]:
+    """Fit kinds with fewer numbers in place of an effect of a model, the fewest first.
 
     They begin with the values that they have in common with it, if it has all of theirs, and with
     the force that it makes.
     """
-    effect = search.stage.model.effects[at]
-    near = nearly_the_same(search, search.stage.model, at)
+    effect = model.effects[at]
+    near = nearly_the_same(search, model, at)
     fewer = [e for e in (*_in_common(effect), *near) if numbers_of(e) < numbers_of(effect)]
     for instead in sorted(fewer, key=numbers_of):
-        fitted = _in_place(search, at, instead)
+        fitted = _in_place(search, model, at, instead)
         if fitted is not None:
             yield fitted
 
@@ -390,14 +390,13 @@ def _as_good(without: JudgedFit, search: Search) -> bool:
 
 def _does_as_well(search: Search, at: int, other: Effect) -> bool:
     """Return whether another effect in place of one leaves as little."""
-    fitted = _in_place(search, at, other)
+    fitted = _in_place(search, search.stage.model, at, other)
     if fitted is None:
         return False
     return more_left(fitted, search.stage) < tolerance(search)
 
 
-def _in_place(search: Search, at: int, other: Effect) -> JudgedFit | None:
-    """Refit with another effect in place of one, None if no fit ended well."""
-    model = search.stage.model
+def _in_place(search: Search, model: MechanicalModel, at: int, other: Effect) -> JudgedFit | None:
+    """Refit a model with another effect in place of one, None if no fit ended well."""
     search.say(f"refit with {other} in place of {model.effects[at]}")
     return search.fitted_without(model, at, other)

@@ -194,7 +194,7 @@ def test_simpler_kinds_begin_with_the_values_they_have_in_common(monkeypatch):
         return judged(model.with_effect(effect.kind, effect.at, effect.values), 10.0)
 
     monkeypatch.setattr(Search, "fitted_with", fitted_with)
-    assert len(list(simpler(search, 0))) == len(tried)
+    assert len(list(simpler(search, search.stage.model, 0))) == len(tried)
     both = {"force": 3.0, "stiffness": 50.0}
     in_common = {e.kind: e.parameters for e in tried if e.values["force"] == 3.0}
     assert in_common["elastic_coulomb_friction"] == in_common["dahl_friction"] == both
@@ -213,7 +213,7 @@ def test_a_simpler_friction_turns_over_as_gently(monkeypatch):
     search.stage = judged(rig().with_effect("stribeck_friction", PLACE, values), 10.0)
     tried = []
     monkeypatch.setattr(Search, "fitted_with", lambda self, model, effect: tried.append(effect))
-    assert list(simpler(search, 0)) == []
+    assert list(simpler(search, search.stage.model, 0)) == []
     assert {e.values["width"] for e in tried if e.kind == "coulomb_friction"} == {0.03}
 
 
