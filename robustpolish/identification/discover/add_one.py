@@ -176,7 +176,9 @@ def _turned_gently(
 def _refits(search: Search, start: MechanicalModel, found: Hopeful) -> list[RefittedEffect]:
     """Refit the candidates that deserve it, as long as it can change anything."""
     refits: list[RefittedEffect] = []
-    for candidate in [*found.first, *found.further]:
+    in_turn = [*found.first, *found.further]
+    likeliest = max((candidate.score for candidate in in_turn), default=0.0)
+    for candidate in in_turn:
         # one that explains all with absurd numbers leaves its place to others
         sound = [r for r in refits if not objection(search.stage, r.fitted, search.prepared)]
         explained = any(search.at_floor(item.fitted) for item in sound)
@@ -186,10 +188,10 @@ def _refits(search: Search, start: MechanicalModel, found: Hopeful) -> list[Refi
             break
         search.say(f"refit with {candidate.effect}")
         fitted = search.fitted_with(start, candidate.effect)
+        if fitted is not None and candidate.score == likeliest:
+            fitted = _begun_larger(candidate, fitted, start, search)
         if fitted is not None:
-            refits.append(
-                RefittedEffect(candidate, _begun_larger(candidate, fitted, start, search))
-            )
+            refits.append(RefittedEffect(candidate, fitted))
     refits += _other_constants(refits, start, search)
     return _at_lines([*refits, *_moved(refits, start, search)], start, search)
 
@@ -219,14 +221,12 @@ def _sought_again(
 def _begun_larger(
     candidate: ScreenedEffect, fitted: JudgedFit, start: MechanicalModel, search: Search
 ) -> JudgedFit:
-    """Return the fit of an effect, begun with more of it if nothing is left of what is likeliest.
+    """Return the fit of an effect, begun with more of it if nothing of it is left.
 
     Of a law that is stronger than all springs, a motion that was smoothed without it shows but a
     hundredth.
     """
-    assert search.screening is not None
-    likeliest = max(c.score for c in search.screening.candidates)
-    if candidate.score < likeliest or not idle(fitted.model.effects[-1]):
+    if not idle(fitted.model.effects[-1]):
         return fitted
     fits = [fitted]
     for times in search.policy.larger:
