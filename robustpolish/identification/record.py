@@ -278,9 +278,9 @@ def moving(outputs: Array, quiet: Array, least: int) -> int:
     quiet : ndarray, shape (ny,)
         Root mean squares below which they are.
     least : int
-        Samples that are left in any case; in blocks of a quarter of them outputs are looked at.
+        Samples that are left in any case; in blocks of half as many outputs are looked at.
     """
-    samples, block = len(outputs), max(least // 4, 1)
+    samples, block = len(outputs), max(least // 2, 1)
     away = outputs - np.mean(outputs[samples // 2 :], axis=0)
     marks = np.arange(0, samples, block)
     power = np.add.reduceat(away**2, marks, axis=0) / np.diff(np.append(marks, samples))[:, None]

@@ -9,6 +9,7 @@ from robustpolish.identification.record import (
     checked_data,
     least_samples,
     long_enough,
+    moving,
     over_time,
     record_of,
     repetition,
@@ -205,3 +206,16 @@ def test_outputs_are_freed_of_what_sensors_add_and_lines_belong_to_their_part():
     part = found.part(100, 200)
     np.testing.assert_allclose(part.own_lines(lines).begin, lines.begin[100:200])
     assert part.own_lines(None) is None
+
+
+def test_a_motion_that_has_died_away_moves_no_more():
+    rng = np.random.default_rng(1)
+    time, noise = np.arange(2000.0), rng.standard_normal((2000, 2))
+    decay = 300.0 * np.exp(-time / 40) * np.cos(time)
+    outputs = 5.0 + noise + np.column_stack([decay, 0.5 * decay])
+    quiet = np.full(2, 1.5)
+    over = moving(outputs, quiet, 200)
+    assert 200 <= over <= 400  # of 300 noises one is left after 228 samples
+    assert moving(outputs, quiet, 500) == 500
+    assert moving(outputs[:390], quiet, 200) == 390  # more than half of it moves
+    assert moving(noise, quiet, 200) == 200

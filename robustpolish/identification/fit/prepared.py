@@ -159,7 +159,7 @@ class PreparedRecord:
         most = policy.screened if self.motion_sizes.size else policy.screened_imposed
         part = liveliest(self.record, most)
         return part.part(
-            0, moving(part.Y, policy.at_floor * self.scales.noise, policy.least_moving)
+            0, moving(part.Y, policy.shape_above * self.scales.noise, policy.least_moving)
         )
 
     def runner(self, model: MechanicalModel, level: Level = FREE) -> Runner:

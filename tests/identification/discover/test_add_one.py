@@ -12,7 +12,9 @@ from robustpolish.identification.discover.add_one import (
     _as_likely,
     _at_lines,
     _moved,
+    _other_constants,
     _refits,
+    _sought_again,
     _starts,
     _turned_gently,
     add_one,
@@ -221,3 +223,55 @@ def test_what_is_late_is_told_from_what_lags(kind, values):
     assert [*found.values.values()] == pytest.approx(values, rel=0.02)
     tried = {c.kind for c in search.candidates if np.isfinite(c.nrmse_held_out)}
     assert {"input_delay", "input_lag"} <= tried
+
+
+@pytest.mark.parametrize(("vanished", "begun"), [(True, [1.0, 10.0, 100.0]), (False, [1.0])])
+def test_the_likeliest_begins_larger_if_nothing_of_it_is_left(search, monkeypatch, vanished, begun):
+    first, tried = 1e5, []
+
+    def fitted_with(_, model, effect, anew=False):
+        times = effect.values["stiffness"] / first
+        tried.append(times)
+        nothing = vanished and times < 100
+        found = judged(model.with_effect(effect.kind, effect.at, {"stiffness": first}), 1 / times)
+        left = effect.with_values({"stiffness": 0.0 if nothing else 2 * effect.values["stiffness"]})
+        return replace(found, fit=replace(found.fit, model=replace(found.model, effects=(left,))))
+
+    monkeypatch.setattr(type(search), "fitted_with", fitted_with)
+    likely = ScreenedEffect(Effect("cubic_stiffness", PLACE, {"stiffness": first}), 90.0, 0.5)
+    start = search.stage.model
+    monkeypatch.setattr(module, "objection", lambda *_: "not asked here")
+    found = _refits(search, start, Hopeful([likely], [], [], []))
+    assert tried[: len(begun)] == pytest.approx(begun)
+    assert found[0].fitted.model.effects[0].values["stiffness"] == 2 * first * begun[-1]
+
+
+def test_what_would_be_added_is_sought_again_if_it_leaves_far_more_than_noise(search, monkeypatch):
+    model, before, noise = search.stage.model, search.stage.error, search.prepared.scales.noise
+    kept = refitted(model, "cubic_stiffness", PLACE, {"stiffness": 1e6}, 0.5 * before)
+    asked = []
+
+    def leaving(times):
+        return replace(kept, fitted=replace(kept.fitted, over_fitted=lambda: times * noise))
+
+    def fitted_with(_, model, effect, anew=False):
+        asked.append(anew)
+        return judged(model.with_effect(effect.kind, effect.at, {"stiffness": 4e6}), 0.1 * before)
+
+    monkeypatch.setattr(type(search), "fitted_with", fitted_with)
+    (found,) = _sought_again([leaving(3.1)], model, search)
+    assert asked == [True]
+    assert found.fitted.model.effects[0].values["stiffness"] == 4e6
+    near = leaving(2.9)
+    assert _sought_again([near], model, search) == [near]
+    assert asked == [True]
+
+
+def test_beside_a_law_an_offset_and_a_preload_are_both_tried(search):
+    model = search.stage.model.with_effect("backlash", PLACE, {"gap": 1e-4})
+    load = refitted(model, "constant_force", ("x",), {"force": 1.0}, 1.0)
+    offset = ScreenedEffect(Effect("sensor_offset", ("x",), {"offset": 1e-4}), 3.0, 0.1)
+    search.screening = Screening((load.screened, offset), (), FREE)
+    (found,) = _other_constants([load], model, search)
+    assert (found.effect.kind, found.effect.at) == ("sensor_offset", ("x",))
+    assert _other_constants([load], search.stage.model, search) == []

@@ -14,7 +14,7 @@ from robustpolish.identification.discover.judge import (
     together,
     tolerance,
 )
-from robustpolish.identification.discover.search import RefittedEffect
+from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.record import record_of
 from robustpolish.identification.screening.screen import ScreenedEffect
 from tests.identification.discover.searches import judged, prepared_of, refitted, search_of
@@ -386,3 +386,50 @@ def test_where_it_takes_the_error_away_by_far_a_line_near_a_mode_comes_from_outs
         hum = refitted(model, "harmonic_force", "x", own, left)
         said = objection(judged(model, 10.0), hum.fitted, prepared)
         assert (said is not None and "by itself" in said) == refused
+
+
+@pytest.mark.parametrize(
+    ("held_out", "left", "earned"),
+    [(2.4, 0.5, True), (2.4, 0.6, False), (2.0, 0.7, False), (1.6, 0.9, True)],
+)
+def test_where_motion_fades_quiet_and_loud_blocks_judge_together(search, held_out, left, earned):
+    """What is still missing may cost the quiet blocks a part of what the loud ones gain."""
+    before, after = fading(judged(MODEL, 2.0), 8.0), fading(cubic(held_out).fitted, 8.0 * left)
+    told = objection(before, after, search.prepared)
+    assert (told is None) == earned
+
+
+def fading(fitted, loud):
+    """A fit in a motion that fades, with the error of its louder blocks."""
+    return replace(fitted, fades=True, over_fitted=lambda: np.array([loud]))
+
+
+def test_a_constant_brings_along_what_earns_its_place_beside_it(search, monkeypatch):
+    """An offset is no preload to a law that is not linear: both are tried."""
+    load = refitted(MODEL, "constant_force", ("x",), {"force": 1.0}, 6.0)
+    offset = refitted(MODEL, "sensor_offset", ("f",), {"offset": 1.0}, 6.0)
+    law, left = drag(9.0), {"constant_force": 5.5, "sensor_offset": 1.0}
+
+    def beside(_, model, effect):
+        return judged(
+            model.with_effect(effect.kind, effect.at, {**effect.values}), left[effect.kind]
+        )
+
+    monkeypatch.setattr(Search, "fitted_with", beside)
+    found = chosen([load, offset, law], search)
+    assert [item.effect.kind for item in found] == ["quadratic_damping", "sensor_offset"]
+    assert found[0].fitted is law.fitted
+    assert [e.kind for e in found[1].fitted.model.effects] == ["quadratic_damping", "sensor_offset"]
+    left["sensor_offset"] = 5.8
+    assert chosen([load, offset, law], replace(search, beside={})) == [load]
+
+
+def test_what_is_refused_sets_no_measure_for_the_simplest(search):
+    """An absurd kind may come closest; of the others that are alike the simplest is taken."""
+    absurd = refitted(
+        MODEL, "stribeck_friction", PLACE,
+        {"force": 2.0, "static_force": 1.0, "velocity": 0.1, "width": 0.0}, 4.0,
+    )  # fmt: skip
+    many = refitted(MODEL, "elastic_coulomb_friction", PLACE, {"force": 2.0, "stiffness": 9.0}, 5.0)
+    found = chosen([absurd, many, cubic(5.03)], search)
+    assert [item.effect.kind for item in found] == ["cubic_stiffness"]

@@ -9,6 +9,7 @@ from robustpolish.identification.fit.homotopy import (
     free_rms,
     homotopy,
     judged,
+    left_by,
     short_rms,
     windows_after,
 )
@@ -17,6 +18,7 @@ from robustpolish.identification.fit.prepared import prepare
 from robustpolish.identification.observer.run import Start, StartedPiece
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
+from tests.hidden_effects.cases import Case, model_of, records, two
 from tests.identification.oscillators import PLACE, double_well, oscillator, record
 
 
@@ -178,3 +180,34 @@ def test_comparison_and_diagnosis_agree_on_what_is_reproducible(length):
     prepared = prepared_of(model, data)
     calm = free_rms(model, prepared, prepared.everything)[1]
     assert calm == compare(model, data).reproducible
+
+
+def test_where_motion_fades_the_loud_pieces_rank_with_the_quiet_ones():
+    prepared = prepared_of(oscillator(), record(2000, noise=0.01))
+    found = judged(
+        homotopy(oscillator(), prepared, prepared.trial, oscillator(), [1000])[-1], prepared
+    )
+    np.testing.assert_array_equal(found.over_all, found.free)
+    fading = replace(found, fades=True)
+    np.testing.assert_allclose(fading.over_all, np.sqrt(found.free * found.fitted))
+    worse = replace(fading, over_fitted=lambda: 4 * found.fitted)
+    assert left_by(worse, [fading]) - left_by(fading, [worse]) == pytest.approx(np.log(2))
+
+
+def test_windows_begun_anew_find_a_law_far_stronger_than_the_spring():
+    """A smoothed motion knows nothing of a spring that is forty times as stiff in it."""
+    machine = replace(two(), measured=[("x_m", "acceleration"), ("x", "displacement")])
+    place, size = ("x", "x_m"), 1e9
+    case = Case("stiff", machine, [("cubic_stiffness", place, [size])], excitation="none",
+                start=0.01, samples=2500, noise_db=55.0)  # fmt: skip
+    model, data = model_of(case), records(case)[0][0]
+    prepared = prepared_of(model, data)
+    begun = model.with_effect("cubic_stiffness", place, {"stiffness": 0.02 * size})
+    spans = prepared.spans(prepared.trial, POLICY.growth)
+    once, anew = (
+        homotopy(begun, prepared, prepared.trial, model, spans, 2 * prepared.steps, anew=each)
+        for each in (False, True)
+    )
+    found = anew[-1].model.effects[0].values["stiffness"]
+    assert found == pytest.approx(size, rel=0.02)
+    assert np.all(anew[-1].rmse < once[-1].rmse)

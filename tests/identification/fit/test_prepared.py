@@ -205,3 +205,22 @@ def test_an_effect_remembers_what_happened_in_the_window_before():
         np.testing.assert_array_equal(pieces[i].start.internal, [0.0])
     none = prepared.with_memory(oscillator(), cut)
     assert ranges(none) == ranges(cut)
+
+
+def test_a_decay_fades_and_a_steady_motion_does_not():
+    """What is held out of a decay is quieter than what is fitted."""
+    data = record(noise=0.01)
+    time = data["time"] - data["time"][0]
+    assert not prepared_of(oscillator(), data).fades
+    dying = data.assign(x=data["x"] * np.exp(-time))
+    assert prepared_of(oscillator(), dying).fades
+    assert not prepared_of(oscillator(), dying, Policy(fades=1e6)).fades
+
+
+def test_what_is_screened_ends_with_the_motion():
+    data = record(noise=0.01)
+    noise = float(data["x"].std()) * 1e-3 * np.random.default_rng(3).standard_normal(data.time.size)
+    early = data.assign(x=data["x"] * np.exp(-20 * (data["time"] - data["time"][0])) + noise)
+    part = prepared_of(oscillator(), early).screened
+    assert part.first == 0
+    assert POLICY.least_moving <= part.samples < data.time.size / 2

@@ -10,6 +10,7 @@ from robustpolish.identification.observer.kalman import (
     excited_bandwidth,
     force_sites,
     observer_gain,
+    peak_of,
     riccati,
     scales_of,
     white_noise,
@@ -155,3 +156,14 @@ def test_a_voltage_is_no_amplitude():
     read = model.with_channel("u", "V")
     one, other = (amplitude_of(m, record_of(m, data), 40.0) for m in (model, read))
     assert one == other < 5.0
+
+
+def test_the_peak_is_what_outputs_or_an_observer_show_but_no_spike_or_drift():
+    decay = 0.02 * np.exp(-TIME) * np.cos(20 * TIME)
+    usual, largest = (of(*seen("displacement", decay), 10.0) for of in (amplitude_of, peak_of))
+    assert largest == pytest.approx(0.02, rel=0.01)
+    assert 1.5 * usual < largest
+    seen_by_observer = np.array([[0.0, -0.03, 0.01]])
+    assert peak_of(*seen("displacement", decay), 10.0, seen_by_observer) == pytest.approx(0.03)
+    drifted = peak_of(*seen("displacement", decay), 10.0, 100 * seen_by_observer)
+    assert drifted == pytest.approx(4 * usual)
