@@ -5,7 +5,6 @@ from robustpolish.identification.compare.comparison import Comparison as Compari
 from robustpolish.identification.compare.steps import StepRun as StepRun
 from robustpolish.identification.compare.steps import step_runs as step_runs
 from robustpolish.identification.discover.diagnose import diagnose as diagnose
-from robustpolish.identification.discover.refit import refit as refit
 from robustpolish.identification.experiments.tell_apart import tell_apart as tell_apart
 from robustpolish.identification.experiments.told import ToldApart as ToldApart
 from robustpolish.identification.findings.diagnosis import Diagnosis as Diagnosis
@@ -27,6 +26,7 @@ from robustpolish.identification.frequency.comparison import (
 )
 from robustpolish.identification.frequency.comparison import ModeComparison as ModeComparison
 from robustpolish.identification.frequency.comparison import PairError as PairError
+from robustpolish.identification.numbers.refit import refit as refit
 from robustpolish.identification.residuals.analysis import ResidualAnalysis as ResidualAnalysis
 from robustpolish.identification.residuals.analysis import residual_analysis as residual_analysis
 from robustpolish.identification.residuals.correlation import autocorrelation as autocorrelation

@@ -8,15 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from robustpolish.effects import Effect, kinds
+from robustpolish.identification.discover.choose import chosen, constants_beside, together
 from robustpolish.identification.discover.hopeful import Hopeful, hopeful, rivals_of, sticking
 from robustpolish.identification.discover.judge import (
-    chosen,
-    constants_beside,
     falls_where_fitted,
     judgement,
     more_than_noise,
     objection,
-    together,
 )
 from robustpolish.identification.discover.passed_over import passed_over
 from robustpolish.identification.discover.reconsider import rounded_friction

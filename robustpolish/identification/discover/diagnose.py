@@ -12,19 +12,19 @@ from robustpolish.identification.discover.add_one import add_one
 from robustpolish.identification.discover.conclude import conclude
 from robustpolish.identification.discover.dampings import settle_damping
 from robustpolish.identification.discover.judge import more_left
-from robustpolish.identification.discover.own_numbers import (
+from robustpolish.identification.discover.search import Search
+from robustpolish.identification.discover.second_look import Followed, second_look
+from robustpolish.identification.discover.wrong_gains import add_wrong_gains
+from robustpolish.identification.findings.diagnosis import Diagnosis
+from robustpolish.identification.fit.long_records import taken
+from robustpolish.identification.fit.prepared import PreparedRecord, prepare
+from robustpolish.identification.numbers.own_numbers import (
     refit_own,
     split_holds,
     with_holds,
     with_other_holds,
 )
-from robustpolish.identification.discover.search import Search
-from robustpolish.identification.discover.second_look import Followed, second_look
-from robustpolish.identification.discover.warned import warned
-from robustpolish.identification.discover.wrong_gains import add_wrong_gains
-from robustpolish.identification.findings.diagnosis import Diagnosis
-from robustpolish.identification.fit.long_records import taken
-from robustpolish.identification.fit.prepared import PreparedRecord, prepare
+from robustpolish.identification.numbers.warned import warned
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, over_time, record_of
 from robustpolish.long_calls import same_bits, working

@@ -10,11 +10,11 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.own_numbers import timely
 from robustpolish.identification.findings.findings import Confusion, RankedCandidate
 from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy, left_by
 from robustpolish.identification.fit.parameters import idle, sized, turns_over_gently
 from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
+from robustpolish.identification.numbers.own_numbers import timely
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.residuals.noise_floor import noise_floor
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from robustpolish.arrays import Array
-from robustpolish.identification.discover.refit import refit
 from robustpolish.identification.experiments.candidates import experiments
 from robustpolish.identification.experiments.distance import (
     Machines,
@@ -26,6 +25,7 @@ from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.findings.findings import Confusion
 from robustpolish.identification.findings.refitted import Refit
 from robustpolish.identification.fit.parameters import free_parameters
+from robustpolish.identification.numbers.refit import refit
 from robustpolish.identification.observer.kalman import excited_bandwidth, scales_of
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import Record, long_enough, over_time, record_of

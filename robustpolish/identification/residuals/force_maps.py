@@ -8,8 +8,7 @@ import numpy as np
 
 from robustpolish.identification.findings.force_map import ForceMap
 from robustpolish.identification.observer.missing_force import Smoothed
-from robustpolish.identification.residuals.foretold import foretold
-from robustpolish.identification.residuals.places import forces_at_places
+from robustpolish.identification.residuals.places import forces_at_places, foretold
 from robustpolish.models.mechanical import MechanicalModel
 
 

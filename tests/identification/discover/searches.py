@@ -3,15 +3,18 @@
 import numpy as np
 
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.own_numbers import refit_own
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.fit.homotopy import JudgedFit
 from robustpolish.identification.fit.least_squares import Fit
 from robustpolish.identification.fit.parameters import free_parameters
 from robustpolish.identification.fit.prepared import prepare
+from robustpolish.identification.numbers.own_numbers import refit_own
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
 from robustpolish.identification.screening.screen import ScreenedEffect
+from tests.identification.oscillators import PLACE, rig
+
+MODEL = rig()
 
 
 def prepared_of(model, data, policy=POLICY):
@@ -43,3 +46,13 @@ def refitted(model, kind, at, values, free, score=100.0, **options):
     effect = Effect(kind, at, values)
     fitted = judged(model.with_effect(kind, at, values), free, **options)
     return RefittedEffect(ScreenedEffect(effect, score, 0.5), fitted)
+
+
+def cubic(free, **options):
+    """A cubic spring at the rig."""
+    return refitted(MODEL, "cubic_stiffness", PLACE, {"stiffness": 3.0}, free, **options)
+
+
+def drag(free, **options):
+    """A drag at the rig."""
+    return refitted(MODEL, "quadratic_damping", PLACE, {"coefficient": 3.0}, free, **options)

@@ -3,7 +3,7 @@ import pytest
 
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.hopeful import hopeful, rivals_of
-from robustpolish.identification.discover.own_numbers import refit_own
+from robustpolish.identification.numbers.own_numbers import refit_own
 from robustpolish.identification.observer.kalman import FREE
 from robustpolish.identification.screening.evidence import Evidence
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening, screen

@@ -3,7 +3,7 @@ import pytest
 
 from robustpolish.identification.observer.missing_force import Smoothed
 from robustpolish.identification.residuals.force_maps import MAPS, force_maps
-from robustpolish.identification.residuals.foretold import foretold
+from robustpolish.identification.residuals.places import foretold
 from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
 from tests.identification.oscillators import PLACE
 

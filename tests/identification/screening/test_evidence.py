@@ -6,7 +6,7 @@ import xarray as xr
 from scipy.integrate import solve_ivp
 
 from robustpolish.effects import lookup
-from robustpolish.identification.discover.own_numbers import refit_own
+from robustpolish.identification.numbers.own_numbers import refit_own
 from robustpolish.identification.screening.candidates import columns_at
 from robustpolish.identification.screening.evidence import _coefficients, evidence
 from tests.identification.discover.searches import prepared_of

@@ -6,7 +6,7 @@ import xarray as xr
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification import refit
-from robustpolish.identification.discover.refit import lmfit_name
+from robustpolish.identification.numbers.refit import lmfit_name
 from robustpolish.models import Damper, Dof, Output, Spring
 from robustpolish.simulation import simulate_model
 from tests.hidden_effects.cases import Case, model_of, one, records

@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.own_numbers import (
+from robustpolish.identification.numbers.own_numbers import (
     refit_own,
     settled,
     timely,

@@ -11,7 +11,6 @@ import numpy as np
 
 from robustpolish.identification.compare.record_errors import record_errors
 from robustpolish.identification.compare.simulated import free_run_error, free_runs
-from robustpolish.identification.discover.warned import warned
 from robustpolish.identification.findings.refitted import Refit
 from robustpolish.identification.fit.homotopy import homotopy, rms_over
 from robustpolish.identification.fit.least_squares import (
@@ -25,6 +24,7 @@ from robustpolish.identification.fit.long_records import taken
 from robustpolish.identification.fit.parameters import free_parameters
 from robustpolish.identification.fit.prepared import PreparedRecord, prepare, with_rest
 from robustpolish.identification.frequency.fit import refit_frequency_response
+from robustpolish.identification.numbers.warned import warned
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, record_of
 from robustpolish.identification.sanity.moved import moved_numbers

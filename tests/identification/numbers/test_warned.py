@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.identification.discover.warned import warned
 from robustpolish.identification.fit.prepared import prepare
+from robustpolish.identification.numbers.warned import warned
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
 from tests.identification.oscillators import oscillator, record
