@@ -47,7 +47,7 @@ def add_one(search: Search) -> bool:
         before = search.copy()
         room = search.policy.most_effects - search.added
         earned = (
-            chosen(ranked, search)
+            chosen(ranked, search)[:room]
             or (together(ranked, found.pairs, search) if room > 1 else [])
             or chosen(_preloads(refits, start, search), search)
         )

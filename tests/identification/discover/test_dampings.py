@@ -7,6 +7,7 @@ import pytest
 from robustpolish.effects import Effect
 from robustpolish.identification.compare.compare import compare
 from robustpolish.identification.decays.laws import Law
+from robustpolish.identification.discover import dampings
 from robustpolish.identification.discover.dampings import _another_friction, settle_damping
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.policy import POLICY
@@ -172,3 +173,10 @@ def test_kinds_of_friction_that_fit_all_as_well_are_told_alike():
     assert _another_friction(trials(slow, 3e-3), coulomb, dahl)
     assert not _another_friction(trials(white, 1e-3), coulomb, drag)
     assert not _another_friction(trials(white, 1e-3), coulomb, coulomb)
+
+
+def test_where_no_observer_follows_the_law_nothing_is_settled(settled, monkeypatch):
+    """What such a motion loses is no number."""
+    lost = SimpleNamespace(found=SimpleNamespace(lost=np.nan))
+    monkeypatch.setattr(dampings, "_trials", lambda *_: lost)
+    assert settle_damping(settled[1]) is settled[1]

@@ -1,14 +1,15 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.search import RefittedEffect
-from robustpolish.identification.discover.wrong_gains import add_wrong_gains
+from robustpolish.identification.discover.wrong_gains import _lost, add_wrong_gains
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.screening.screen import ScreenedEffect
 from tests.hidden_effects.cases import Case, Machine, model_of, one, records, two
-from tests.identification.discover.searches import search_of
+from tests.identification.discover.searches import MODEL, judged, search_of
 
 
 def gained(gain, machine=None, **more):
@@ -100,3 +101,11 @@ def test_numbers_that_lie_far_out_in_a_flat_valley_are_no_gain():
 def _right():
     case = Case("right", two(), [], drive=10.0, samples=1200)
     return model_of(case), records(case)[0][0]
+
+
+@pytest.mark.parametrize(
+    ("free", "short", "lost"), [(1.5, 2.0, 1.0), (1.5, 2.8, 1.4), (1.2, 2.8, 1.2)]
+)
+def test_near_chaos_short_runs_tell_what_a_gain_loses(free, short, lost):
+    before, after = judged(MODEL, 1.0, short=2.0), judged(MODEL, free, short=short)
+    assert _lost(before, after) == pytest.approx(np.log(lost))
