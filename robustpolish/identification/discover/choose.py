@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from robustpolish.effects import Effect
+from robustpolish.effects import Effect, kinds
 from robustpolish.identification.discover.judge import (
     advantage,
     falls_where_fitted,
@@ -217,6 +217,7 @@ def together(
     if near and not any(item.constant for item in near):
         near += _likeliest_constant(refits, search)
     tried = [*pairs, *((a.screened, b.screened) for a, b in combinations(near, 2))]
+    tried += _unbending(near, search)
     known |= {item.screened.place: item for item in near}
     found: list[tuple[float, list[RefittedEffect]]] = []
     for pair in tried:
@@ -241,6 +242,27 @@ def together(
     earned = min(found, key=lambda item: item[0])[1]
     search.reasons.append(f"{earned[0].effect} earns its place only beside {earned[1].effect}.")
     return earned
+
+
+def _unbending(
+    near: Sequence[RefittedEffect], search: Search
+) -> list[tuple[ScreenedEffect, ScreenedEffect]]:
+    """Return pairs of what is absurd by itself with the laws of one number at its place.
+
+    What else is missing there bends it: a friction beside a drag falls with speed, to nothing.
+    """
+    found = []
+    for item in near:
+        effect = item.fitted.model.effects[-1]
+        if not effect.definition.implausible(effect.values):
+            continue
+        for kind in kinds().values():
+            numbers = [p.name for p in kind.parameters if p.fitted]
+            if kind.domain == "pair" and kind.linear_in == tuple(numbers) and len(numbers) == 1:
+                law = Effect(kind.kind, effect.at, {numbers[0]: 0.0})
+                if not rivals(kind, effect.definition):
+                    found.append((item.screened, ScreenedEffect(law, 0.0, 0.0)))
+    return found
 
 
 def _alone(

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.judge import undetermined
+from robustpolish.identification.discover.judge import more_left, undetermined
 from robustpolish.identification.discover.reconsider import (
     closer_kinds,
     gently,
@@ -431,8 +431,15 @@ def _verdict(
 
 
 def _noise_on_inputs(search: Search) -> bool:
-    """Return whether the last screening saw noise on the inputs, and no missing force."""
+    """Return whether the last screening saw noise on the inputs, and no missing force.
+
+    It is none if anything that was tried in the end, though refused, leaves visibly less.
+    """
     if search.screening is None:
+        return False
+    helped = [item.fitted for turn in search.turns if not turn.added for item in turn.others]
+    visible = np.log(1 - search.policy.visible_fall)
+    if any(more_left(fitted, search.stage) < visible for fitted in helped):
         return False
     level = search.screening.level
     return level.force <= search.policy.silent and level.input_noise > 0
