@@ -130,3 +130,27 @@ def test_what_is_refused_sets_no_measure_for_the_simplest(search):
     many = refitted(MODEL, "elastic_coulomb_friction", PLACE, {"force": 2.0, "stiffness": 9.0}, 5.0)
     found = chosen([absurd, many, cubic(5.03)], search)
     assert [item.effect.kind for item in found] == ["cubic_stiffness"]
+
+
+def test_what_is_absurd_by_itself_is_tried_beside_what_may_bend_it(search, monkeypatch):
+    """A friction beside a drag falls with speed, to nothing, if the drag is missing."""
+    values = {"force": 0.1, "static_force": 9.0, "velocity": 0.1, "width": 0.0}
+    absurd = refitted(MODEL, "stribeck_friction", PLACE, values, 3.0)
+    assert chosen([absurd], search) == []
+    sound = {**values, "force": 5.0}
+
+    def fitted_with(_, model, *effects, anew=False):
+        kinds = [*(e.kind for e in model.effects), *(e.kind for e in effects)]
+        whole = {"stribeck_friction", "quadratic_damping"} == set(kinds)
+        for kind in kinds:
+            own = {"stribeck_friction": sound if whole else values}
+            numbers = own.get(kind, {"coefficient" if "damping" in kind else "stiffness": 3.0})
+            model = replace(model, effects=tuple(e for e in model.effects if e.kind != kind))
+            model = model.with_effect(kind, PLACE, numbers)
+        return judged(model, 1.0 if whole else 2.9 if absurd.effect.kind in kinds else 10.0)
+
+    monkeypatch.setattr(Search, "fitted_with", fitted_with)
+    found = together([absurd], [], replace(search, beside={}))
+    assert [item.effect.kind for item in found] == ["stribeck_friction", "quadratic_damping"]
+    assert found[1].fitted.model.effects[0].values["force"] == 5.0
+    assert together([drag(9.5)], [], replace(search, beside={})) == []

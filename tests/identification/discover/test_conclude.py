@@ -7,12 +7,12 @@ import pytest
 import robustpolish as rp
 from robustpolish.effects import Effect, Motion, force_with
 from robustpolish.identification.discover.conclude import conclude
-from robustpolish.identification.discover.search import RefittedEffect
+from robustpolish.identification.discover.search import RefittedEffect, Turn
 from robustpolish.identification.observer.kalman import FREE, Level
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
 from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
-from tests.identification.discover.searches import search_of
+from tests.identification.discover.searches import refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
 
 DATA = of_rig(1500, noise=2.0)
@@ -247,6 +247,13 @@ def test_noise_on_inputs_is_no_error_that_an_effect_has_to_explain():
         found = conclude(silent, rig())
         assert found.verdict == said
         assert any("like a noise on the inputs" in r for r in found.reasons) == (said == "adequate")
+    # what was refused, but leaves visibly less, says that it is no noise
+    for share, said in ((0.7, "unexplained"), (0.9, "adequate")):
+        left = share * search.stage.error
+        helped = refitted(rig(), "cubic_stiffness", PLACE, {"stiffness": 3.0}, left)
+        noisy = replace(search, screening=Screening((), (), Level(0.0, input_noise=0.03)))
+        noisy.turns = [Turn(noisy.copy(), (), (helped,))]
+        assert conclude(noisy, rig()).verdict == said
 
 
 def test_a_kind_whose_numbers_are_left_open_gives_way_to_a_simpler_one():
