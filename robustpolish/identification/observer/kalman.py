@@ -284,8 +284,12 @@ def rounding(y: Array) -> float:
 
 
 def excited_bandwidth(model: MechanicalModel, record: Record) -> float:
-    """Return the frequency in rad/s below which the motion happens."""
-    highest = 0.0
+    """Return the frequency in rad/s below which the motion happens.
+
+    A machine without inputs swings no slower than its slowest mode: what creeps behind a law that
+    nearly holds it is no motion to go by.
+    """
+    highest = 0.0 if model.inputs else _slowest(model)
     for i, output in enumerate(model.outputs):
         frequency, density = _spectrum(record, i)
         omega = 2 * np.pi * frequency
@@ -296,6 +300,14 @@ def excited_bandwidth(model: MechanicalModel, record: Record) -> float:
         if power.size and power[-1] > 0:
             highest = max(highest, float(omega[1:][np.searchsorted(power, 0.98 * power[-1])]))
     return highest or 0.2 / record.dt
+
+
+def _slowest(model: MechanicalModel) -> float:
+    """Return the natural frequency of the slowest mode that swings, in rad/s; 0 if none does."""
+    poles = np.linalg.eigvals(model.matrices.first_order()[0]) if model.free else np.zeros(0)
+    return (
+        float(np.min(np.abs(poles[poles.imag > 0]), initial=np.inf)) if np.any(poles.imag) else 0.0
+    )
 
 
 def _spectrum(record: Record, i: int) -> tuple[Array, Array]:

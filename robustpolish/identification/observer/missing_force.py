@@ -83,6 +83,10 @@ def known_forces(
     return PortForces(np.vstack(rows), pairs, np.vstack(values))
 
 
+_BEYOND = 1e3
+"""Times the amplitude of a motion beyond which what was smoothed is none."""
+
+
 def following(
     model: MechanicalModel,
     record: Record,
@@ -168,10 +172,15 @@ def _smooth(
     q, v = motion_of(model, seen.states, W)
     forces = known_forces(model, np.nan_to_num(q), np.nan_to_num(v), time, record.dt)
     lines = record.own_lines(record.lines(model))
-    s = _smoothed_states(observer, Y, W, lines, forces, sizes)
-    if forces is not None:  # once more, along the smoothed motion
+    s = None
+    if forces is not None:
+        s = _bounded_states(observer, Y, W, lines, forces, sizes, amplitude)
+    if forces is not None and s is not None:  # once more, along the smoothed motion
         forces = known_forces(model, *motion_of(model, s, W), time, record.dt)
-        s = _smoothed_states(observer, Y, W, lines, forces, sizes)
+        s = _bounded_states(observer, Y, W, lines, forces, sizes, amplitude)
+    if s is None:
+        forces = None
+        s = _smoothed_states(observer, Y, W, lines, None, sizes)
     q, v = motion_of(model, s, W)
     n = 2 * len(model.free)
     return Smoothed(
@@ -203,6 +212,31 @@ def observed_motion(model: MechanicalModel, record: Record) -> Smoothed | None:
 def _through(model: MechanicalModel, forces: PortForces) -> Array:
     _, H, _ = port_matrices(model, forces.rows, forces.pairs)
     return (H @ forces.values).T
+
+
+def _bounded_states(
+    observer: LinearObserver,
+    Y: Array,
+    W: Array,
+    lines: Lines | None,
+    forces: PortForces | None,
+    sizes: Array,
+    amplitude: float,
+) -> Array | None:
+    """Smooth along the forces of laws; None if that leaves all bounds.
+
+    The force of a law far stronger than the springs is none that is known from a motion that lacks
+    it.
+    """
+    if forces is not None and not np.isfinite(forces.values).all():
+        return None
+    try:
+        found = _smoothed_states(observer, Y, W, lines, forces, sizes)
+    except np.linalg.LinAlgError:
+        return None
+    most = _BEYOND * amplitude if amplitude > 0 else np.inf
+    places = found[:, : sizes.size // 2]
+    return found if np.max(np.abs(places), initial=0.0) <= most else None
 
 
 def _smoothed_states(

@@ -167,3 +167,14 @@ def test_the_peak_is_what_outputs_or_an_observer_show_but_no_spike_or_drift():
     assert peak_of(*seen("displacement", decay), 10.0, seen_by_observer) == pytest.approx(0.03)
     drifted = peak_of(*seen("displacement", decay), 10.0, 100 * seen_by_observer)
     assert drifted == pytest.approx(4 * usual)
+
+
+def test_a_machine_without_inputs_swings_no_slower_than_its_slowest_mode():
+    """What creeps behind a law that nearly holds it is no motion to go by."""
+    creep = xr.Dataset({"x": ("time", 0.02 * np.exp(-0.5 * TIME))}, {"time": TIME})
+    free = oscillator(inputs=[])
+    natural = np.abs(np.linalg.eigvals(free.matrices.first_order()[0]))[0]
+    assert excited_bandwidth(free, record_of(free, creep)) == pytest.approx(natural)
+    driven = creep.assign(F=("time", np.zeros(TIME.size)))
+    assert excited_bandwidth(oscillator(), record_of(oscillator(), driven)) < natural / 2
+

@@ -119,3 +119,15 @@ def test_a_record_that_says_too_little_shows_no_motion():
     assert np.std(found.q[0] - clean) < 0.01 * spread  # smoother than the sensor
     assert np.std(observed(oscillator(), record_of(oscillator(), data)).outputs[500:, 0]
                   - clean[500:]) < 0.02 * spread  # fmt: skip
+
+
+@pytest.mark.parametrize("size", [1e12, 1e300])
+def test_along_a_law_that_leaves_all_bounds_motion_is_smoothed_without_it(size):
+    """A damping far stronger than all springs is no force known from a motion that lacks it."""
+    data = pushed(np.zeros(3000))[0]
+    held = oscillator().with_effect("displacement_dependent_damping", PLACE, {"coefficient": size})
+    with np.errstate(all="ignore"):
+        found = smoothed(held, data)
+    without = smoothed(oscillator(), data).q
+    assert np.max(np.abs(found.q - without)) < 0.2 * np.max(np.abs(without))
+
