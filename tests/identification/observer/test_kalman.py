@@ -177,4 +177,3 @@ def test_a_machine_without_inputs_swings_no_slower_than_its_slowest_mode():
     assert excited_bandwidth(free, record_of(free, creep)) == pytest.approx(natural)
     driven = creep.assign(F=("time", np.zeros(TIME.size)))
     assert excited_bandwidth(oscillator(), record_of(oscillator(), driven)) < natural / 2
-

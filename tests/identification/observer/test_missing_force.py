@@ -130,4 +130,3 @@ def test_along_a_law_that_leaves_all_bounds_motion_is_smoothed_without_it(size):
         found = smoothed(held, data)
     without = smoothed(oscillator(), data).q
     assert np.max(np.abs(found.q - without)) < 0.2 * np.max(np.abs(without))
-
