@@ -104,12 +104,16 @@ def visible_falls(before: JudgedFit, after: JudgedFit, prepared: PreparedRecord)
     seen = fall if _visible(fall, policy.visible_fall) else None
     if seen is not None and not _mixed(fall, policy):
         return seen
-    if before.reproducible and after.reproducible:
+    if before.fades and before.reproducible and after.reproducible:
         over_all = 1 - after.over_all / before.over_all
-        if _visible(over_all, policy.visible_fall) and not _mixed(over_all, policy):
+        # with what is still missing, quiet blocks may lose some of what far louder errors gain
+        loud = np.all(policy.far * before.error < before.fitted)
+        gained = np.max(1 - after.fitted / before.fitted) > 1 - 1 / policy.far
+        counts = loud and (gained or np.min(fall) > -policy.together)
+        if counts and _visible(over_all, policy.visible_fall) and not _mixed(over_all, policy):
             return over_all
-    loud = _falls_where_loud(before, after, fall, prepared)
-    return seen if loud is None else loud
+    counted = _falls_where_loud(before, after, fall, prepared)
+    return seen if counted is None else counted
 
 
 def _mixed(fall: Array, policy: Policy) -> bool:

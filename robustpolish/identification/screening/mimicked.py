@@ -132,7 +132,8 @@ def _fitted(
 
     def read(x: Array) -> dict[str, float]:
         """Return the first values, moved by x - 1: in logarithms, or in their sizes."""
-        moved = np.where(positive, first * np.exp(x - 1), first + (x - 1) * sizes)
+        with np.errstate(over="ignore"):  # beyond doubles is beyond all bounds, too
+            moved = np.where(positive, first * np.exp(x - 1), first + (x - 1) * sizes)
         told = np.clip(moved, lower, upper).tolist()
         return {**values, **dict(zip((p.name for p in numbers), told, strict=True))}
 

@@ -290,7 +290,7 @@ def test_where_it_takes_the_error_away_by_far_a_line_near_a_mode_comes_from_outs
 
 @pytest.mark.parametrize(
     ("held_out", "left", "earned"),
-    [(2.4, 0.5, True), (2.4, 0.6, False), (2.0, 0.7, False), (1.6, 0.9, True)],
+    [(2.4, 0.3, True), (2.4, 0.5, False), (2.1, 0.5, True), (2.0, 0.7, False), (1.6, 0.9, True)],
 )
 def test_where_motion_fades_quiet_and_loud_blocks_judge_together(search, held_out, left, earned):
     """What is still missing may cost the quiet blocks a part of what the loud ones gain."""
