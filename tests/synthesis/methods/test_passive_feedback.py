@@ -93,7 +93,8 @@ def test_thesis_plant_gets_better_and_says_when_nothing_bounds_it():
     bounded = passive_feedback(plant, dampers=dampers, damping_bound=1.0, time_limit=6)
     assert design.certificate.achieved < bounded.certificate.achieved < open_loop
     everywhere = [(q, "ground") for q in ("x_m", "x", "y_m", "y", "z_m", "z")]
-    free = passive_feedback(plant, everywhere, everywhere, time_limit=6)
+    # it ends by itself, on a busy machine later than on an idle one
+    free = passive_feedback(plant, everywhere, everywhere, time_limit=60)
     assert free.status == "infimum_not_attained"
 
 
