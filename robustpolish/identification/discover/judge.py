@@ -92,12 +92,12 @@ def visible_falls(before: JudgedFit, after: JudgedFit, prepared: PreparedRecord)
     """Return the share by which each error falls, None if none falls visibly.
 
     The held-out blocks may be the quieter part of a record. Where their errors fall at least half
-    as much as they should, those of the blocks that were fitted to count too; where motion fades,
-    those of both together do. Where an effect hardly acts there, the fitted blocks judge it: where
-    those are far louder, their errors have to fall by far; where the held-out ones do not rise and
-    beside the effect all blocks are alike, as after a sweep that passed a resonance in one of them,
-    or where the held-out ones show noise alone in any case, as when a decay is over, by twice as
-    much as held-out ones; where both holds, by as much.
+    as much as they should, those of the blocks that were fitted to count too; where motion fades
+    and these have far more error, those of both together do. Where an effect hardly acts there, the
+    fitted blocks judge it: where those are far louder, their errors have to fall by far; where the
+    held-out ones do not rise and beside the effect all blocks are alike, as after a sweep that
+    passed a resonance in one of them, or where the held-out ones show noise alone in any case, as
+    when a decay is over, by twice as much as held-out ones; where both holds, by as much.
     """
     policy = prepared.policy
     fall = falls(before, after)
