@@ -22,8 +22,9 @@ SEEN_SEED = 20261122
 """Chosen before any of its cases had been run. Rules of the diagnosis were changed while looking at
 them since, so that they tell whether something got worse, and no more how good it is."""
 UNSEEN_SEED = 20270420
-"""Chosen before any of its cases had been drawn or run. Rules are not to be changed while looking
-at them; if they are, another takes its place before the next examination."""
+"""Chosen before any of its cases had been drawn or run. Rules have been changed after a look at its
+mistakes since, so that it has been seen, too: a new one takes its place before the next
+examination. Rules are not to be changed while looking at that."""
 
 COUNTS = {"two": 2, "three": 3, "nothing": 0, "numbers": 0}
 PLAN = (
