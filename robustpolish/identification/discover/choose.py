@@ -217,7 +217,7 @@ def together(
     if near and not any(item.constant for item in near):
         near += _likeliest_constant(refits, search)
     tried = [*pairs, *((a.screened, b.screened) for a, b in combinations(near, 2))]
-    tried += _unbending(near, search)
+    tried += _unbending(near)
     known |= {item.screened.place: item for item in near}
     found: list[tuple[float, list[RefittedEffect]]] = []
     for pair in tried:
@@ -244,9 +244,7 @@ def together(
     return earned
 
 
-def _unbending(
-    near: Sequence[RefittedEffect], search: Search
-) -> list[tuple[ScreenedEffect, ScreenedEffect]]:
+def _unbending(near: Sequence[RefittedEffect]) -> list[tuple[ScreenedEffect, ScreenedEffect]]:
     """Return pairs of what is absurd by itself with the laws of one number at its place.
 
     What else is missing there bends it: a friction beside a drag falls with speed, to nothing.
@@ -260,8 +258,7 @@ def _unbending(
             numbers = [p.name for p in kind.parameters if p.fitted]
             if kind.domain == "pair" and kind.linear_in == tuple(numbers) and len(numbers) == 1:
                 law = Effect(kind.kind, effect.at, {numbers[0]: 0.0})
-                if not rivals(kind, effect.definition):
-                    found.append((item.screened, ScreenedEffect(law, 0.0, 0.0)))
+                found.append((item.screened, ScreenedEffect(law, 0.0, 0.0)))
     return found
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -172,15 +173,14 @@ def _smooth(
     q, v = motion_of(model, seen.states, W)
     forces = known_forces(model, np.nan_to_num(q), np.nan_to_num(v), time, record.dt)
     lines = record.own_lines(record.lines(model))
-    s = None
-    if forces is not None:
-        s = _bounded_states(observer, Y, W, lines, forces, sizes, amplitude)
-    if forces is not None and s is not None:  # once more, along the smoothed motion
+    along = partial(_smoothed_states, observer, Y, W, lines, sizes)
+    s = None if forces is None else _bounded_states(along, forces, len(model.free), amplitude)
+    if s is not None:  # once more, along the smoothed motion
         forces = known_forces(model, *motion_of(model, s, W), time, record.dt)
-        s = _bounded_states(observer, Y, W, lines, forces, sizes, amplitude)
+        s = None if forces is None else _bounded_states(along, forces, len(model.free), amplitude)
     if s is None:
         forces = None
-        s = _smoothed_states(observer, Y, W, lines, None, sizes)
+        s = along(None)
     q, v = motion_of(model, s, W)
     n = 2 * len(model.free)
     return Smoothed(
@@ -215,28 +215,21 @@ def _through(model: MechanicalModel, forces: PortForces) -> Array:
 
 
 def _bounded_states(
-    observer: LinearObserver,
-    Y: Array,
-    W: Array,
-    lines: Lines | None,
-    forces: PortForces | None,
-    sizes: Array,
-    amplitude: float,
+    along: Callable[[PortForces], Array], forces: PortForces, free: int, amplitude: float
 ) -> Array | None:
     """Smooth along the forces of laws; None if that leaves all bounds.
 
     The force of a law far stronger than the springs is none that is known from a motion that lacks
     it.
     """
-    if forces is not None and not np.isfinite(forces.values).all():
+    if not np.isfinite(forces.values).all():
         return None
     try:
-        found = _smoothed_states(observer, Y, W, lines, forces, sizes)
+        found = along(forces)
     except np.linalg.LinAlgError:
         return None
     most = _BEYOND * amplitude if amplitude > 0 else np.inf
-    places = found[:, : sizes.size // 2]
-    return found if np.max(np.abs(places), initial=0.0) <= most else None
+    return found if np.max(np.abs(found[:, :free]), initial=0.0) <= most else None
 
 
 def _smoothed_states(
@@ -244,8 +237,8 @@ def _smoothed_states(
     Y: Array,
     W: Array,
     lines: Lines | None,
-    forces: PortForces | None,
     sizes: Array,
+    forces: PortForces | None,
 ) -> Array:
     """Smooth; the start is fitted to the first part of the record."""
     first = min(len(Y), 4000)
