@@ -21,10 +21,9 @@ from .visible import change_by_numbers, change_without, chaotic, sound
 SEEN_SEED = 20261122
 """Chosen before any of its cases had been run. Rules of the diagnosis were changed while looking at
 them since, so that they tell whether something got worse, and no more how good it is."""
-UNSEEN_SEED = 20270420
-"""Chosen before any of its cases had been drawn or run. Rules have been changed after a look at its
-mistakes since, so that it has been seen, too: a new one takes its place before the next
-examination. Rules are not to be changed while looking at that."""
+UNSEEN_SEED = 20270525
+"""Chosen before any of its cases had been drawn or run, on rules that have not been changed since.
+Once they are, it has been seen, and a new one takes its place before the next examination."""
 
 COUNTS = {"two": 2, "three": 3, "nothing": 0, "numbers": 0}
 PLAN = (

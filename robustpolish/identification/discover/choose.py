@@ -176,9 +176,8 @@ def _of_each_family(ranked: Sequence[RefittedEffect]) -> list[RefittedEffect]:
     """Return the first of each family at each place, constants left out."""
     first: dict[tuple[str, tuple[str, ...]], RefittedEffect] = {}
     for item in ranked:
-        kind = item.effect.definition
         if not item.constant:
-            first.setdefault((kind.family or kind.kind, item.effect.at), item)
+            first.setdefault(item.family, item)
     return list(first.values())
 
 
@@ -189,10 +188,9 @@ def constants_beside(
 
     Where it is one of the refits, with the values that were fitted.
     """
-    screened = search.screening.candidates if search.screening is not None else ()
     refitted = [item.fitted.model.effects[-1] for item in ranked if item.constant]
-    likely = sorted((c for c in screened if c.constant), key=lambda c: -c.score)
-    found = [constant.fitted.model.effects[-1], *refitted, *(c.effect for c in likely)]
+    likely = [candidate.effect for candidate in _likely_constants(search)]
+    found = [constant.fitted.model.effects[-1], *refitted, *likely]
     return list({effect.kind: effect for effect in reversed(found)}.values())[::-1]
 
 
@@ -279,11 +277,16 @@ def _alone(
 def _likeliest_constant(ranked: Sequence[RefittedEffect], search: Search) -> list[RefittedEffect]:
     """Return an offset or preload, which alone shows next to nothing of what it hides."""
     refitted = [item for item in ranked if item.constant]
-    if refitted or search.screening is None:
+    if refitted:
         return refitted[:1]
-    constants = [c for c in search.screening.candidates if c.constant]
-    for candidate in sorted(constants, key=lambda c: -c.score)[:1]:
+    for candidate in _likely_constants(search)[:1]:
         fitted = search.fitted_with(search.stage.model, candidate.effect)
         if fitted is not None:
             refitted.append(RefittedEffect(candidate, fitted))
     return refitted
+
+
+def _likely_constants(search: Search) -> list[ScreenedEffect]:
+    """Return what was screened and never changes, the likeliest first."""
+    screened = search.screening.candidates if search.screening is not None else ()
+    return sorted((each for each in screened if each.constant), key=lambda each: -each.score)

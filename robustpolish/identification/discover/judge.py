@@ -104,16 +104,26 @@ def visible_falls(before: JudgedFit, after: JudgedFit, prepared: PreparedRecord)
     seen = fall if _visible(fall, policy.visible_fall) else None
     if seen is not None and not _mixed(fall, policy):
         return seen
-    if before.fades and before.reproducible and after.reproducible:
-        over_all = 1 - after.over_all / before.over_all
-        # with what is still missing, quiet blocks may lose some of what far louder errors gain
-        loud = np.all(policy.far * before.error < before.fitted)
-        gained = np.max(1 - after.fitted / before.fitted) > 1 - 1 / policy.far
-        counts = loud and (gained or np.min(fall) > -policy.together)
-        if counts and _visible(over_all, policy.visible_fall) and not _mixed(over_all, policy):
-            return over_all
-    counted = _falls_where_loud(before, after, fall, prepared)
+    counted = _falls_over_all(before, after, fall, policy)
+    if counted is None:
+        counted = _falls_where_loud(before, after, fall, prepared)
     return seen if counted is None else counted
+
+
+def _falls_over_all(
+    before: JudgedFit, after: JudgedFit, fall: Array, policy: Policy
+) -> Array | None:
+    """Return the falls of held-out and fitted blocks together, where a fading motion counts so."""
+    if not (before.fades and before.reproducible and after.reproducible):
+        return None
+    over_all = 1 - after.over_all / before.over_all
+    if not np.all(policy.far * before.error < before.fitted):
+        return None
+    # with what is still missing, quiet blocks may lose some of what far louder errors gain
+    gained = np.max(1 - after.fitted / before.fitted) > 1 - 1 / policy.far
+    counts = gained or np.min(fall) > -policy.together
+    visible = _visible(over_all, policy.visible_fall) and not _mixed(over_all, policy)
+    return over_all if counts and visible else None
 
 
 def _mixed(fall: Array, policy: Policy) -> bool:

@@ -49,6 +49,12 @@ class RefittedEffect:
         """Whether it never changes, as an offset or a preload."""
         return self.screened.constant
 
+    @property
+    def family(self) -> tuple[str, tuple[str, ...]]:
+        """What kinds that do alike at one place share: the name of their family, and the place."""
+        kind = self.effect.definition
+        return kind.family or kind.kind, self.effect.at
+
 
 class Turn(NamedTuple):
     """An effect that was added, or two together, or none, and what could have been.

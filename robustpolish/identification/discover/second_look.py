@@ -134,10 +134,9 @@ def _runners_up(search: Search) -> list[tuple[Turn, RefittedEffect]]:
     turns = [*ended, *(turn for turn in search.turns if turn.added)]
     most = [*[search.policy.followed[0]] * len(ended), *search.policy.followed]
     for turn, count in zip(turns, most, strict=False):
-        seen: dict[tuple[object, ...], RefittedEffect] = {}
+        seen: dict[tuple[str, tuple[str, ...]], RefittedEffect] = {}
         for item in sorted(turn.others, key=lambda item: item.size):
-            kind = item.effect.definition
-            seen.setdefault((kind.family or kind.kind, item.effect.at), item)
+            seen.setdefault(item.family, item)
         different = [item for item in turn.others if item in seen.values()]
         found += [(turn, item) for item in different[:count]]
     return found
