@@ -26,6 +26,9 @@ from robustpolish.identification.screening.filtered import null_score
 from robustpolish.identification.screening.screen import ScreenedEffect, screen
 from robustpolish.models.mechanical import MechanicalModel
 
+_HARDLY = 0.1
+"""Share of a spring as it was known that is hardly anything: numbers are known to a few times."""
+
 
 def add_one(search: Search) -> bool:
     """Try to add one effect; return whether one earned its place."""
@@ -57,7 +60,7 @@ def add_one(search: Search) -> bool:
             search.turns.append(Turn(before, tuple(earned), tuple(others)))
             return True
         search.turns = [turn for turn in search.turns if turn.added]
-        search.turns.append(Turn(before, (), tuple(near)))
+        search.turns.append(Turn(before, (), tuple(near), tuple(ranked)))
         if screening.level.force <= search.policy.silent:
             break  # no missing force is seen: another start will not show one
     return False
@@ -328,12 +331,13 @@ def _starts(search: Search) -> list[MechanicalModel]:
 
     A free-run fit bends the model's numbers to what is missing; one that is led by the data
     leaves that to the free force, but may wander off where the data say little. Where it left
-    nothing of a spring, as after the offset of a sensor, the numbers as they were known lead.
+    hardly anything of a spring, which then gives way to the offset of a sensor, the numbers as they
+    were known lead.
     """
     if search.stage.model.effects != search.guided.effects:
         return [search.stage.model]
     pair = [search.stage.model, search.guided]
     springs = zip(search.reference.springs, search.stage.model.springs, strict=True)
-    gone = any(now.stiffness < search.policy.vanished * was.stiffness for was, now in springs)
+    gone = any(now.stiffness < _HARDLY * was.stiffness for was, now in springs)
     known = [search.reference] if gone else []
     return [*known, *sorted(pair, key=lambda model: null_score(model, search.prepared))]

@@ -10,7 +10,11 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.judge import more_left, undetermined
+from robustpolish.identification.discover.judge import (
+    falls_where_fitted,
+    more_left,
+    undetermined,
+)
 from robustpolish.identification.discover.reconsider import (
     closer_kinds,
     gently,
@@ -231,7 +235,9 @@ def _over_all(model: MechanicalModel, search: Search, calm: bool) -> list[Fit]:
     pieces = prepared.everything if calm else prepared.windows
     spans = prepared.spans(pieces)[-1:]
     last = search.policy.follows(prepared.record.Y.size)
-    return homotopy(model, prepared, pieces, search.reference, spans, prepared.steps, last=last)
+    return homotopy(
+        model, prepared, pieces, search.reference, spans, prepared.steps, last=last, known=True
+    )
 
 
 def _gently(search: Search, final: Fit, error: Array, calm: bool) -> tuple[Fit, Array]:
@@ -372,8 +378,9 @@ def _final_fit(search: Search, stage: JudgedFit, calm: bool) -> tuple[Fit, Array
         spans = spans[-2:]  # what follows the whole record already is not lost on long windows
     last = search.policy.follows(prepared.record.Y.size)
     fits = homotopy(
-        stage.model, prepared, pieces, search.reference, spans, prepared.steps, last=last
-    )
+        stage.model, prepared, pieces, search.reference, spans, prepared.steps,
+        last=last, known=True,
+    )  # fmt: skip
     if not fits:
         return stage.fit, before
     error = _whole_error(fits[-1].model, search, calm)
@@ -433,14 +440,18 @@ def _verdict(
 def _noise_on_inputs(search: Search) -> bool:
     """Return whether the last screening saw noise on the inputs, and no missing force.
 
-    It is none if anything that was tried in the end, though refused, leaves visibly less.
+    It is none if anything that was tried in the end, though refused, leaves visibly less, be it of
+    what it was fitted to: with thousands of samples for each number no fit bends itself to noise.
     """
     if search.screening is None:
         return False
-    helped = [item.fitted for turn in search.turns if not turn.added for item in turn.others]
+    ended = [turn for turn in search.turns if not turn.added]
     visible = np.log(1 - search.policy.visible_fall)
-    if any(more_left(fitted, search.stage) < visible for fitted in helped):
-        return False
+    for item in (item for turn in ended for item in (*turn.others, *turn.tried)):
+        if more_left(item.fitted, search.stage) < visible or falls_where_fitted(
+            search.stage, item.fitted, search.policy
+        ):
+            return False
     level = search.screening.level
     return level.force <= search.policy.silent and level.input_noise > 0
 

@@ -49,6 +49,8 @@ def without_the_needless(search: Search, last: bool = False) -> Search:
     some_stay = False
     for at in reversed(range(first, len(search.stage.model.effects) - (not last))):
         without = search.fitted_without(search.stage.model, at)
+        if (without is None or not _as_good(without, search)) and _unsound(search, at):
+            without = _begun_as_known(search, at)
         if without is None or not _as_good(without, search):
             some_stay = True
             continue
@@ -59,6 +61,21 @@ def without_the_needless(search: Search, last: bool = False) -> Search:
         if some_stay:  # beside the one that went; they are asked again
             return without_the_needless(search, last)
     return search
+
+
+def _unsound(search: Search, at: int) -> bool:
+    """Return whether an effect has no place, whatever goes wrong without it."""
+    return objection(search.linear, search.stage, search.prepared, at) is not None
+
+
+def _begun_as_known(search: Search, at: int) -> JudgedFit | None:
+    """Return the effects without one, as they are, fitted beside the numbers of none of them.
+
+    What has no place may have bent the springs so far that no fit leads back from there.
+    """
+    effects = search.stage.model.effects
+    others = [each for each in effects[len(search.reference.effects) :] if each is not effects[at]]
+    return search.fitted_with(search.linear.model, *others)
 
 
 def renamed(search: Search) -> Search:

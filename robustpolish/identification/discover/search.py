@@ -66,11 +66,14 @@ class Turn(NamedTuple):
     added : tuple of RefittedEffect
     others : tuple of RefittedEffect
         What had earned its place too, the best first; where nothing was added, what helped a bit.
+    tried : tuple of RefittedEffect
+        Where nothing was added, all that was refitted.
     """
 
     before: Search
     added: tuple[RefittedEffect, ...]
     others: tuple[RefittedEffect, ...]
+    tried: tuple[RefittedEffect, ...] = ()
 
 
 @dataclass
@@ -168,18 +171,19 @@ class Search:
         return replace(self, **lists)
 
     def fitted_with(
-        self, model: MechanicalModel, *effects: Effect, anew: bool = False
+        self, model: MechanicalModel, *effects: Effect, anew: bool = False, near: bool = False
     ) -> JudgedFit | None:
         """Return a model with more effects, fitted; None if no fit ended well.
 
         Where masses and springs were bent to what these do, they begin as they were known, too.
-        With `anew` the first windows are begun anew as their law is found.
+        With `anew` the first windows are begun anew as their law is found; with `near` they begin
+        where the model comes closest to them, for its numbers are near those to be found.
         """
-        found = self._begun_smaller(model, *effects, anew=anew)
+        found = self._begun_smaller(model, *effects, anew=anew, near=near)
         if not self._bent(model, found, effects):
             return found
         known = replace(self.reference, effects=model.effects)
-        again = self._begun_smaller(known, *effects, anew=anew)
+        again = self._begun_smaller(known, *effects, anew=anew, near=near)
         fits = [f for f in (found, again) if f is not None]
         return min(fits, key=lambda fitted: left_by(fitted, fits), default=None)
 
@@ -215,7 +219,7 @@ class Search:
         return any(a > 0 and not a / far <= b <= a * far for a, b in zip(known, now, strict=True))
 
     def _begun_smaller(
-        self, model: MechanicalModel, *effects: Effect, anew: bool = False
+        self, model: MechanicalModel, *effects: Effect, anew: bool = False, near: bool = False
     ) -> JudgedFit | None:
         """Return a model with more effects, fitted, begun with a share of their first sizes.
 
@@ -235,7 +239,7 @@ class Search:
                 extended = extended.with_effect(effect.definition, effect.at, values)
             stages = homotopy(
                 extended, prepared, pieces, self.reference, spans, steps,
-                settled=policy.settled, anew=anew,
+                settled=policy.settled, anew=anew, known=near,
             )  # fmt: skip
             if stages:
                 found = best_stage(stages, prepared)
@@ -252,7 +256,7 @@ class Search:
         rest = (*model.effects[:at], *model.effects[at + 1 :])
         bare = replace(model, effects=rest)
         if instead:
-            return self.fitted_with(bare, *instead)
+            return self.fitted_with(bare, *instead, near=True)
         prepared = self.prepared
         tried = [self.fitted_over(bare, prepared.spans(prepared.trial)[-1:])]
         if not idle(model.effects[at]):
@@ -266,7 +270,7 @@ class Search:
         None if no fit ended well.
         """
         prepared = self.prepared
-        stages = homotopy(model, prepared, prepared.trial, self.reference, spans)
+        stages = homotopy(model, prepared, prepared.trial, self.reference, spans, known=True)
         return best_stage(stages, prepared) if stages else None
 
     def accept(self, earned: Sequence[RefittedEffect]) -> None:

@@ -34,6 +34,7 @@ def homotopy(
     settled: float = SETTLED,
     last: float = SETTLED,
     anew: bool = False,
+    known: bool = False,
 ) -> list[Fit]:
     """Fit over windows that grow; return the fit of every stage.
 
@@ -63,12 +64,16 @@ def homotopy(
     anew : bool, optional
         Whether the first windows are begun anew after their fit, as long as that helps: their first
         starts are those of a motion that was smoothed without the law.
+    known : bool, optional
+        Whether the model's numbers are near the true ones, as after another fit. The first windows
+        then begin where such a model comes closest to them: a friction with memory, whose state no
+        motion shows, would be led astray from its true numbers by starts that do not suit it.
     """
     stages: list[Fit] = []
     kept: Fit | None = None
     first = model = with_units_of_force(model, reference)
     for span in spans if model.free else spans[-1:]:  # what is imposed cannot go astray
-        windows = windows_after(model, prepared, pieces, span, kept)
+        windows = windows_after(model, prepared, pieces, span, kept, known)
         enough = last if span == spans[-1] else settled
         steps = max(iterations, prepared.policy.direct_steps) if enough < SETTLED else iterations
         # an offset that is not known yet makes the smoothed motion so fast that laws diverge
@@ -141,11 +146,15 @@ def windows_after(
     pieces: Sequence[StartedPiece],
     span: int,
     before: Fit | None,
+    known: bool = False,
 ) -> list[StartedPiece]:
-    """Cut pieces into windows that start where the stage before was, or the smoothed motion."""
+    """Cut pieces into windows that start where the stage before was, or the smoothed motion.
+
+    With `known` numbers, where the model comes closest to the windows.
+    """
     windows = prepared.windows_of(model, pieces, span)
     if before is None:
-        return _not_lost(model, prepared, windows)
+        return _not_lost(model, prepared, windows, known)
     run = prepared.runner(before.model).run(before.model)
     seen = run.over_all(before.pieces, keep=True)
     first = {}
@@ -167,7 +176,7 @@ def windows_after(
 
 
 def _not_lost(
-    model: MechanicalModel, prepared: PreparedRecord, windows: list[StartedPiece]
+    model: MechanicalModel, prepared: PreparedRecord, windows: list[StartedPiece], known: bool
 ) -> list[StartedPiece]:
     """Return the windows, with starts of their own where those of the smoothed motion are far off.
 
@@ -178,6 +187,8 @@ def _not_lost(
     run = prepared.runner(model).run(model)
     if run.linear or not windows[0].start.vector.size:
         return windows
+    if known:
+        return prepared.with_fitted_starts(run, windows)
     with np.errstate(over="ignore", invalid="ignore"):
         left = np.mean(run.all_errors(windows) ** 2, axis=0)
     seen = np.var(np.concatenate([window.record.Y for window in windows]), axis=0)
