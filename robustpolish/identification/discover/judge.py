@@ -8,6 +8,7 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
+from robustpolish.identification.discover.floor import floor_beside
 from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.fit.homotopy import JudgedFit, left_by
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
@@ -149,12 +150,25 @@ def _falls_where_loud(
     if quiet and np.max(fitted) > 1 - 1 / policy.far:
         return fitted
     alike = np.all(np.abs(np.log(left / after.error)) < np.log(policy.at_floor))
-    silent = np.all(before.error < policy.at_floor * prepared.scales.noise)
+    silent = _silent(before, prepared)
     if _log_left(fall) >= policy.together or not (alike or silent):
         return None
     if alike and silent:
         return fitted if _visible(fitted, policy.visible_fall) else None
     return fitted if np.max(fitted) > 2 * policy.visible_fall else None
+
+
+def _silent(fitted: JudgedFit, prepared: PreparedRecord) -> bool:
+    """Return whether the held-out blocks show noise alone: white, or where motion fades coloured.
+
+    Of the noise of a decay its end shows the colour, and so how much of it is below the motion.
+    """
+    most = prepared.policy.at_floor
+    if np.all(fitted.error < most * prepared.scales.noise):
+        return True
+    if not (fitted.fades and fitted.reproducible):
+        return False
+    return bool(np.all(fitted.error < most * floor_beside(fitted.model, prepared, calm=True)))
 
 
 def falls_where_fitted(before: JudgedFit, after: JudgedFit, policy: Policy) -> bool:

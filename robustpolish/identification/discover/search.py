@@ -10,13 +10,13 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
+from robustpolish.identification.discover.floor import floor_beside
 from robustpolish.identification.findings.findings import Confusion, RankedCandidate
 from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy, left_by
 from robustpolish.identification.fit.parameters import idle, sized, turns_over_gently
-from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
+from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.numbers.own_numbers import timely
 from robustpolish.identification.policy import Policy
-from robustpolish.identification.residuals.noise_floor import noise_floor
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
 from robustpolish.models.mechanical import MechanicalModel
 
@@ -146,23 +146,8 @@ class Search:
         return bool(np.all(stage.error < times * floor))
 
     def floor_beside(self, model: MechanicalModel, calm: bool) -> Array:
-        """Return the noise of each output that the errors of a fitted model show, shape (ny,).
-
-        Parameters
-        ----------
-        model : MechanicalModel
-        calm : bool
-            Whether free runs over the whole record judge; windows do otherwise.
-        """
-        prepared = self.prepared
-        run = prepared.runner(model).run(model)
-        pieces = prepared.everything if calm else prepared.windows
-        started = prepared.with_fitted_starts(run, with_rest(model, pieces))
-        motion = run.over_all(started).outputs
-        known = prepared.repeats is not None
-        record, scales = prepared.record, prepared.scales
-        errors = record.Y - motion
-        return noise_floor(errors, motion, scales.noise, known, record.honest, scales.rounded)
+        """Return the noise of each output that the errors of a fitted model show, shape (ny,)."""
+        return floor_beside(model, self.prepared, calm)
 
     def copy(self) -> Search:
         """Return the search as it is, to go on in another way."""
