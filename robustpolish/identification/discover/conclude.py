@@ -447,7 +447,7 @@ def _noise_on_inputs(search: Search) -> bool:
         return False
     ended = [turn for turn in search.turns if not turn.added]
     visible = np.log(1 - search.policy.visible_fall)
-    for item in (item for turn in ended for item in (*turn.others, *turn.tried)):
+    for item in (item for turn in ended for item in turn.tried):
         if more_left(item.fitted, search.stage) < visible or falls_where_fitted(
             search.stage, item.fitted, search.policy
         ):

@@ -247,12 +247,15 @@ def test_noise_on_inputs_is_no_error_that_an_effect_has_to_explain():
         found = conclude(silent, rig())
         assert found.verdict == said
         assert any("like a noise on the inputs" in r for r in found.reasons) == (said == "adequate")
-    # what was refused, but leaves visibly less, says that it is no noise
-    for share, said in ((0.7, "unexplained"), (0.9, "adequate")):
-        left = share * search.stage.error
-        helped = refitted(rig(), "cubic_stiffness", PLACE, {"stiffness": 3.0}, left)
+    # what was refused, but leaves visibly less, held out or where it was fitted, says it is no noise
+    for held_out, fitted, said in (
+        (0.7, 1.0, "unexplained"), (0.9, 1.0, "adequate"), (1.0, 0.7, "unexplained"),
+    ):  # fmt: skip
+        left, loud = held_out * search.stage.error, fitted * search.stage.fitted
+        tried = refitted(rig(), "cubic_stiffness", PLACE, {"stiffness": 3.0}, left)
+        tried = replace(tried, fitted=replace(tried.fitted, over_fitted=lambda loud=loud: loud))
         noisy = replace(search, screening=Screening((), (), Level(0.0, input_noise=0.03)))
-        noisy.turns = [Turn(noisy.copy(), (), (helped,))]
+        noisy.turns = [Turn(noisy.copy(), (), (), (tried,))]
         assert conclude(noisy, rig()).verdict == said
 
 

@@ -99,6 +99,22 @@ def test_where_noise_alone_is_held_out_the_fitted_blocks_judge(search, held_out,
     assert (told is None) == earned
 
 
+@pytest.mark.parametrize(("fades", "colour", "earned"), [
+    (True, 2.0, True), (True, 1.5, False), (False, 2.0, False),
+])  # fmt: skip
+def test_noise_that_is_held_out_of_a_decay_has_its_colour(
+    search, monkeypatch, fades, colour, earned
+):
+    """The end of the decay shows that there is more of it than its white part."""
+    path = "robustpolish.identification.discover.judge.floor_beside"
+    monkeypatch.setattr(path, lambda model, prepared, calm: np.array([colour]))
+    before, after = (
+        replace(fading(fitted, loud), fades=fades, fit=sized(fitted, loud).fit)
+        for fitted, loud in ((judged(MODEL, 2.0), 5.2), (cubic(2.0).fitted, 2.7))
+    )
+    assert (objection(before, after, search.prepared) is None) == earned
+
+
 @pytest.mark.parametrize(("loud", "earned"), [(1.5, True), (1.3, False)])
 def test_where_noise_alone_is_left_everywhere_a_visible_fall_is_enough(search, loud, earned):
     before, after = judged(MODEL, 1.0), cubic(1.0).fitted

@@ -61,6 +61,27 @@ def test_what_the_others_explain_as_well_goes(monkeypatch, left, kept):
     assert kinds(without_the_needless(found, last=True)) == ([] if kept == 1 else kinds(search))
 
 
+@pytest.mark.parametrize(("open_", "kept"), [(True, 1), (False, 2)])
+def test_what_has_no_place_goes_if_the_others_do_as_well_beside_numbers_as_known(
+    monkeypatch, open_, kept
+):
+    """It has bent the springs, and no fit leads back from there."""
+    search = two(COULOMB)
+    model = search.stage.model
+    search.stage = judged(model, 10.0, share=0.9 if open_ else 0.1)
+    search.linear = replace(search.linear, fit=replace(search.linear.fit, model=rig(120.0)))
+
+    def fitted_with(self, start, *added):
+        from_known = start.parameters == search.linear.model.parameters
+        for effect in added:
+            start = start.with_effect(effect.kind, effect.at, effect.values)
+        return judged(start, 10.2 if from_known and added else 20.0)
+
+    monkeypatch.setattr(Search, "fitted_with", fitted_with)
+    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: None)
+    assert len(kinds(without_the_needless(search))) == kept
+
+
 def test_what_stood_by_the_one_that_goes_is_asked_again(monkeypatch):
     search = two(COULOMB)
     drag = refitted(search.stage.model, "quadratic_damping", PLACE, {"coefficient": 3.0}, 10.0)

@@ -137,6 +137,23 @@ def test_what_helps_a_bit_is_followed_where_nothing_earned_its_place(begun):
     assert second_look(search, lambda other, _followed: other) is search
 
 
+@pytest.mark.parametrize(("left", "follows"), [(60.0, True), (97.0, False)])
+def test_what_helps_where_it_was_fitted_is_followed_too(begun, left, follows):
+    """A sweep passes a resonance in one block: what is held out may even rise."""
+    search = begun.copy()
+    tried = [refitted(rig(), *kind, 101.0) for kind in (DRAG, COULOMB)]
+    over = (100.0, left, 80.0)
+    own, drag, friction = (
+        replace(fitted, over_fitted=lambda error=error: np.array([error]))
+        for fitted, error in zip((begun.stage, *(i.fitted for i in tried)), over, strict=True)
+    )
+    tried = [replace(tried[0], fitted=drag), replace(tried[1], fitted=friction)]
+    search.turns.append(Turn(replace(begun.copy(), stage=own), (), (), tuple(tried)))
+    grow, followed = growing(dict.fromkeys(["coulomb_friction", "quadratic_damping"], 100.0))
+    second_look(search, grow)
+    assert followed == ["quadratic_damping" if follows else "coulomb_friction"]
+
+
 def test_what_the_data_leave_open_is_not_followed(begun):
     search = went(begun, refitted(rig(), *CUBIC, 20.0), refitted(rig(), *DRAG, 21.0))
 

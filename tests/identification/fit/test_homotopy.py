@@ -107,6 +107,28 @@ def test_without_a_stage_before_windows_begin_at_the_smoothed_motion():
         assert window.start.state[0] == pytest.approx(clean[window.record.first], abs=1e-4)
 
 
+def test_numbers_that_are_known_are_not_led_astray_by_starts_that_do_not_suit_them():
+    """No smoothed motion shows where a friction with memory stands."""
+    case = Case("sticks", two(), [("elastic_coulomb_friction", ("x", "ground"), [4.0, 5000.0])],
+                samples=3000, drive=8.0, noise_db=40.0)  # fmt: skip
+    model, data = model_of(case), records(case)[0][0]
+    prepared = prepared_of(model, data)
+    true = model.with_effect(
+        "elastic_coulomb_friction", ("x", "ground"), {"force": 4.0, "stiffness": 5000.0}
+    )
+    span = prepared.spans(prepared.trial)[-1]
+    run = prepared.runner(true).run(true)
+    smoothed, suited = (
+        np.mean(
+            run.all_errors(windows_after(true, prepared, prepared.trial, span, None, known)) ** 2
+        )
+        for known in (False, True)
+    )
+    assert suited < 0.9 * smoothed
+    (found,) = homotopy(true, prepared, prepared.trial, model, [span], known=True)
+    assert found.model.effects[0].values["force"] == pytest.approx(4.0, rel=0.05)
+
+
 def test_a_stage_that_loses_the_data_is_no_start_for_the_next(monkeypatch):
     """The second stage's errors are made a hundredfold: the third begins at the first's numbers."""
     path = "robustpolish.identification.fit.homotopy.fit"
