@@ -26,8 +26,8 @@ from robustpolish.identification.screening.filtered import null_score
 from robustpolish.identification.screening.screen import ScreenedEffect, screen
 from robustpolish.models.mechanical import MechanicalModel
 
-_HARDLY = 0.1
-"""Share of a spring as it was known that is hardly anything: numbers are known to a few times."""
+_HARDLY = 0.03
+"""Share of a spring as it was known that is hardly anything: one may be ten times too stiff."""
 
 
 def add_one(search: Search) -> bool:

@@ -8,18 +8,14 @@ its stead: beside them the screening sees what it could not see before.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from robustpolish.identification.decays.ahead import error_ahead
 from robustpolish.identification.decays.cut import cut_decays
-from robustpolish.identification.discover.judge import (
-    falls_where_fitted,
-    judgement,
-    objection,
-)
+from robustpolish.identification.discover.judge import judgement, objection
 from robustpolish.identification.discover.reconsider import (
     renamed,
     retold,
@@ -28,7 +24,6 @@ from robustpolish.identification.discover.reconsider import (
 )
 from robustpolish.identification.discover.search import RefittedEffect, Search, Turn
 from robustpolish.identification.fit.homotopy import JudgedFit
-from robustpolish.identification.policy import Policy
 
 _SAME_MOTION = 1e-6
 """Relative difference of all errors below which two fits are one motion, by rounding."""
@@ -132,8 +127,6 @@ def _misleads(search: Search, other: Search) -> bool:
 def _runners_up(search: Search) -> list[tuple[Turn, RefittedEffect]]:
     """Return what is followed: what came closest when the search ended, and at the first turns.
 
-    When it ended, what helped most where it was fitted, too.
-
     Of a family at one place the simplest kind stands for all but the one that was added.
     """
     found = []
@@ -144,24 +137,9 @@ def _runners_up(search: Search) -> list[tuple[Turn, RefittedEffect]]:
         seen: dict[tuple[str, tuple[str, ...]], RefittedEffect] = {}
         for item in sorted(turn.others, key=lambda item: item.size):
             seen.setdefault(item.family, item)
-        different = [item for item in turn.others if item in seen.values()][:count]
-        found += [(turn, item) for item in [*different, *_louder(turn, different, search.policy)]]
+        different = [item for item in turn.others if item in seen.values()]
+        found += [(turn, item) for item in different[:count]]
     return found
-
-
-def _louder(turn: Turn, followed: Sequence[RefittedEffect], policy: Policy) -> list[RefittedEffect]:
-    """Return what took most away of what it was fitted to, if not of what was held out.
-
-    A sweep passes a resonance in one block only, and what is still missing may be loudest there.
-    """
-    stage = turn.before.stage
-    families = {item.family for item in followed}
-    helped = [
-        item
-        for item in turn.tried
-        if item.family not in families and falls_where_fitted(stage, item.fitted, policy)
-    ]
-    return sorted(helped, key=lambda item: float(np.sum(np.log(item.fitted.fitted))))[:1]
 
 
 def _sound(search: Search) -> bool:

@@ -101,7 +101,7 @@ def test_what_stood_by_the_one_that_goes_is_asked_again(monkeypatch):
 def fitting(errors):
     """Fits whose error follows from the kinds of the effects."""
 
-    def fitted_with(self, model, *effects):
+    def fitted_with(self, model, *effects, near=False):
         for effect in effects:
             model = model.with_effect(effect.kind, effect.at, effect.values)
         return judged(model, errors[frozenset(e.kind for e in model.effects)])
@@ -133,7 +133,7 @@ def of_chain():
 def placed(errors):
     """Fits whose error follows from the place of a constant force."""
 
-    def fitted_with(self, model, effect):
+    def fitted_with(self, model, effect, near):
         fitted = model.with_effect(effect.kind, effect.at, effect.values)
         return judged(fitted, errors[effect.at]) if effect.at in errors else None
 
@@ -210,7 +210,7 @@ def test_simpler_kinds_begin_with_the_values_they_have_in_common(monkeypatch):
     search.stage = judged(rig().with_effect("bouc_wen_hysteresis", PLACE, values), 10.0)
     tried = []
 
-    def fitted_with(self, model, effect):
+    def fitted_with(self, model, effect, near):
         tried.append(effect)
         return judged(model.with_effect(effect.kind, effect.at, effect.values), 10.0)
 
@@ -233,7 +233,9 @@ def test_a_simpler_friction_turns_over_as_gently(monkeypatch):
     values = {"force": 3.0, "static_force": 3.0, "velocity": 0.4, "width": 0.03}
     search.stage = judged(rig().with_effect("stribeck_friction", PLACE, values), 10.0)
     tried = []
-    monkeypatch.setattr(Search, "fitted_with", lambda self, model, effect: tried.append(effect))
+    monkeypatch.setattr(
+        Search, "fitted_with", lambda self, model, effect, near: tried.append(effect)
+    )
     assert list(simpler(search, search.stage.model, 0)) == []
     assert {e.values["width"] for e in tried if e.kind == "coulomb_friction"} == {0.03}
 

@@ -75,7 +75,7 @@ def test_beside_an_effect_numbers_that_were_bent_far_begin_as_they_were_known_to
     bent = search.stage.model.with_parameters({"spring[0].stiffness": moved * stiffness})
     begun = []
 
-    def fitted(self, model, *effects, anew):
+    def fitted(self, model, *effects, anew, near):
         begun.append(model.springs[0].stiffness / stiffness)
         return judged(model, 2.0 if begun[1:] else 3.0)
 
