@@ -8,8 +8,7 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.floor import floor_beside
-from robustpolish.identification.discover.search import RefittedEffect, Search
+from robustpolish.identification.discover.search import RefittedEffect, Search, floor_beside
 from robustpolish.identification.fit.homotopy import JudgedFit, left_by
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.prepared import PreparedRecord
