@@ -445,13 +445,11 @@ def _noise_on_inputs(search: Search) -> bool:
     """
     if search.screening is None:
         return False
-    ended = [turn for turn in search.turns if not turn.added]
-    visible = np.log(1 - search.policy.visible_fall)
-    for item in (item for turn in ended for item in turn.tried):
-        if more_left(item.fitted, search.stage) < visible or falls_where_fitted(
-            search.stage, item.fitted, search.policy
-        ):
-            return False
+    stage, policy = search.stage, search.policy
+    tried = [item.fitted for turn in search.turns if not turn.added for item in turn.tried]
+    visible = np.log(1 - policy.visible_fall)
+    if any(more_left(f, stage) < visible or falls_where_fitted(stage, f, policy) for f in tried):
+        return False
     level = search.screening.level
     return level.force <= search.policy.silent and level.input_noise > 0
 

@@ -305,9 +305,8 @@ def excited_bandwidth(model: MechanicalModel, record: Record) -> float:
 def _slowest(model: MechanicalModel) -> float:
     """Return the natural frequency of the slowest mode that swings, in rad/s; 0 if none does."""
     poles = np.linalg.eigvals(model.matrices.first_order()[0]) if model.free else np.zeros(0)
-    return (
-        float(np.min(np.abs(poles[poles.imag > 0]), initial=np.inf)) if np.any(poles.imag) else 0.0
-    )
+    swinging = np.abs(poles[poles.imag > 0])
+    return float(np.min(swinging)) if swinging.size else 0.0
 
 
 def _spectrum(record: Record, i: int) -> tuple[Array, Array]:
