@@ -60,7 +60,8 @@ class Formula:
     Attributes
     ----------
     expression : str
-        Of the restoring force, such as ``"k5*q**5"``, in q and v and the numbers.
+        Of the restoring force, such as ``"k5*q**5"``, in q and v and the numbers; of a stiffness or
+        damping in t.
     numbers : mapping of str to float
     stderr : mapping of str to float
         Standard errors of the numbers; NaN where not known, as of a gap or a length.
@@ -136,13 +137,24 @@ _BOTH = (
     Term("cq", "cq*q**2*v", lambda x, d: x, "q2v", (2, 1)),
     Term("kv", "kv*q*v", lambda x, d: x, "qv", (1, 1)),
 )
-TERMS = {"displacement": _Q, "velocity": _V, "displacement and velocity": (*_Q, *_V, *_BOTH)}
+_T = (
+    Term("a0", "a0", lambda x, d: np.ones_like(x), "t", (0, 0)),
+    Term("a1", "a1*t", _power(1), "t", (1, 0)),
+    Term("a2", "a2*t**2", _power(2), "t", (2, 0)),
+    Term("aw", "aw*(1 - exp(-t/d))", lambda x, d: -np.expm1(-x / d), "t", (0, 0), "d"),
+)
+TERMS = {
+    "displacement": _Q,
+    "velocity": _V,
+    "displacement and velocity": (*_Q, *_V, *_BOTH),
+    "time": _T,
+}
 
 
 class Curve(NamedTuple):
     """Coefficients of a curve or surface, and what makes coefficients of a shape.
 
-    `axes` are grids over q and v, None for the one that it does not depend on; `project` turns
+    `axes` are grids over q and v, or t, without what it does not depend on; `project` turns
     values on the grid (flattened) into coefficients, `basis` coefficients into values.
     """
 
@@ -160,9 +172,9 @@ def simplest(curve: Curve, over: str, units: tuple[str, str]) -> Formula | None:
     ----------
     curve : Curve
     over : str
-        "displacement", "velocity", or "displacement and velocity".
+        "displacement", "velocity", "displacement and velocity", or "time".
     units : tuple of str
-        Of the force and of the displacement.
+        Of the force and of the displacement; over time, of what varies and of the time.
 
     Returns
     -------

@@ -321,7 +321,9 @@ class EffectKind:
         ``prior(values)`` gives rows whose products with the fitted parameters are standard normal
         beforehand: what is known about several of them together.
     over : tuple of str
-        Of a learned law: what it is a curve over, "displacement", "velocity" or both.
+        Of a learned law: what it is a curve over, "displacement", "velocity" or both, or "time".
+    contains : tuple of str
+        Of a learned law: of which parts of the machine it holds any, "spring", "damper" or both.
     family : str
         Kinds of one family are rivals: a place has one of them at most.
     sharp : bool
@@ -356,6 +358,7 @@ class EffectKind:
     channels: tuple[tuple[str, str], ...] = ()
     prior: Callable[[Values], Array] | None = None
     over: tuple[str, ...] = ()
+    contains: tuple[str, ...] = ()
     family: str = ""
     sharp: bool = False
     turns_over: str = ""

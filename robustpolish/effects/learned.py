@@ -1,27 +1,30 @@
 """Kinds of effects whose law is a curve that data drew: cubic B-splines over uniform knots.
 
 Their names tell their size. `learned_stiffness_9` is a force over the displacement with nine
-coefficients, `learned_damping_9` one over the velocity, `learned_force_7x7` one over both. They are
-no part of the catalogue: nobody can look for them by name, they are learned where the catalogue
-ends.
+coefficients, `learned_damping_9` one over the velocity, `learned_force_7x7` one over both. In
+`learned_varying_stiffness_9` it is the stiffness that is a curve, over time, in
+`learned_varying_damping_9` the damping. They are no part of the catalogue: nobody can look for them
+by name, they are learned where the catalogue ends.
 
 ::
 
     f = -g(q)          g(q) = sum_j c_j B_j(q)       uniform knots over [low, high]
+    f = -k(t) q        k(t) = sum_j c_j B_j(t)       over the record, in its own time
 
 Outside of the knots g goes on straight over a displacement and stays over a velocity: what no data
-has shown shall not feed energy. The coefficients of a straight line are its values at points as far
-apart as the knots (Greville's abscissae), so that second differences of neighbours measure how much
-a curve bends (Eilers and Marx 1996, Statistical Science 11(2), 89-121).
+has shown shall not feed energy. What varies with time stays as it began and ended. The coefficients
+of a straight line are its values at points as far apart as the knots (Greville's abscissae), so
+that second differences of neighbours measure how much a curve bends (Eilers and Marx 1996,
+Statistical Science 11(2), 89-121).
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -30,8 +33,10 @@ from robustpolish.compiling import njit
 from robustpolish.effects.compiled import machine_code
 from robustpolish.effects.kind import EffectKind, Law, Parameter
 
-Over = Literal["stiffness", "damping", "force"]
-_NAME = re.compile(r"learned_(?:(stiffness|damping)_(\d{1,3})|(force)_(\d{1,2})x(\d{1,2}))")
+Over = Literal["stiffness", "damping", "force", "varying_stiffness", "varying_damping"]
+_NAME = re.compile(
+    r"learned_(?:((?:varying_)?(?:stiffness|damping))_(\d{1,3})|(force)_(\d{1,2})x(\d{1,2}))"
+)
 _FEWEST, _MOST, _MOST_ACROSS = 5, 200, 40
 _CURVE, _SURFACE = 3, 5
 """Numbers that stand before the coefficients of a curve, and before those of a surface."""
@@ -93,13 +98,29 @@ def _force(count: int) -> Law:
     return law
 
 
+def _varying_stiffness(count: int) -> Law:
+    def law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
+        i, a, b, c, d = _weights(t, p[0], p[1], count, True)
+        f[0] = -(a * p[i + 3] + b * p[i + 4] + c * p[i + 5] + d * p[i + 6]) * q[0]
+
+    return law
+
+
+def _varying_damping(count: int) -> Law:
+    def law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
+        i, a, b, c, d = _weights(t, p[0], p[1], count, True)
+        f[0] = -(a * p[i + 3] + b * p[i + 4] + c * p[i + 5] + d * p[i + 6]) * v[0]
+
+    return law
+
+
 @dataclass(frozen=True)
 class SplineLaw:
     """The law of a curve or surface, which is compiled for the number of its coefficients.
 
     Parameters
     ----------
-    over : {"stiffness", "damping", "force"}
+    over : {"stiffness", "damping", "force", "varying_stiffness", "varying_damping"}
     count : int
         Of coefficients, in each direction.
     """
@@ -109,11 +130,11 @@ class SplineLaw:
 
     def __call__(self, t: float, q: Any, v: Any, z: Any, p: Any, f: Any, dz: Any) -> None:
         """Write the force, as every law does."""
-        _LAWS[self.over][0](self.count)(t, q, v, z, p, f, dz)
+        _LAWS[self.over].law(self.count)(t, q, v, z, p, f, dz)
 
     def compiled(self) -> Any:
         """Return the law as machine code."""
-        return machine_code(_LAWS[self.over][0](self.count))
+        return machine_code(_LAWS[self.over].law(self.count))
 
 
 @njit(cache=True)
@@ -281,11 +302,65 @@ def _force_gains(values: Mapping[str, float], q: float, v: float) -> tuple[float
     return _steepest(values, "low", "high", 0), _steepest(values, "slow", "fast", 1), 0.0
 
 
-_LAWS = {
-    "stiffness": (_stiffness, _stiffness_gains, ("displacement",)),
-    "damping": (_damping, _damping_gains, ("velocity",)),
-    "force": (_force, _force_gains, ("displacement", "velocity")),
-}
+def _varying_stiffness_gains(
+    values: Mapping[str, float], q: float, v: float
+) -> tuple[float, float, float]:
+    return _largest(values), 0.0, 0.0
+
+
+def _varying_damping_gains(
+    values: Mapping[str, float], q: float, v: float
+) -> tuple[float, float, float]:
+    return 0.0, _largest(values), 0.0
+
+
+class _Shape(NamedTuple):
+    """What is particular to one shape of law: the rest of its kind follows from this.
+
+    `knots` are the names of their ends, with the dimension of what they lie along; `dimension` is
+    that of the coefficients.
+    """
+
+    law: Callable[[int], Law]
+    gains: Callable[[Mapping[str, float], float, float], tuple[float, float, float]]
+    over: tuple[str, ...]
+    contains: tuple[str, ...]
+    knots: tuple[tuple[str, str, str], ...]
+    dimension: str = "F"
+
+
+_LAWS: dict[str, _Shape] = {
+    "stiffness": _Shape(
+        _stiffness, _stiffness_gains, ("displacement",), ("spring",), (("low", "high", "L"),)
+    ),
+    "damping": _Shape(
+        _damping, _damping_gains, ("velocity",), ("damper",), (("low", "high", "L/T"),)
+    ),
+    "force": _Shape(
+        _force, _force_gains, ("displacement", "velocity"), ("spring", "damper"),
+        (("low", "high", "L"), ("slow", "fast", "L/T")),
+    ),
+    "varying_stiffness": _Shape(
+        _varying_stiffness, _varying_stiffness_gains, ("time",), ("spring",),
+        (("low", "high", "T"),), "F/L",
+    ),
+    "varying_damping": _Shape(
+        _varying_damping, _varying_damping_gains, ("time",), ("damper",),
+        (("low", "high", "T"),), "F*T/L",
+    ),
+}  # fmt: skip
+_ALONG = {"L": "displacement", "L/T": "velocity", "T": "time"}
+_OF_THE_MOTION = (
+    "Ask which part at this place makes a force of this shape; its curve, its words and "
+    "its formula say what it resembles.",
+    "Repeat the record at a larger amplitude: outside of the range that was seen, the "
+    "curve is a guess.",
+)
+_OF_TIME = (
+    "Ask what warms up, loses its preload or its pressure, or moves along the machine meanwhile.",
+    "Repeat the record with its parts in another order: what follows the time stays where it was, "
+    "what follows the amplitude or the frequency moves.",
+)
 
 
 def learned_name(over: Over, count: int) -> str:
@@ -293,8 +368,8 @@ def learned_name(over: Over, count: int) -> str:
 
     Parameters
     ----------
-    over : {"stiffness", "damping", "force"}
-        Over the displacement, the velocity, or both.
+    over : {"stiffness", "damping", "force", "varying_stiffness", "varying_damping"}
+        A force over the displacement, the velocity, or both; a stiffness or damping over time.
     count : int
         Of coefficients, in each direction.
 
@@ -337,47 +412,45 @@ def learned_kind(name: str) -> EffectKind | None:
     most = _MOST_ACROSS if across else _MOST
     if not _FEWEST <= count <= most or across not in (0, count):
         return None
-    _, gains, variables = _LAWS[over]
-    variable = " and ".join(variables)
+    shape = _LAWS[over]
+    variable = " and ".join(shape.over)
+    varies = over.removeprefix("varying_") if shape.over == ("time",) else ""
+    what = (
+        f"A {varies} that changes along the record"
+        if varies
+        else f"A force that depends on {variable} and that no effect of the catalogue describes"
+    )
     return EffectKind(
         kind=name,
-        title=f"Learned law over {variable}",
+        title=f"Learned {varies or 'law'} over {variable}",
         domain="pair",
-        parameters=(*_knots(over), *_coefficients(count, bool(across))),
+        parameters=(*_knots(shape), *_coefficients(count, bool(across), shape.dimension)),
         law=SplineLaw(cast(Over, over), count),
-        gains=gains,
+        gains=shape.gains,
         prior=smoothness,
-        over=variables,
-        looks_like=f"A force that depends on {variable} and that no effect of the catalogue "
-        "describes; its curve was learned from the data.",
-        checks=(
-            "Ask which part at this place makes a force of this shape; its curve, its words and "
-            "its formula say what it resembles.",
-            "Repeat the record at a larger amplitude: outside of the range that was seen, the "
-            "curve is a guess.",
-        ),
+        over=shape.over,
+        contains=shape.contains,
+        looks_like=f"{what}; its curve was learned from the data.",
+        checks=_OF_TIME if varies else _OF_THE_MOTION,
         references=(_REFERENCE,),
     )
 
 
-def _knots(over: str) -> list[Parameter]:
-    along = [("low", "high", "L/T" if over == "damping" else "L")]
-    if over == "force":
-        along.append(("slow", "fast", "L/T"))
+def _knots(shape: _Shape) -> list[Parameter]:
     found = []
-    for first, last, dimension in along:
-        what = "displacement" if dimension == "L" else "velocity"
+    for first, last, dimension in shape.knots:
         for name, default, end in ((first, -1.0, "least"), (last, 1.0, "largest")):
-            meaning = f"{end} {what} that was seen: an end of the knots"
+            meaning = f"{end} {_ALONG[dimension]} that was seen: an end of the knots"
             found.append(Parameter(name, dimension, meaning, default=default, fitted=False))
     meaning = "expected size of the second differences of the coefficients, 0 if unknown"
-    found.append(Parameter("roughness", "F", meaning, lower=0.0, fitted=False))
+    found.append(Parameter("roughness", shape.dimension, meaning, lower=0.0, fitted=False))
     return found
 
 
-def _coefficients(count: int, square: bool) -> list[Parameter]:
+def _coefficients(count: int, square: bool, dimension: str) -> list[Parameter]:
     numbers = range(1, count + 1)
     names = (
         [f"c{i}_{j}" for i in numbers for j in numbers] if square else [f"c{i}" for i in numbers]
     )
-    return [Parameter(name, "F", "coefficient of a spline", fit_size=_largest) for name in names]
+    meaning = "coefficient of a spline"
+    return [Parameter(name, dimension, meaning, fit_size=_largest) for name in names]

@@ -23,10 +23,10 @@ _POINTS, _POINTS_ACROSS, _FINE = 121, 31, 601
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LearnedLaw(Displayed):
-    """A force that was learned as a curve over what it depends on.
+    """A force that was learned as a curve over what it depends on, or a stiffness over time.
 
     The curve is that of the restoring force: positive where it pulls the first coordinate back,
-    as a spring and a damper do.
+    as a spring and a damper do. Of what varies with time it is the stiffness, or the damping.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class LearnedLaw(Displayed):
 
     @property
     def over(self) -> str:
-        """What the force depends on: displacement, velocity, or both."""
+        """What it is a curve over: displacement, velocity, or both, or time."""
         return " and ".join(self.effect.definition.over)
 
     @property
@@ -80,14 +80,25 @@ class LearnedLaw(Displayed):
         return ("N m", "rad") if self.rotational else ("N", "m")
 
     @property
+    def quantity(self) -> str:
+        """What is a curve: the force or, over time, the stiffness or the damping."""
+        if self.over != "time":
+            return "force"
+        return "stiffness" if "spring" in self.effect.definition.contains else "damping"
+
+    @property
+    def unit(self) -> str:
+        """The unit of that quantity."""
+        force, length = self.units
+        return {"force": force, "stiffness": f"{force}/{length}"}.get(
+            self.quantity, f"{force} s/{length}"
+        )
+
+    @property
     def seen(self) -> dict[str, tuple[float, float]]:
         """The range of each variable that the data showed: outside, the law is a guess."""
         values = self.effect.values
-        found = {}
-        if self.over != "velocity":
-            found["displacement"] = (values["low"], values["high"])
-        if self.over == "velocity":
-            found["velocity"] = (values["low"], values["high"])
+        found = {self.effect.definition.over[0]: (values["low"], values["high"])}
         if "slow" in values:
             found["velocity"] = (values["slow"], values["fast"])
         return found
@@ -98,7 +109,7 @@ class LearnedLaw(Displayed):
         return coefficients_of(self.effect.values).ravel()
 
     def curve(self, points: int | None = None) -> xr.Dataset:
-        """Return the restoring force and its standard error over the range that was seen.
+        """Return the curve and its standard error over the range that was seen.
 
         Parameters
         ----------
@@ -108,13 +119,14 @@ class LearnedLaw(Displayed):
         Returns
         -------
         xarray.Dataset
-            ``force`` and ``stderr`` (NaN if not known) over displacement, velocity or both. The
-            error holds what the data leave open, and what happens between knots.
+            ``force`` and ``stderr`` (NaN if not known) over displacement, velocity or both; over
+            time ``stiffness`` or ``damping`` stands in place of the force. The error holds what the
+            data leave open, and what happens between knots.
         """
         axes = self._axes(points or (_POINTS_ACROSS if len(self.seen) > 1 else _POINTS))
         basis = self._basis(axes)
         shape = tuple(grid.size for grid in axes.values())
-        force = (self.coefficients @ basis).reshape(shape)
+        values = (self.coefficients @ basis).reshape(shape)
         stderr = np.full(shape, np.nan)
         if self.covariance is not None:
             power = np.einsum("ip,ij,jp->p", basis, np.nan_to_num(self.covariance), basis)
@@ -122,13 +134,13 @@ class LearnedLaw(Displayed):
             swings = between_knots(coefficients_of(self.effect.values)).ravel() @ np.abs(basis)
             stderr = np.sqrt(np.maximum(power, 0.0) + swings**2)
             stderr = np.where(unseen, np.inf, stderr).reshape(shape)
-        unit, length = self.units
-        units = {"displacement": length, "velocity": f"{length}/s"}
+        length = self.units[1]
+        units = {"displacement": length, "velocity": f"{length}/s", "time": "s"}
         coords = {name: (name, grid, {"units": units[name]}) for name, grid in axes.items()}
         return xr.Dataset(
             {
-                "force": (tuple(axes), force, {"units": unit}),
-                "stderr": (tuple(axes), stderr, {"units": unit}),
+                self.quantity: (tuple(axes), values, {"units": self.unit}),
+                "stderr": (tuple(axes), stderr, {"units": self.unit}),
             },
             coords,
         )
@@ -141,7 +153,7 @@ class LearnedLaw(Displayed):
         count = round(self.coefficients.size ** (1 / len(axes)))
         found = np.ones((1, 1))
         for name, grid in axes.items():
-            here = spline_basis(grid, *self.seen[name], count, name == "velocity")
+            here = spline_basis(grid, *self.seen[name], count, name != "displacement")
             found = np.kron(found, here)
         return np.array(found, dtype=np.float64)
 
@@ -155,12 +167,13 @@ class LearnedLaw(Displayed):
         """
         axes = self._axes(_POINTS_ACROSS if len(self.seen) > 1 else _FINE)
         basis = self._basis(axes)
-        letters = {"displacement": "q", "velocity": "v"}
+        letters = {"displacement": "q", "velocity": "v", "time": "t"}
         named = {letters[name]: grid for name, grid in axes.items()}
         inverse = np.linalg.lstsq(basis.T, np.eye(basis.shape[1]), rcond=None)[0]
         project = np.array(inverse, dtype=np.float64)
         curve = Curve(self.coefficients, self.covariance, named, basis, project)
-        return simplest(curve, self.over, self.units)
+        units = (self.unit, "s") if self.over == "time" else self.units
+        return simplest(curve, self.over, units)
 
     def describe(self) -> str:
         """Say in words what the law resembles, with numbers.
@@ -188,7 +201,7 @@ class LearnedLaw(Displayed):
         if len(self.seen) > 1:
             return plot_surface(found, ax)
         band = None if self.covariance is None else 1.96 * found["stderr"]
-        return plot_force_curve(found["force"], band, ax)
+        return plot_force_curve(found[self.quantity], band, ax)
 
     def _card(self) -> Card:
         head, *rest = self.describe().splitlines()

@@ -39,6 +39,8 @@ class WordPolicy:
         which it is called dry.
     sure : float
         Standard errors beyond which a force has a sign.
+    back : float
+        Share of the way up that what varies with time may come down and still be called rising.
     """
 
     mostly: float = 0.9
@@ -52,6 +54,7 @@ class WordPolicy:
     feeds: float = 0.01
     dry: float = 0.3
     sure: float = 2.0
+    back: float = 0.1
 
 
 WORDS = WordPolicy()
@@ -64,7 +67,8 @@ def in_words(curve: xr.Dataset, place: str, formula: Formula | None) -> str:
     Parameters
     ----------
     curve : xarray.Dataset
-        ``force`` and ``stderr`` over ``displacement``, ``velocity`` or both.
+        ``force`` and ``stderr`` over ``displacement``, ``velocity`` or both, or ``stiffness`` or
+        ``damping`` over ``time``.
     place : str
     formula : Formula or None
 
@@ -73,16 +77,17 @@ def in_words(curve: xr.Dataset, place: str, formula: Formula | None) -> str:
     str
         The first line says what it is a curve of, how far it was seen and how large it is.
     """
-    force = curve["force"]
-    dims = [str(name) for name in force.dims]
+    quantity = next(str(name) for name in curve.data_vars if name != "stderr")
+    found = curve[quantity]
+    dims = [str(name) for name in found.dims]
     ranges = " and ".join(
         f"{float(curve[d][0]):.3g} to {float(curve[d][-1]):.3g} {curve[d].attrs['units']}"
         for d in dims
     )
-    largest = float(np.max(np.abs(force.values)))
-    unit = force.attrs["units"]
+    largest = float(np.max(np.abs(found.values)))
+    unit = found.attrs["units"]
     lines = [
-        f"Force over {' and '.join(dims)} at {place}, seen from {ranges}: "
+        f"{quantity.capitalize()} over {' and '.join(dims)} at {place}, seen from {ranges}: "
         f"up to {largest:.3g} {unit}."
     ]
     stderr = curve["stderr"].values
@@ -94,6 +99,8 @@ def in_words(curve: xr.Dataset, place: str, formula: Formula | None) -> str:
             lines += _spring(curve)
         elif dims == ["velocity"]:
             lines += _damper(curve)
+        elif dims == ["time"]:
+            lines.append(_along_time(found))
         else:
             lines += _energy(curve)
     if formula is None:
@@ -141,6 +148,21 @@ def _damper(curve: xr.Dataset) -> list[str]:
     middle, ends = _slopes(v, slope)
     told = f"slope {middle:.3g} {unit}/({length}) about rest and {ends:.3g} at the ends"
     return [*lines, f"It {_bend(middle, ends, *_OF_DAMPERS)}: {told}."]
+
+
+def _along_time(found: xr.DataArray) -> str:
+    """Say how far a stiffness or damping goes along the record, and whether it turns back."""
+    values, unit = found.values, found.attrs["units"]
+    steps = np.diff(values)
+    up, down = float(steps[steps > 0].sum()), float(-steps[steps < 0].sum())
+    way = "rises" if up > down else "falls"
+    if min(up, down) > WORDS.back * max(up, down):
+        way = "goes up and down"
+    return (
+        f"It comes on top of what the model was given, and {way} along the record: from "
+        f"{values[0]:.3g} to {values[-1]:.3g}, between {values.min():.3g} and {values.max():.3g} "
+        f"{unit}."
+    )
 
 
 _OF_SPRINGS = "hardens", "softens", "is nearly straight"

@@ -12,12 +12,12 @@ from robustpolish.plotting.style import LINE_STYLES, legend, new_axes, si_axis
 def plot_force_curve(
     force: xr.DataArray, band: xr.DataArray | None = None, ax: Axes | None = None
 ) -> Axes:
-    """Draw a force over a displacement or a velocity.
+    """Draw a force over a displacement or a velocity, or what else its name says over time.
 
     Parameters
     ----------
     force : xarray.DataArray
-        Over one dimension, both with units.
+        Over one dimension, both with units; its name stands at the axis.
     band : xarray.DataArray, optional
         Half width of the 95 % band; where it is not finite, none is drawn.
     ax : matplotlib.axes.Axes, optional
@@ -38,6 +38,6 @@ def plot_force_curve(
         shade = {"alpha": 0.3, "color": LINE_STYLES[2]["color"], "label": "95 % band"}
         ax.fill_between(x, y - half, y + half, **shade)
     si_axis(ax.xaxis, name, str(force[name].attrs.get("units", "")))
-    si_axis(ax.yaxis, "force", str(force.attrs.get("units", "")))
+    si_axis(ax.yaxis, str(force.name or "force"), str(force.attrs.get("units", "")))
     legend(ax)
     return ax

@@ -131,7 +131,9 @@ def _which(diagnosis: Diagnosis) -> Section:
     for law in diagnosis.laws:
         place = ", ".join(law.effect.at)
         points += law.describe().splitlines()
-        pictures.append(picture(f"The force over {law.over} at {place} as learned.", law.plot))
+        pictures.append(
+            picture(f"The {law.quantity} over {law.over} at {place} as learned.", law.plot)
+        )
     head = ("effect", "at", "parameter", "value", "standard error", "unit")
     tables = (Table("", head, tuple(rows)),) if rows else ()
     return Section(title, tuple(text), tuple(pictures), tables, tuple(points))

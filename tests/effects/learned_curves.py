@@ -9,7 +9,7 @@ from robustpolish.effects.learned import learned_name, spline_basis
 def law_of(curve, low=-1.1, high=1.0, count=25, over="stiffness", share=0.002, seed=0, at="x"):
     """The law whose curve is nearest to a function, its coefficients off by a share of its size."""
     x = np.linspace(low, high, 800)
-    basis = spline_basis(x, low, high, count, over == "damping")
+    basis = spline_basis(x, low, high, count, over != "stiffness")
     c = np.linalg.lstsq(basis.T, curve(x), rcond=None)[0]
     error = share * float(np.max(np.abs(curve(x))))
     c = c + error * np.random.default_rng(seed).standard_normal(count)

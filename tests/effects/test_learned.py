@@ -41,11 +41,20 @@ def curve(kind, values, q, v):
     return -force_along(lookup(kind), Motion(time, q[None], v[None]), p)[0]
 
 
-@pytest.mark.parametrize("name", ["learned_stiffness_9", "learned_damping_25", "learned_force_7x7"])
-def test_a_name_codes_a_kind(name):
+@pytest.mark.parametrize(
+    ("name", "title"),
+    [
+        ("learned_stiffness_9", "Learned law over displacement"),
+        ("learned_damping_25", "Learned law over velocity"),
+        ("learned_force_7x7", "Learned law over displacement and velocity"),
+        ("learned_varying_stiffness_9", "Learned stiffness over time"),
+        ("learned_varying_damping_25", "Learned damping over time"),
+    ],
+)
+def test_a_name_codes_a_kind(name, title):
     kind = lookup(name)
     assert kind.kind == name
-    assert kind.title.startswith("Learned law over")
+    assert kind.title == title
     assert kind is learned_kind(name)
     assert pickle.loads(pickle.dumps(kind)) == kind
     assert sum(p.fitted for p in kind.parameters) == {"9": 9, "5": 25, "7": 49}[name[-1]]
@@ -56,13 +65,34 @@ def test_a_name_codes_a_kind(name):
 
 @pytest.mark.parametrize(
     "name",
-    ["learned_stiffness_4", "learned_stiffness_201", "learned_force_7", "learned_force_7x8",
+    ["learned_varying_force_7x7", "learned_varying_9", "learned_stiffness_4",
+     "learned_stiffness_201", "learned_force_7", "learned_force_7x8",
      "learned_law_9", "learned_stiffness_", "learned_force_41x41"],
 )  # fmt: skip
 def test_other_names_code_none(name):
     assert learned_kind(name) is None
     with pytest.raises(rp.InvalidInputError, match="Check the spelling"):
         lookup(name)
+
+
+@pytest.mark.parametrize(("over", "unit"), [("stiffness", "N/m"), ("damping", "N s/m")])
+def test_what_varies_follows_the_time_and_stays_as_it_ended(over, unit):
+    kind = lookup(learned_name(f"varying_{over}", 7))
+    given = named(10.0 * spline_centres(1.0, 3.0, 7), low=1.0, high=3.0)
+    values = Effect(kind.kind, "x", given).values
+
+    def force(t, q, v):
+        f = np.zeros(1)
+        p = np.array(list(values.values()))
+        kind.law(t, np.array([q]), np.array([v]), np.zeros(0), p, f, np.zeros(0))
+        return f[0]
+
+    along, across = ((1.0, 0.0), (0.0, 1.0))[:: 1 if over == "stiffness" else -1]
+    found = [-force(t, *along) for t in (0.0, 1.0, 2.0, 3.0, 9.0)]
+    assert found == pytest.approx([10.0, 10.0, 20.0, 30.0, 30.0])
+    assert force(2.0, *across) == 0.0
+    assert kind.gains(values, 1.0, 1.0) == (35.0 * along[0], 35.0 * along[1], 0.0)
+    assert (kind.parameters[0].unit(), kind.parameters[-1].unit()) == ("s", unit)
 
 
 def test_no_learned_law_is_named_like_an_effect_of_the_catalogue():

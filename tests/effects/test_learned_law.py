@@ -52,6 +52,31 @@ def test_curves_and_surfaces_are_drawn():
     np.testing.assert_allclose(shown["force"], wanted, atol=0.1)
 
 
+@pytest.mark.parametrize(
+    ("over", "quantity", "unit"),
+    [
+        ("varying_stiffness", "stiffness", "N/m"),
+        ("varying_damping", "damping", "N s/m"),
+    ],
+)
+def test_what_varies_is_a_curve_over_time(over, quantity, unit):
+    law = law_of(lambda t: 40 * t - 90, low=2.0, high=8.0, over=over)
+    assert (law.over, law.quantity, law.unit) == ("time", quantity, unit)
+    assert law.seen == {"time": (2.0, 8.0)}
+    shown = law.curve(3)
+    assert set(shown.data_vars) == {quantity, "stderr"}
+    np.testing.assert_allclose(shown[quantity], [-10, 110, 230], atol=2)
+    assert shown["time"].attrs["units"] == "s"
+    ax = law.plot()
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time [s]", f"{quantity} [{unit}]")
+    formula = law.formula()
+    assert formula.expression == "a0 + a1*t"
+    assert formula.units == {"a0": unit, "a1": f"{unit}/s"}
+    assert formula.numbers["a1"] == pytest.approx(40, rel=0.02)
+    turning = rp.LearnedLaw(law.effect, rotational=True)
+    assert turning.unit == unit.replace("N", "N m").replace("/m", "/rad")
+
+
 def test_it_shows_itself():
     text = str(law_of(lambda q: 100 * q**3))
     assert "Force over displacement at x, ground" in text

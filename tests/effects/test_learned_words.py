@@ -46,3 +46,23 @@ def test_a_surface_is_judged_by_its_energy():
     text = surface_of(lambda q, v: 50 * q - 3 * v).describe()
     assert "feeds energy" in text
     assert "Force over displacement and velocity" in text
+
+
+@pytest.mark.parametrize(
+    ("curve", "said"),
+    [
+        (lambda t: 40 * t, "rises along the record: from 0"),
+        (lambda t: -40 * t, "falls along the record"),
+        (lambda t: 40 * np.sin(t), "goes up and down along the record"),
+    ],
+)
+def test_what_varies_with_time_has_a_way(curve, said):
+    text = law_of(curve, low=0.0, high=8.0, over="varying_stiffness", share=1e-4).describe()
+    assert text.startswith("Stiffness over time at x, ground, seen from 0 to 8 s: up to ")
+    assert said in text
+
+
+def test_warming_up_has_a_formula():
+    law = law_of(lambda t: 40 * (1 - np.exp(-t / 2)), low=0.0, high=8.0, over="varying_damping")
+    assert "aw*(1 - exp(-t/d)) with aw = 4" in law.describe()
+    assert law.formula().numbers["d"] == pytest.approx(2.0, rel=0.1)

@@ -18,28 +18,35 @@ def curve_shares(case, diagnosis):
     true_model, units = model_of(replace(case, wrong={})), units_of_case(case, diagnosis)
     shares = []
     for law in diagnosis.laws:
-        curve = law.curve()
+        curve, contains = law.curve(), law.effect.definition.contains
         seen = {name: curve[name].values for name in law.seen}
         d = seen.get("displacement", np.zeros(1))
         v = seen.get("velocity", np.zeros(1))
-        d, v = (grid.ravel() for grid in np.meshgrid(d, v, indexing="ij"))
+        t = seen.get("time", np.zeros(1)) + case.warm_up * case.machine.dt
+        if "time" in seen:  # what varies is the force of a unit of motion
+            d, v = (np.ones(1) * (law.quantity == name) for name in ("stiffness", "damping"))
+        d, v, t = (grid.ravel() for grid in np.meshgrid(d, v, t, indexing="ij"))
         sign = _direction(case, law.effect.at)
         unit = unit_at(units, law.effect.at)
-        force = sign * unit * static_force(case, law.effect.at, sign * d, sign * v)
+        force = sign * unit * static_force(case, law.effect.at, sign * d, sign * v, t)
         place = set(law.effect.at)
-        if "displacement" in seen:
+        if "spring" in contains:
             lacks = unit * _part_at(true_model.springs, place, "stiffness")
             force += (lacks - _part_at(diagnosis.model.springs, place, "stiffness")) * d
-        if "velocity" in seen:
+        if "damper" in contains:
             lacks = unit * _part_at(true_model.dampers, place, "damping")
             force += (lacks - _part_at(diagnosis.model.dampers, place, "damping")) * v
-        apart = np.abs(curve["force"].values.ravel() - force)
+        apart = np.abs(curve[law.quantity].values.ravel() - force)
         shares.append(float(np.mean(apart <= SIGMAS * curve["stderr"].values.ravel())))
     return shares
 
 
-def static_force(case, at, d, v):
-    """Return the restoring force of the effects of a case at a place, over relative motion."""
+def static_force(case, at, d, v, time=None):
+    """Return the restoring force of the effects of a case at a place, over relative motion.
+
+    At times since the machine began to run; at the beginning if none are given.
+    """
+    time = np.zeros(len(d)) if time is None else time
     total = np.zeros(len(d))
     state, rates, force = np.zeros(2), np.zeros(2), np.zeros(1)
     for kind, where, p in case.effects:
@@ -47,10 +54,10 @@ def static_force(case, at, d, v):
             continue
         numbers = np.zeros(6)
         numbers[: len(p)] = p
-        for i, (q, s) in enumerate(zip(d, v, strict=True)):
+        for i, (q, s, t) in enumerate(zip(d, v, time, strict=True)):
             force[:] = 0.0
             force_of(
-                CODES[kind], numbers, 0.0, 0, -1, np.array([q]), np.array([s]), state, rates, force
+                CODES[kind], numbers, t, 0, -1, np.array([q]), np.array([s]), state, rates, force
             )
             total[i] -= force[0]
     return total

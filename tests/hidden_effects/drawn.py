@@ -24,7 +24,7 @@ DOF = ("constant_force", "harmonic_force", "attached_resonator")
 AXES = ("unbalance", "parametric_stiffness", "gyroscopic_coupling", "cross_stiffness")
 SIGNAL = ("input_delay", "input_gain", "sensor_offset", "sensor_gain")
 SEEN_AT_REST = ("constant_force", "two")
-LAWS = ("fifth_power_stiffness", "saturating_spring")
+LAWS = ("drifting_stiffness", "fifth_power_stiffness", "saturating_spring")
 """Static forces that no catalogue holds, to be learned as curves: unexplained is no answer any
 more. The second came later and stands last, so that the others stay what they are."""
 OUTSIDE = (

@@ -16,7 +16,7 @@ X = ("x", "ground")
 
 def law_of(over, at, low, high, force):
     grid = np.linspace(low, high, 400)
-    basis = spline_basis(grid, low, high, 25, over == "damping")
+    basis = spline_basis(grid, low, high, 25, over != "stiffness")
     c = np.linalg.lstsq(basis.T, force(grid), rcond=None)[0]
     values = {"low": low, "high": high} | {f"c{j + 1}": x for j, x in enumerate(c)}
     size = 1e-3 * float(np.max(np.abs(c)))
@@ -49,6 +49,23 @@ def test_a_curve_over_the_velocity_holds_the_damper():
                 wrong={"damping": -0.5})  # fmt: skip
     lacks = model_of(replace(case, wrong={})).dampers[0].damping / 2
     law = law_of("damping", X, -1.0, 2.0, lambda v: 4 * np.sign(v) * np.abs(v) ** 1.5 + lacks * v)
+    (share,) = curve_shares(case, diagnosis_of(case, laws=[law]))
+    assert share > 0.95
+
+
+@pytest.mark.parametrize(("rate", "near"), [(700.0 / 16, True), (720.0 / 16, False)])
+def test_a_stiffness_over_time_holds_what_drifts_and_what_the_spring_lacks(rate, near):
+    case = Case("drift", one(), [("drifting_stiffness", X, [700.0, 16.0])], "unknown_law",
+                warm_up=1000, wrong={"stiffness": 0.1})  # fmt: skip
+    began = rate * 1000 * case.machine.dt - 300
+    law = law_of("varying_stiffness", X, 0.0, 12.0, lambda t: began + rate * t)
+    (share,) = curve_shares(case, diagnosis_of(case, laws=[law]))
+    assert (share > 0.95) is near
+
+
+def test_a_damping_over_time_is_judged_as_one():
+    case = Case("breath", one(), [("fading_damping", X, [6.0, 1.3])], "unknown_law")
+    law = law_of("varying_damping", X, 0.0, 12.0, lambda t: 6 * (1 + np.sin(1.3 * t)))
     (share,) = curve_shares(case, diagnosis_of(case, laws=[law]))
     assert share > 0.95
 

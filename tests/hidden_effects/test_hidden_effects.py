@@ -105,8 +105,8 @@ def test_drawn_cases_repeat(drawn):
 def test_what_is_outside_of_the_catalogue(drawn):
     verdicts = {kind: case.verdict for case in CASES.values() for kind, _, _ in case.effects}
     assert verdicts["fifth_power_stiffness"] == verdicts["saturating_spring"] == "unknown_law"
-    assert verdicts["dead_zone_spring"] == "unknown_law"
-    assert verdicts["drifting_stiffness"] == verdicts["fading_damping"] == "unexplained"
+    assert verdicts["dead_zone_spring"] == verdicts["drifting_stiffness"] == "unknown_law"
+    assert verdicts["fading_damping"] == "unexplained"
     verdicts = {case.effects[0][0]: case.verdict for case in drawn if case.effects}
     assert verdicts["saturating_spring"] == "unknown_law"
     assert verdicts["random_walk_force"] == "unexplained"

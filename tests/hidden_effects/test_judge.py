@@ -92,7 +92,7 @@ def test_friction_beside_a_law_may_have_its_name():
 
 
 def test_where_there_is_no_static_law_no_name_may_be_given():
-    case = Case("drift", one(), [("drifting_stiffness", ("x", G), [1.0, 9.0])], "unexplained")
+    case = Case("breath", one(), [("fading_damping", ("x", G), [1.0, 9.0])], "unexplained")
     for verdict in ("unexplained", "partly_explained", "unknown_law"):
         assert judge(case, diagnosis_of(case, [], verdict))
         assert judge(case, diagnosis_of(case, [law(("x", G))], verdict))

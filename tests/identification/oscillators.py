@@ -35,8 +35,10 @@ def rig(stiffness=50.0, damping=4.0):
 
 
 @lru_cache
-def record(samples=4000, start=(0.0, 0.0), noise=0.0, cubic=0.0, seed=0, stiffness=400.0):
-    """An oscillator of 1 kg and 1 N s/m on a smooth random force."""
+def record(
+    samples=4000, start=(0.0, 0.0), noise=0.0, cubic=0.0, seed=0, stiffness=400.0, drift=0.0
+):
+    """An oscillator of 1 kg and 1 N s/m on a smooth random force, whose spring may stiffen."""
     random = np.random.default_rng(seed)
     time = np.arange(samples) / RATE
     phases, lines = random.uniform(0, 2 * np.pi, 40), np.arange(1, 41) * 0.2
@@ -46,7 +48,7 @@ def record(samples=4000, start=(0.0, 0.0), noise=0.0, cubic=0.0, seed=0, stiffne
         return amplitude * np.cos(2 * np.pi * np.multiply.outer(t, lines) + phases).mean(axis=-1)
 
     def rhs(t, s):
-        return [s[1], force(t) - s[1] - stiffness * s[0] - cubic * s[0] ** 3]
+        return [s[1], force(t) - s[1] - (stiffness + drift * t) * s[0] - cubic * s[0] ** 3]
 
     x = solve_ivp(rhs, (0, time[-1]), start, t_eval=time, rtol=1e-9, atol=1e-12).y[0]
     x = x + noise * np.std(x) * random.standard_normal(samples)

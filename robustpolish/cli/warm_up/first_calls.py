@@ -25,7 +25,10 @@ SECONDS = 0.005
 """Of the brush's runs: what is compiled does not depend on it."""
 SAMPLES = 200
 """Of a measurement."""
-LEARNED = ("learned_stiffness_9", "learned_damping_9", "learned_force_7x7")
+LEARNED = (
+    "learned_stiffness_9", "learned_damping_9", "learned_force_7x7",
+    "learned_varying_stiffness_9", "learned_varying_damping_9",
+)  # fmt: skip
 """One law of each shape; those with other numbers of knots share what takes long."""
 
 

@@ -39,7 +39,7 @@ from robustpolish.identification.fit.parameters import (
     turns_over_gently,
 )
 from robustpolish.identification.laws.free_shape import better_shape
-from robustpolish.identification.laws.learn import Learned, learn
+from robustpolish.identification.laws.learn import CURVES, KINDS, OVER_TIME, Learned, learn
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.residuals.force_maps import force_maps
@@ -99,9 +99,8 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
             wrong_name = wrong_name or "What helps has no size that the data determine."
     crowded = _crowded(final.model, len(reference.effects))
     if above and (wrong_name or crowded or not added):
-        # whatever several named forces are, a surface is too: it takes their place if they fail
         failed = wrong_name is not None or verdict.word != "missing_effect"
-        learned = _unknown_law(search, floor, surfaces=failed)
+        learned = _unknown_law(search, floor, failed)
         if learned is not None:
             final, error = learned.final, _whole_error(learned.model, search, calm)
             errors = [base, refitted, error]
@@ -293,18 +292,27 @@ def _back_to_own_numbers(search: Search) -> None:
     search.confusions.clear()
 
 
-def _unknown_law(search: Search, floor: Array, surfaces: bool) -> Learned | None:
-    """Return a law that no catalogue holds, in place of all that was added, if it explains all."""
+def _unknown_law(search: Search, floor: Array, failed: bool) -> Learned | None:
+    """Return a law that no catalogue holds, in place of all that was added, if it explains all.
+
+    Whatever several named forces are, a surface is too, and much may look like a drift: they take
+    the place of names that failed, and of no others. In a motion that fades, what depends on its
+    amplitude changes with time too, and the record does not tell the two apart.
+    """
     search.say("a law that no catalogue holds")
     scales = replace(search.prepared.scales, noise=floor)
     prepared = replace(search.prepared, scales=scales)
-    learned = learn(search.linear.model, prepared, search.reference, surfaces)
-    if learned is None or not learned.explains:
-        return None
-    _back_to_own_numbers(search)
-    search.stage = learned.fitted
-    search.steps.append((learned.laws[0].effect.kind, learned.model))
-    return learned
+    tried = [KINDS if failed else CURVES]
+    if failed and not prepared.fades:
+        tried.append(OVER_TIME)
+    for kinds in tried:
+        learned = learn(search.linear.model, prepared, search.reference, kinds)
+        if learned is not None and learned.explains:
+            _back_to_own_numbers(search)
+            search.stage = learned.fitted
+            search.steps.append((learned.laws[0].effect.kind, learned.model))
+            return learned
+    return None
 
 
 def _diagnosis(

@@ -190,8 +190,8 @@ class Diagnosis(Findings, Displayed):
             for name, v in told_numbers(effect).items()
         ]
         found += [
-            (law.effect.kind, ", ".join(law.effect.at), "largest force",
-             float(abs(law.curve()["force"]).max()), None, law.units[0])
+            (law.effect.kind, ", ".join(law.effect.at), f"largest {law.quantity}",
+             float(abs(law.curve()[law.quantity]).max()), None, law.unit)
             for law in self.laws
         ]  # fmt: skip
         head = ("effect", "at", "parameter", "value", "standard error", "unit")

@@ -233,19 +233,20 @@ def within_laws(model: MechanicalModel) -> set[str]:
     """Return the keys of numbers that learned laws at their places contain, and that stay.
 
     A curve over the displacement holds any spring, one over the velocity any damper, both any
-    constant force: fitted beside it, they would be shared out at random.
+    constant force, and what varies with time the part that does not: fitted beside it, they would
+    be shared out at random.
     """
     found: set[str] = set()
     for law in model.effects:
-        over = law.definition.over
+        kind = law.definition
         place = set(law.at)
-        if "displacement" in over:
+        if "spring" in kind.contains:
             parts = enumerate(model.springs)
             found |= {f"spring[{i}].stiffness" for i, s in parts if set(s.between) == place}
-        if "velocity" in over:
+        if "damper" in kind.contains:
             parts = enumerate(model.dampers)
             found |= {f"damper[{i}].damping" for i, d in parts if set(d.between) == place}
-        if over:
+        if {"displacement", "velocity"} & {*kind.over}:
             found |= {
                 f"effect[{i}].{e.definition.parameters[0].name}"
                 for i, e in enumerate(model.effects)

@@ -8,7 +8,7 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
-from robustpolish.effects.learned import coefficients_of, learned_name, spline_basis
+from robustpolish.effects.learned import coefficients_of, spline_basis
 from robustpolish.identification.fit.homotopy import (
     JudgedFit,
     best_stage,
@@ -149,8 +149,9 @@ def with_closer_knots(
             over = effects[i].definition.over
             if len(over) == 1:
                 row = port_row(stage.model, effects[i].at)
-                moved = row @ (motion.q if over == ("displacement",) else motion.v)
-                effects[i] = closer(effects[i], float(moved.min()), float(moved.max()))
+                along = {"displacement": row @ motion.q, "velocity": row @ motion.v}
+                x = along.get(over[0], prepared.screened.time)
+                effects[i] = closer(effects[i], float(x.min()), float(x.max()))
         model = replace(stage.model, effects=tuple(effects))
         if model == stage.model:
             break
@@ -173,15 +174,14 @@ def closer(effect: Effect, low: float, high: float) -> Effect:
     count = 2 * c.size - 3
     if count > LEARNING.closest or not high > low:
         return effect
-    over = effect.definition.over
-    stays = over == ("velocity",)
+    stays = effect.definition.over != ("displacement",)
     grid = np.linspace(low, high, 8 * count)
     curve = c @ spline_basis(grid, values["low"], values["high"], c.size, stays)
     basis = spline_basis(grid, low, high, count, stays)
     finer = np.asarray(np.linalg.lstsq(basis.T, curve, rcond=None)[0], dtype=float)
     step = (high - low) / (count - 3) / ((values["high"] - values["low"]) / (c.size - 3))
     knots = {"low": low, "high": high, "roughness": values["roughness"] * step}
-    kind = learned_name("damping" if stays else "stiffness", count)
+    kind = f"{effect.kind.rpartition('_')[0]}_{count}"
     return with_numbers(Effect(kind, effect.at, knots), finer)
 
 

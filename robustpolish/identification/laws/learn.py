@@ -1,9 +1,10 @@
 """Learn the force that no catalogue holds: where it acts, what it depends on, and its curve.
 
 At every place a curve over the displacement, one over the velocity, both, and a surface over the
-two are fitted to the innovations (`penalised.py`); the information criterion says which explains
-best what is left. The best few go into the model as effects like any other and are refitted by
-free runs that grow longer; the held-out error judges, as it judges every named effect.
+two are fitted to the innovations (`penalised.py`), or a stiffness and a damping that vary with
+time; the information criterion says which explains best what is left. The best few go into the
+model as effects like any other and are refitted by free runs that grow longer; the held-out error
+judges, as it judges every named effect.
 """
 
 from __future__ import annotations
@@ -46,11 +47,15 @@ from robustpolish.models.mechanical.ports import port_row
 
 LawKinds = tuple[Over | Literal["dry"], ...]
 
-KINDS: tuple[LawKinds, ...] = (
-    ("stiffness",), ("damping",), ("stiffness", "damping"), ("stiffness", "dry"), ("force",),
+CURVES: tuple[LawKinds, ...] = (
+    ("stiffness",), ("damping",), ("stiffness", "damping"), ("stiffness", "dry"),
 )  # fmt: skip
-"""What is tried at every place: curves, sums of curves, and a surface. Dry friction stands beside a
-curve over the displacement because no smooth curve jumps as it does."""
+"""What is tried at every place: curves, and sums of curves. Dry friction stands beside a curve over
+the displacement because no smooth curve jumps as it does."""
+KINDS: tuple[LawKinds, ...] = (*CURVES, ("force",))
+"""The same, and a force over displacement and velocity at once, which can be anything."""
+OVER_TIME: tuple[LawKinds, ...] = (("varying_stiffness",), ("varying_damping",))
+"""What is tried where no law of the motion explains what is left."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +66,7 @@ class Tried:
     ----------
     at : tuple of str
     over : str
+        What the laws are curves over.
     odds : float
         Log odds against no law, from the innovations.
     fall : float
@@ -126,8 +132,9 @@ class Learned:
         best = self.tried[0]
         before, after = float(np.max(self.before)), float(np.max(self.after))
         told = (
-            f"A force over {best.over} at {', '.join(best.at)} takes the held-out error from "
-            f"{before:.3g} to {after:.3g} times the noise (log odds {best.odds:.0f})"
+            f"A {self.laws[0].quantity} over {best.over} at {', '.join(best.at)} takes the "
+            f"held-out error from {before:.3g} to {after:.3g} times the noise "
+            f"(log odds {best.odds:.0f})"
         )
         if self.explains:
             return f"{told}: such a law explains what was left."
@@ -141,7 +148,7 @@ def learn(
     model: MechanicalModel,
     prepared: PreparedRecord,
     reference: MechanicalModel,
-    surfaces: bool = True,
+    kinds: Sequence[LawKinds] = KINDS,
 ) -> Learned | None:
     """Learn the law that explains best what a model leaves, and add it to the model.
 
@@ -152,8 +159,8 @@ def learn(
     prepared : PreparedRecord
     reference : MechanicalModel
         The model before any fit: its springs and dampers stay where a law contains them.
-    surfaces : bool, optional
-        Whether a force over displacement and velocity at once is tried, which can be anything.
+    kinds : sequence of tuple, optional
+        What is tried at every place: `KINDS`, `CURVES` or `OVER_TIME`.
 
     Returns
     -------
@@ -164,7 +171,7 @@ def learn(
     best: JudgedFit | None = None
     tried: list[Tried] = []
     enough = prepared.policy.at_floor * prepared.scales.noise
-    ranked = _ranked(model, prepared, KINDS if surfaces else KINDS[:-1])
+    ranked = _ranked(model, prepared, kinds)
     for odds, curves in ranked:
         fitted, least = None, max(LEARNING.odds, LEARNING.near * ranked[0][0])
         refits = [t for t in tried if np.isfinite(t.ratio)]
@@ -231,7 +238,7 @@ def _ranked(
     rough = []
     for at in pairs:
         for kinds in tried:
-            found = _best(model, at, kinds, LEARNING.first, motion, seen)
+            found = _best(model, at, kinds, LEARNING.first, motion, record.time, seen)
             if found is not None:
                 rough.append(((null - found.score) / 2, found, at, kinds))
     rough.sort(key=lambda item: -item[0])
@@ -240,7 +247,7 @@ def _ranked(
         for count in LEARNING.counts if kinds != ("force",) else ():
             if count * LEARNING.samples > record.samples:
                 continue
-            finer = _best(model, at, kinds, count, motion, seen)
+            finer = _best(model, at, kinds, count, motion, record.time, seen)
             if finer is not None and (null - finer.score) / 2 > ranked[i][0] + LEARNING.simpler:
                 ranked[i] = (null - finer.score) / 2, finer
     return sorted(ranked, key=lambda item: -item[0])
@@ -252,6 +259,7 @@ def _best(
     kinds: Sequence[Over | Literal["dry"]],
     count: int,
     motion: Smoothed,
+    time: Array,
     seen: Sequence[FilteredRecord],
 ) -> CurveFit | None:
     """Return laws at a place at the level where they are likeliest."""
@@ -262,7 +270,9 @@ def _best(
     for over in kinds:
         size = LEARNING.across[0] if over == "force" else count
         made = (
-            dry_block(model, at, motion) if over == "dry" else block(model, at, over, size, motion)
+            dry_block(model, at, motion)
+            if over == "dry"
+            else block(model, at, over, size, motion, time)
         )
         if made is None or here & {*made.effect.definition.over}:
             return None

@@ -114,7 +114,12 @@ def dry_block(model: MechanicalModel, at: tuple[str, ...], motion: Smoothed) -> 
 
 
 def block(
-    model: MechanicalModel, at: tuple[str, ...], over: Over, count: int, motion: Smoothed
+    model: MechanicalModel,
+    at: tuple[str, ...],
+    over: Over,
+    count: int,
+    motion: Smoothed,
+    time: Array,
 ) -> Block | None:
     """Return the splines of a law at a place, None if nothing moves there.
 
@@ -122,30 +127,28 @@ def block(
     ----------
     model : MechanicalModel
     at : tuple of str
-    over : {"stiffness", "damping", "force"}
+    over : {"stiffness", "damping", "force", "varying_stiffness", "varying_damping"}
     count : int
         Of coefficients, in each direction.
     motion : Smoothed
+    time : ndarray, shape (samples,)
+        Of the motion.
     """
     row = port_row(model, at)
     q, v = row @ motion.q, row @ motion.v
-    knots: dict[str, float] = {}
-    if over != "damping":
-        knots |= {"low": float(q.min()), "high": float(q.max())}
-    if over == "damping":
-        knots |= {"low": float(v.min()), "high": float(v.max())}
-    if over == "force":
-        knots |= {"slow": float(v.min()), "fast": float(v.max())}
     if not (np.ptp(q) > 0 and np.ptp(v) > 0 and np.isfinite(q + v).all()):
         return None
+    x = {"damping": v, "varying_stiffness": time, "varying_damping": time}.get(over, q)
+    knots = {"low": float(x.min()), "high": float(x.max())}
+    basis = spline_basis(x, knots["low"], knots["high"], count, over not in ("stiffness", "force"))
     if over == "force":
-        along = spline_basis(q, knots["low"], knots["high"], count)
+        knots |= {"slow": float(v.min()), "fast": float(v.max())}
         across = spline_basis(v, knots["slow"], knots["fast"], count, True)
-        basis = (along[:, None] * across).reshape(count * count, -1)
-    else:
-        basis = spline_basis(
-            v if over == "damping" else q, knots["low"], knots["high"], count, over == "damping"
-        )
+        basis = (basis[:, None] * across).reshape(count * count, -1)
+    elif over == "varying_stiffness":
+        basis = basis * q
+    elif over == "varying_damping":
+        basis = basis * v
     effect = Effect(learned_name(over, count), at, knots)
     bending = smoothness({**effect.values, "roughness": 1.0})
     return Block(effect, -basis[:, None, :], bending)
@@ -244,16 +247,16 @@ def with_numbers_of(
     """
     known, changes, moved = reference.parameters, {}, []
     for effect in effects:
-        over, place = effect.definition.over, set(effect.at)
+        contains, place = effect.definition.contains, set(effect.at)
         springs = {
             f"spring[{i}].stiffness": s.stiffness
             for i, s in enumerate(model.springs)
-            if "displacement" in over and set(s.between) == place
+            if "spring" in contains and set(s.between) == place
         }
         dampers = {
             f"damper[{i}].damping": d.damping
             for i, d in enumerate(model.dampers)
-            if "velocity" in over and set(d.between) == place
+            if "damper" in contains and set(d.between) == place
         }
         k, c = (sum(v - known.get(key, v) for key, v in m.items()) for m in (springs, dampers))
         changes |= {key: known[key] for key in (*springs, *dampers) if key in known}
@@ -263,15 +266,16 @@ def with_numbers_of(
 
 def _steeper(effect: Effect, stiffness: float, damping: float) -> Effect:
     """Return a law with the force of a spring and of a damper added."""
-    values, over = effect.values, effect.definition.over
+    values, kind = effect.values, effect.definition
     ends = list(values.values())
     c = coefficients_of(values)
     if c.ndim == 2:
         along, across = (spline_centres(ends[n], ends[n + 1], len(c)) for n in (0, 2))
         added = c + stiffness * along[:, None] + damping * across
     else:
-        slope = stiffness if "displacement" in over else damping
-        added = c + slope * spline_centres(ends[0], ends[1], len(c))
+        slope = stiffness if "spring" in kind.contains else damping
+        varies = kind.over == ("time",)
+        added = c + slope * (1.0 if varies else spline_centres(ends[0], ends[1], len(c)))
     return with_numbers(effect, added.ravel())
 
 

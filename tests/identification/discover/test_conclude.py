@@ -8,6 +8,8 @@ import robustpolish as rp
 from robustpolish.effects import Effect, Motion, force_with
 from robustpolish.identification.discover.conclude import conclude
 from robustpolish.identification.discover.search import RefittedEffect, Turn
+from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.laws.learn import CURVES, KINDS, OVER_TIME
 from robustpolish.identification.observer.kalman import FREE, Level
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
@@ -79,6 +81,24 @@ def test_what_no_effect_explains_is_learned_as_a_law():
     assert [entry.step for entry in found.ledger.entries] == ["base", "refit", effect.kind]
 
 
+def asked_of_a_cubic_spring(monkeypatch, **changes):
+    """What is tried where no effect explains a cubic spring, and no law does."""
+    asked = []
+    monkeypatch.setattr(LEARN, lambda *given: asked.append(given[3]))
+    for name, value in changes.items():
+        monkeypatch.setattr(PreparedRecord, name, value)
+    assert concluded(40 * X**3).verdict == "unexplained"
+    return asked
+
+
+def test_what_varies_with_time_is_sought_where_no_law_of_the_motion_explains(monkeypatch):
+    assert asked_of_a_cubic_spring(monkeypatch) == [KINDS, OVER_TIME]
+
+
+def test_in_a_motion_that_fades_nothing_is_said_to_vary_with_time(monkeypatch):
+    assert asked_of_a_cubic_spring(monkeypatch, fades=True) == [KINDS]
+
+
 @pytest.mark.parametrize("named", [True, False])
 def test_a_surface_is_asked_for_only_where_names_fail(monkeypatch, named):
     """Three effects at one place may all be one curve; a surface over both is whatever they are."""
@@ -91,7 +111,7 @@ def test_a_surface_is_asked_for_only_where_names_fail(monkeypatch, named):
     ]
     push = 400 * X**3 + 60 * X**2 + 3 * V * np.abs(V) + 9 * X**2 * V  # the last one has no name
     found = concluded(push, *(effects if named else []))
-    assert asked == [not named]
+    assert asked == ([CURVES] if named else [KINDS, OVER_TIME])
     assert (found.verdict == "missing_effect") == named
 
 

@@ -9,7 +9,7 @@ from tests.effects.learned_curves import law_of
 from tests.identification.oscillators import PLACE, oscillator
 
 
-@pytest.mark.parametrize("over", ["stiffness", "damping"])
+@pytest.mark.parametrize("over", ["stiffness", "damping", "varying_stiffness", "varying_damping"])
 def test_closer_knots_draw_the_same_curve(over):
     law = law_of(lambda x: 90 * x**3 - x, count=11, over=over, at=PLACE).effect
     law = law.with_parameters(roughness=2.0)
@@ -19,7 +19,7 @@ def test_closer_knots_draw_the_same_curve(over):
     x = np.linspace(-1.1, 1.0, 77)
     one, other = (
         coefficients_of(e.values)
-        @ spline_basis(x, e.values["low"], e.values["high"], n, over == "damping")
+        @ spline_basis(x, e.values["low"], e.values["high"], n, over != "stiffness")
         for e, n in ((law, 11), (finer, 19))
     )
     np.testing.assert_allclose(one, other, atol=1e-8)
@@ -51,6 +51,16 @@ def test_what_a_law_contains_is_not_fitted():
     damper = law_of(lambda v: v, count=9, over="damping", at=PLACE).effect
     both = model.with_effect(damper.kind, damper.at, damper.values)
     assert "damper[0].damping" in within_laws(both)
+
+
+@pytest.mark.parametrize(
+    ("over", "key"), [("stiffness", "spring[0].stiffness"), ("damping", "damper[0].damping")]
+)
+def test_what_varies_contains_what_stays(over, key):
+    law = law_of(lambda t: 5 * t, low=0.0, over=f"varying_{over}", count=9, at=PLACE).effect
+    model = oscillator().with_effect(law.kind, law.at, law.values)
+    model = model.with_effect("constant_force", "x", {"force": 1.0})
+    assert within_laws(model) == {key}
 
 
 def test_what_is_known_of_a_law_is_its_bending():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.identification.laws.learn import learn
+from robustpolish.identification.laws.learn import CURVES, OVER_TIME, learn
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.hidden_effects.catalogue import all_cases
 from tests.identification.discover.searches import search_of
@@ -81,7 +81,7 @@ def test_a_damping_between_the_powers():
 def test_surfaces_are_left_out_on_request():
     (data, _), _ = records(CASES["power"])
     search = search_of(model_of(CASES["power"]), data)
-    kept = learn(search.stage.model, search.prepared, search.reference, surfaces=False)
+    kept = learn(search.stage.model, search.prepared, search.reference, CURVES)
     every, _, _ = learned("power")
     kinds = {(t.at, t.over) for t in kept.tried}
     assert kinds <= {(t.at, t.over) for t in every.tried}
@@ -102,6 +102,34 @@ def test_a_dead_zone_with_friction():
     friction = next(e for e in found.model.effects if e.kind == "coulomb_friction")
     assert friction.values["force"] == pytest.approx(4.0, rel=0.1)
     assert "dead zone from -0.00" in found.laws[0].describe()
+
+
+@pytest.mark.slow
+def test_a_stiffness_that_drifts():
+    case = CASES["drifting"]
+    (data, _), (unseen, noise) = records(case)
+    search = search_of(model_of(case), data)
+    found = learn(search.stage.model, search.prepared, search.reference, OVER_TIME)
+    assert found.explains, found.evidence()
+    assert found.evidence().startswith("A stiffness over time at x, ground takes")
+    (law,) = found.laws
+    assert (law.over, law.quantity) == ("time", "stiffness")
+    assert found.model.parameters["spring[0].stiffness"] == pytest.approx(3000, rel=1e-2)
+    # the unseen record drifts alike from its beginning on
+    assert rp.compare(found.model, unseen).outputs["x"].rmse < 1.1 * noise["x"]
+    formula = law.formula()
+    assert formula.expression == "a1*t"
+    assert formula.numbers["a1"] == pytest.approx(700 / 16, rel=0.02)
+    again = rp.MechanicalModel.from_toml(found.model.to_toml())
+    assert again == found.model
+
+
+def test_what_varies_is_not_claimed_where_nothing_does():
+    case = CASES["nothing"]
+    (data, _), _ = records(case)
+    search = search_of(model_of(case), data)
+    found = learn(search.stage.model, search.prepared, search.reference, OVER_TIME)
+    assert found is None
 
 
 @pytest.mark.parametrize("name", ["drifting", "nothing"])

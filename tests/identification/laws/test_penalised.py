@@ -25,13 +25,14 @@ def seen():
     model, data = oscillator(), record(cubic=4e4, noise=0.01)
     prepared = prepared_of(model, data)
     motion = prepared.motion(model, prepared.record)
-    return model, FilteredRecord(model, prepared, prepared.record, Level(0.01), motion), motion
+    f = FilteredRecord(model, prepared, prepared.record, Level(0.01), motion)
+    return model, f, motion, prepared.record.time
 
 
 def test_the_curve_is_in_the_innovations(seen):
-    model, f, motion = seen
+    model, f, motion, time = seen
     row = port_row(model, PLACE)
-    made = block(model, PLACE, "stiffness", 11, motion)
+    made = block(model, PLACE, "stiffness", 11, motion, time)
     found = fit_curves(f, row, [made])
     (law,) = found.effects
     q = np.quantile(row @ motion.q, [0.02, 0.1, 0.9, 0.98])
@@ -42,18 +43,18 @@ def test_the_curve_is_in_the_innovations(seen):
     assert 2 < found.freedom <= 11
     assert found.fall > 0.05
     # over the velocity there is no such force
-    other = fit_curves(f, row, [block(model, PLACE, "damping", 11, motion)])
+    other = fit_curves(f, row, [block(model, PLACE, "damping", 11, motion, time)])
     assert other.score > found.score
-    both = fit_curves(f, row, [made, block(model, PLACE, "damping", 11, motion)])
+    both = fit_curves(f, row, [made, block(model, PLACE, "damping", 11, motion, time)])
     assert both.score > found.score
     assert both.score - found.score < 100
 
 
 def test_dry_friction_may_stand_beside_and_may_not_push(seen):
-    model, f, motion = seen
+    model, f, motion, time = seen
     row = port_row(model, PLACE)
     dry = dry_block(model, PLACE, motion)
-    found = fit_curves(f, row, [block(model, PLACE, "stiffness", 11, motion), dry])
+    found = fit_curves(f, row, [block(model, PLACE, "stiffness", 11, motion, time), dry])
     assert [e.kind for e in found.laws] == ["learned_stiffness_11"]
     (friction,) = found.others
     assert found.sensible == (friction.values["force"] > 0)
@@ -61,9 +62,9 @@ def test_dry_friction_may_stand_beside_and_may_not_push(seen):
 
 
 def test_where_nothing_moves_there_is_no_curve(seen):
-    model, _, motion = seen
+    model, _, motion, time = seen
     still = replace(motion, q=0 * motion.q, v=0 * motion.v)
-    assert block(model, PLACE, "stiffness", 11, still) is None
+    assert block(model, PLACE, "stiffness", 11, still, time) is None
     assert dry_block(model, PLACE, still) is None
 
 
@@ -100,3 +101,35 @@ def test_a_surface_holds_spring_and_damper():
     assert np.ptp(np.diff(c, 2, axis=0)) < 1e-9
     assert c[-1, 0] - c[0, 0] == pytest.approx(100.0 * 0.2 * 5 / 3)
     assert c[0, -1] - c[0, 0] == pytest.approx(2.0 * 4 * 5 / 3)
+
+
+def test_what_varies_is_followed_along_the_record():
+    model, data = oscillator(), record(drift=12.0, noise=0.01)
+    prepared = prepared_of(model, data)
+    motion, time = prepared.motion(model, prepared.record), prepared.record.time
+    f = FilteredRecord(model, prepared, prepared.record, Level(0.01), motion)
+    row = port_row(model, PLACE)
+    made = {
+        over: fit_curves(f, row, [block(model, PLACE, over, 11, motion, time)])
+        for over in ("varying_stiffness", "varying_damping", "stiffness")
+    }
+    best = min(made, key=lambda over: made[over].score)
+    assert best == "varying_stiffness"
+    (law,) = made[best].effects
+    grid = np.quantile(time, [0.1, 0.5, 0.9])
+    values = law.values
+    shown = coefficients_of(values) @ spline_basis(grid, values["low"], values["high"], 11, True)
+    np.testing.assert_allclose(shown, 12.0 * grid, atol=0.15 * 12.0 * time[-1])
+
+
+def test_what_a_fit_made_of_a_spring_stays_for_all_time_in_what_varies():
+    reference = oscillator()
+    fitted = reference.with_parameters({"spring[0].stiffness": 500.0, "damper[0].damping": 3.0})
+    for over, key, more in (
+        ("stiffness", "spring[0].stiffness", 100.0),
+        ("damping", "damper[0].damping", 3.0 - reference.parameters["damper[0].damping"]),
+    ):
+        law = Effect(f"learned_varying_{over}_7", PLACE, {"low": 0.0, "high": 9.0})
+        model, (moved,) = with_numbers_of([law], fitted, reference)
+        assert model.parameters[key] == reference.parameters[key]
+        np.testing.assert_allclose(coefficients_of(moved.values), more)
