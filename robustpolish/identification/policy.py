@@ -154,6 +154,13 @@ class Policy:
     shape_levels : tuple of Level
         Where the free curve is tried.
 
+    work : float
+        Steps of simulation after which a search adds nothing more and follows nothing more; what it
+        has is still compared with its like and fitted to the whole record, which may take nearly as
+        many. A processor makes 3 to 7 million a second, so that what ends in two and a half minutes
+        does not come to it; a diagnosis of under a minute needs 20 to 310 million. Where nothing
+        comes near the noise, branches would go on for a quarter of an hour and more.
+
     trial, screened, screened_imposed, least_moving : int
         Samples of a trial piece, and of what is screened; where all motion is imposed, screening
         is quick and the amplitudes of the whole record are welcome (the friction damper). The last:
@@ -277,6 +284,8 @@ class Policy:
     shape_above: float = 1.5
     shape_fall: float = 1.5
     shape_levels: tuple[Level, ...] = _levels(0.1, 0.01, 0.002)
+
+    work: float = 1e9
 
     trial: int = 3500
     screened: int = 9000

@@ -32,7 +32,7 @@ _HARDLY = 0.03
 
 def add_one(search: Search) -> bool:
     """Try to add one effect; return whether one earned its place."""
-    if search.at_floor(search.stage):
+    if search.at_floor(search.stage) or not search.prepared.work.left():
         return False
     number = search.added + 1
     for start in _starts(search):

@@ -30,6 +30,11 @@ from robustpolish.identification.record import long_enough, over_time, record_of
 from robustpolish.long_calls import same_bits, working
 from robustpolish.models.mechanical import MechanicalModel
 
+_NOT_ALL_TRIED = (
+    "The search was ended by its limit of work before all was tried: "
+    "other effects may explain the data better."
+)
+
 
 @same_bits
 def diagnose(
@@ -79,6 +84,9 @@ def diagnose(
     What depends on time, such as an unbalance or a harmonic force, has one phase at time 0 of every
     record. Keep the time of the clock where one recording was cut into several; after triggers that
     are not locked to the phase each record needs a diagnosis of its own for that.
+
+    The work is limited, counted in steps of simulation and not in seconds: a search that comes to
+    its limit ends with what it has found, the same on every machine, and ``reasons`` says so.
 
     Of a long record as many samples are used as the fastest motion, the forces and the error ask
     for, or a part of it; ``notes`` of the result says so. The model holds for every sampling.
@@ -142,6 +150,8 @@ def _diagnose(
     # only now: as long as something is missing, a fit bends masses and springs alike
     add_wrong_gains(search)
     search = settle_damping(search)
+    if prepared.work.refused:
+        search.reasons.append(_NOT_ALL_TRIED)
     found = conclude(search, model)
     notes = (*fewer.notes, *warned(model, found.model, prepared))
     return replace(found, model=fewer.as_given(found.model), notes=notes)

@@ -69,7 +69,7 @@ def second_look(search: Search, grow: Callable[[Search, Followed], Search]) -> S
     followed = Followed([turn.before for turn in search.turns])
     search = without_the_needless(search)
     for turn, item in _runners_up(search):
-        if search.noise_alone(search.policy.at_floor):
+        if search.noise_alone(search.policy.at_floor) or not search.prepared.work.left():
             break
         instead = f" in place of {turn.added[0].effect}" if turn.added else ", to see what follows"
         search.say(f"{item.effect}{instead}")
@@ -92,6 +92,8 @@ def _each_taken_out(
         there = [(e.kind, e.at) for e in search.stage.model.effects]
         if place not in there or len(places) < 2 or search.noise_alone(search.policy.shape_above):
             continue
+        if not search.prepared.work.left():
+            break
         without = search.fitted_without(search.stage.model, there.index(place))
         if without is None:
             continue

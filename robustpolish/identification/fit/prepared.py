@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import threading
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,11 +27,36 @@ from robustpolish.identification.observer.starts import fitted_starts, state_siz
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record, least_samples, liveliest, moving
 from robustpolish.identification.repeats import Repeats, repeats
+from robustpolish.long_calls import Budget
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.validation import described, invalid
 
 # Forces that are so many times those that the motion takes are in other units.
 _OUT_OF_PROPORTION = 1e7
+
+
+@dataclass
+class Work(Budget):
+    """Steps of all runs of models over a record, see :attr:`Policy.work`.
+
+    Attributes
+    ----------
+    refused : bool
+        Whether something was not tried because all were done.
+    """
+
+    refused: bool = field(default=False, init=False)
+    _lock: threading.Lock = field(default_factory=threading.Lock, init=False, repr=False)
+
+    def spend(self, work: float = 1.0) -> None:
+        """Count steps; derivatives are run in several threads."""
+        with self._lock:
+            super().spend(work)
+
+    def left(self) -> bool:
+        """Return whether something more may be tried; that it may not is remembered."""
+        self.refused = self.refused or self.exhausted
+        return not self.exhausted
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +85,8 @@ class PreparedRecord:
         Noise that records show which repeat each other; `scales` holds it too.
     held : frozenset of str
         Keys of numbers that fits leave as they are.
+    work : Work
+        What all who share the record have done together; without a limit by default.
     """
 
     record: Record
@@ -76,6 +104,7 @@ class PreparedRecord:
     short: int
     repeats: Repeats | None = None
     held: frozenset[str] = frozenset()
+    work: Work = field(default_factory=Work)
 
     def spans(self, pieces: Sequence[StartedPiece], growth: int = 2) -> list[int]:
         """Return the lengths of windows that grow from a few swings to whole pieces."""
@@ -164,7 +193,8 @@ class PreparedRecord:
 
     def runner(self, model: MechanicalModel, level: Level = FREE) -> Runner:
         """Return what runs a model and those that are tried in its place, led at a level."""
-        return Runner(model, self.record.dt, self.peak, level, self.scales)
+        dt, spend = self.record.dt, self.work.spend
+        return Runner(model, dt, self.peak, level, self.scales, spend=spend)
 
     def motion(self, model: MechanicalModel, record: Record) -> Smoothed:
         """Return the smoothed motion along the record or a part of it."""
@@ -246,7 +276,7 @@ def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedR
         held_out=pieces(judges),
         everything=pieces(record.parts),
         windows=pieces(record.parts, length=short),
-        motion_before=motion, short=short, repeats=repeated,
+        motion_before=motion, short=short, repeats=repeated, work=Work(policy.work),
     )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +71,8 @@ class Runner:
         Needed for every level but the free one.
     substeps : int, optional
         Steps per sample; as many as the amplitude asks for by default.
+    spend : callable, optional
+        Told the steps of every run; runs may be made in several threads.
     """
 
     def __init__(
@@ -81,8 +83,9 @@ class Runner:
         level: Level = FREE,
         scales: Scales | None = None,
         substeps: int | None = None,
+        spend: Callable[[float], None] = lambda _: None,
     ) -> None:
-        self.dt, self.level = dt, level
+        self.dt, self.level, self.spend = dt, level, spend
         self.substeps = substeps or needed_substeps(model, dt, amplitude)
         self._leak = None if level.free or scales is None else scales.leak
         self._moves_inputs = any(e.definition.domain == "input" for e in model.effects)
@@ -164,7 +167,8 @@ class RecordRun:
     def finer(self) -> RecordRun:
         """Return the free run of the model in steps half as long."""
         runner = self.runner
-        return Runner(self.model, runner.dt, 0.0, substeps=2 * runner.substeps).run(self.model)
+        twice = Runner(self.model, runner.dt, 0.0, substeps=2 * runner.substeps, spend=runner.spend)
+        return twice.run(self.model)
 
     def over(self, piece: StartedPiece, keep: bool = False) -> NonlinearResponse:
         """Return what the model predicts for a piece of record.
@@ -186,6 +190,7 @@ class RecordRun:
         inputs = self.runner.inputs(self.model, record)
         lines = self.runner.lines(self.model, [record])
         led = (None, None) if gain is None else (record.Y, gain.filter)
+        self.runner.spend(record.samples * self.run.substeps)
         return self.run.over(inputs, state, start.internal, record.time, *led, keep, lines)
 
     def over_all(self, pieces: Sequence[StartedPiece], keep: bool = False) -> NonlinearResponse:
@@ -219,6 +224,7 @@ class RecordRun:
             runs = [self.over(piece, keep) for piece in pieces]
             return NonlinearResponse(*(np.concatenate(part) for part in zip(*runs, strict=True)))
         course, _ = self.runner.course(self.model, records)
+        self.runner.spend(course.time.size * self.run.substeps)
         return self.run.over_pieces(course, starts[:, :states], starts[:, states:], keep)
 
     def errors_along(self, records: tuple[Record, ...], starts: Array) -> Array:

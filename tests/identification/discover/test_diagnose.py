@@ -6,6 +6,7 @@ import pytest
 
 from robustpolish.identification import compare, diagnose
 from robustpolish.identification.discover.diagnose import _first, _worse
+from robustpolish.identification.policy import POLICY
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import judged, prepared_of, search_of
 
@@ -96,6 +97,21 @@ def test_a_hold_that_free_runs_speak_against_is_dropped(held):
     search = _first(model, named, prepared, str)
     assert search.reference is (named if held else model)
     assert search.at_floor(search.stage)
+
+
+def test_a_search_that_comes_to_its_limit_of_work_ends_with_what_it_has_and_says_so():
+    """The second effect needs more work; with it nothing is said of a limit."""
+    effects = [("quadratic_damping", PLACE, [30.0]), ("cubic_stiffness", PLACE, [4e6])]
+    case = Case("two", one(), effects, drive=8.0, samples=1500, seed=1)
+    model, data = model_of(case), records(case)[0][0]
+    little = replace(POLICY, work=2e5)
+    ended, again = (diagnose(model, data, _policy=little) for _ in range(2))
+    whole = diagnose(model, data)
+    assert len(ended.effects) == 1
+    assert [reason for reason in ended.reasons if "limit of work" in reason]
+    assert ended.to_dict() == again.to_dict()
+    assert {e.kind for e in whole.effects} == {"quadratic_damping", "cubic_stiffness"}
+    assert not [reason for reason in whole.reasons if "limit of work" in reason]
 
 
 def test_a_search_with_other_holds_has_to_come_about_as_far():

@@ -7,6 +7,7 @@ import pytest
 
 from robustpolish.identification.discover.search import Search, Turn
 from robustpolish.identification.discover.second_look import Followed, second_look
+from robustpolish.identification.fit.prepared import Work
 from tests.identification.decays.pendulums import AT, decay, pendulum
 from tests.identification.discover.searches import judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
@@ -100,6 +101,17 @@ def test_where_only_noise_is_left_nothing_is_followed(begun):
     grow, followed = growing({"quadratic_damping": 0.1 * noise})
     assert second_look(search, grow) is search
     assert not followed
+
+
+def test_a_search_that_has_done_its_work_follows_nothing(begun):
+    done = Work(1.0)
+    done.spend()
+    search = went(begun, refitted(rig(), *CUBIC, 20.0), refitted(rig(), *DRAG, 21.0))
+    search.prepared = replace(search.prepared, work=done)
+    grow, followed = growing({"quadratic_damping": 10.0})
+    assert second_look(search, grow).stage is search.stage
+    assert followed == []
+    assert done.refused
 
 
 def test_coloured_noise_that_a_model_leaves_is_noise_too(begun, monkeypatch):

@@ -224,3 +224,18 @@ def test_what_is_screened_ends_with_the_motion():
     part = prepared_of(oscillator(), early).screened
     assert part.first == 0
     assert POLICY.least_moving <= part.samples < data.time.size / 2
+
+
+def test_every_step_of_a_run_is_counted():
+    prepared = prepared_of(oscillator(), record(noise=0.01))
+    run = prepared.runner(oscillator()).run(oscillator())
+    before = prepared.work.spent
+    run.all_errors(prepared.trial)
+    run.over(prepared.trial[0])
+    samples = [piece.record.samples for piece in (*prepared.trial, prepared.trial[0])]
+    assert prepared.work.spent - before == sum(samples) * run.run.substeps
+    assert prepared.work.left()
+    little = prepared_of(oscillator(), record(noise=0.01), Policy(work=1.0))
+    little.runner(oscillator()).run(oscillator()).all_errors(little.trial)
+    assert not little.work.left()
+    assert little.work.refused
