@@ -170,9 +170,10 @@ def _likeliest_kinds(search: Search, final: Fit, error: Array, calm: bool) -> tu
     for place in remembering:
         here = [p for p in search.confusions if (p.first.kind, p.first.at) == place]
         began = at = [(e.kind, e.at) for e in final.model.effects].index(place)
-        others = list(_kinds_instead(search, final, at))
+        others, passed = list(_kinds_instead(search, final, at)), []
         while likelier := _likelier(others, final, policy):
             effect = final.model.effects[at]
+            passed += [(effect, final), *((f.model.effects[-1], f) for f in others)]
             odds, final = max(likelier, key=lambda pair: pair[0])
             said = f"{effect} is less likely over the whole record, by log odds of {odds:.1f}."
             search.reasons.append(said)
@@ -183,10 +184,14 @@ def _likeliest_kinds(search: Search, final: Fit, error: Array, calm: bool) -> tu
             error = _whole_error(final.model, search, calm)
             del search.steps[2 + began - first]
             search.steps.append((now.kind, final.model))
+        # begun with the force of this one, a kind may end farther from it than it came before
+        tried = [(effect, fitted) for effect, fitted in passed if effect.kind != now.kind]
+        tried += [(fitted.model.effects[-1], fitted) for fitted in others]
         # numbers that do nothing cost nothing here: they do not tell two kinds apart
-        odds_of = [(f.model.effects[-1], log_odds(f, final)) for f in others]
+        odds_of = [(effect, log_odds(fitted, final)) for effect, fitted in tried]
         judged = {now.kind, *(e.kind for e, _ in odds_of)}
-        alike = [e for e, odds in odds_of if odds > -policy.strong_odds]
+        near = {e.kind: e for e, odds in odds_of if odds > -policy.strong_odds}
+        alike = list(near.values())
         alike += [p.second for p in here if p.second.at != now.at or p.second.kind not in judged]
         search.confusions[:] = [p for p in search.confusions if p not in here]
         search.confusions += [confused(now, other) for other in alike]
@@ -209,18 +214,20 @@ def _likelier(others: Sequence[Fit], final: Fit, policy: Policy) -> list[tuple[f
 def _kinds_instead(search: Search, final: Fit, at: int) -> Iterator[Fit]:
     """Yield fits to the whole record with other kinds in place of an effect, at the end of all.
 
-    Those whose numbers are physical, and determined.
+    Those whose numbers are physical, and determined. Friction that jumps comes rounded, too: what a
+    jump leaves at every reversal is no evidence of memory.
     """
-    effects = final.model.effects
+    effects, last = final.model.effects, len(final.model.effects) - 1
     for instead in nearly_the_same(search, final.model, at):
         model = replace(final.model, effects=(*effects[:at], *effects[at + 1 :], instead))
         for fitted in _over_all(model, search, calm=True):
-            other = fitted.model.effects[-1]
-            if not (
-                other.definition.implausible(other.values)
-                or undetermined(fitted, len(effects) - 1, search.policy)
-            ):
-                yield fitted
+            for tried in (fitted, *_rounded(fitted, last, search, calm=True)):
+                other = tried.model.effects[-1]
+                if not (
+                    other.definition.implausible(other.values)
+                    or undetermined(tried, last, search.policy)
+                ):
+                    yield tried
 
 
 def _cost(one: Fit, other: Fit) -> float:
@@ -245,22 +252,28 @@ def _gently(search: Search, final: Fit, error: Array, calm: bool) -> tuple[Fit, 
     What a jump leaves at every reversal may be less than the noise and yet move all other numbers
     by more than their standard errors. So likelihood decides, not a visible fall.
     """
-    prepared, reference = search.prepared, search.reference
-    for at in range(len(reference.effects), len(final.model.effects)):
-        effect = final.model.effects[at]
-        if not effect.definition.turns_over or turns_over_gently(effect):
-            continue
-        gentle = gently(final.model, at, search)
-        if gentle is None:
-            continue
-        effects = final.model.effects
-        model = replace(final.model, effects=(*effects[:at], gentle, *effects[at + 1 :]))
-        for fitted in _over_all(model, search, calm):
+    for at in range(len(search.reference.effects), len(final.model.effects)):
+        for fitted in _rounded(final, at, search, calm):
             left = _whole_error(fitted.model, search, calm)
-            odds = prepared.record.samples * float(np.sum(np.log(error / left)))
-            if odds > search.policy.least_odds and knows_turn(fitted, at, search):
+            odds = search.prepared.record.samples * float(np.sum(np.log(error / left)))
+            if odds > search.policy.least_odds:
                 final, error = fitted, left
     return final, error
+
+
+def _rounded(jumping: Fit, at: int, search: Search, calm: bool) -> list[Fit]:
+    """Return a fit to the whole record with a jump of friction rounded.
+
+    None where nothing jumps, or the data leave the speed of the turn open.
+    """
+    effects = jumping.model.effects
+    if not effects[at].definition.turns_over or turns_over_gently(effects[at]):
+        return []
+    gentle = gently(jumping.model, at, search)
+    if gentle is None:
+        return []
+    model = replace(jumping.model, effects=(*effects[:at], gentle, *effects[at + 1 :]))
+    return [fitted for fitted in _over_all(model, search, calm) if knows_turn(fitted, at, search)]
 
 
 def _no_worse(

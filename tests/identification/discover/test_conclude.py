@@ -22,10 +22,10 @@ X, V = DATA["x"].values, DATA["v"].values
 KEYS = {"spring[0].stiffness", "damper[0].damping"}
 
 
-def concluded(force, *effects, model=None):
+def concluded(force, *effects, model=None, policy=POLICY):
     """What is said in the end of a rig with more force, and effects that were accepted."""
     model = rig() if model is None else model
-    search = search_of(model, DATA.assign(f=("time", DATA["f"].values + force)))
+    search = search_of(model, DATA.assign(f=("time", DATA["f"].values + force)), policy)
     for effect in effects:
         fitted = search.fitted_with(search.stage.model, effect)
         search.accept([RefittedEffect(ScreenedEffect(effect, 100.0, 0.5), fitted)])
@@ -251,6 +251,31 @@ def test_of_friction_with_memory_the_whole_record_tells_the_kind():
     assert [e.kind for e in found.effects] == ["dahl_friction"]
     alike = {p.second.kind for p in found.indistinguishable}
     assert alike == {"bouc_wen_hysteresis", "lugre_friction"}
+
+
+def test_a_friction_that_turns_over_gently_has_no_memory(monkeypatch):
+    """What a jump leaves at every reversal speaks for Dahl's law, until the jump is rounded."""
+    instead = {"dahl_friction": [Effect("coulomb_friction", PLACE, {"force": 1.0})]}
+    monkeypatch.setattr(
+        "robustpolish.identification.discover.conclude.nearly_the_same",
+        lambda _, model, at: instead.get(model.effects[at].kind, []),
+    )
+    speed = 0.1 * np.std(V)
+    # so weak a friction comes within log odds of 20; that Dahl's law did is not forgotten
+    for force, policy, like in (
+        (30.0, POLICY, []),
+        (2.0, POLICY, []),
+        (2.0, replace(POLICY, strong_odds=20.0), ["dahl_friction"]),
+    ):
+        dahl = Effect("dahl_friction", PLACE, {"force": force, "stiffness": 200.0})
+        found = concluded(force * np.tanh(V / speed), dahl, policy=policy)
+        (effect,) = found.effects
+        assert effect.kind == "coulomb_friction"
+        for name, truth in (("force", force), ("width", speed)):
+            value = effect.parameters[name]
+            assert abs(value.value - truth) < 3 * value.stderr
+        assert [p.second.kind for p in found.indistinguishable] == like
+        assert any("dahl_friction" in r and "less likely" in r for r in found.reasons)
 
 
 def test_noise_on_inputs_is_no_error_that_an_effect_has_to_explain():
