@@ -463,10 +463,11 @@ def _noise_on_inputs(search: Search) -> bool:
 
     It is none if anything that was tried in the end, though refused, leaves visibly less, be it of
     what it was fitted to: with thousands of samples for each number no fit bends itself to noise.
+    Nor is it while so many effects share a place that one curve may be all of them, and more.
     """
-    if search.screening is None:
-        return False
     stage, policy = search.stage, search.policy
+    if search.screening is None or _crowded(stage.model, len(search.reference.effects)):
+        return False
     tried = [item.fitted for turn in search.turns if not turn.added for item in turn.tried]
     visible = np.log(1 - policy.visible_fall)
     if any(more_left(f, stage) < visible or falls_where_fitted(stage, f, policy) for f in tried):

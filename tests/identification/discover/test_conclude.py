@@ -22,14 +22,19 @@ X, V = DATA["x"].values, DATA["v"].values
 KEYS = {"spring[0].stiffness", "damper[0].damping"}
 
 
-def concluded(force, *effects, model=None, policy=POLICY):
-    """What is said in the end of a rig with more force, and effects that were accepted."""
-    model = rig() if model is None else model
+def searched(force, *effects, model, policy=POLICY):
+    """A search on a rig with more force, and effects that were accepted."""
     search = search_of(model, DATA.assign(f=("time", DATA["f"].values + force)), policy)
     for effect in effects:
         fitted = search.fitted_with(search.stage.model, effect)
         search.accept([RefittedEffect(ScreenedEffect(effect, 100.0, 0.5), fitted)])
-    return conclude(search, model)
+    return search
+
+
+def concluded(force, *effects, model=None, policy=POLICY):
+    """What is said in the end of such a search."""
+    model = rig() if model is None else model
+    return conclude(searched(force, *effects, model=model, policy=policy), model)
 
 
 def test_a_model_that_leaves_noise_is_adequate():
@@ -302,6 +307,25 @@ def test_noise_on_inputs_is_no_error_that_an_effect_has_to_explain():
         noisy = replace(search, screening=Screening((), (), Level(0.0, input_noise=0.03)))
         noisy.turns = [Turn(noisy.copy(), (), (), (tried,))]
         assert conclude(noisy, rig()).verdict == said
+
+
+def test_what_three_effects_at_one_place_leave_is_no_noise_on_the_inputs(monkeypatch):
+    """One curve may be all three and what they leave: a dead zone was a stop and two others."""
+    asked = []
+    monkeypatch.setattr(LEARN, lambda *given: asked.append(given[3]))
+    effects = [
+        Effect("cubic_stiffness", PLACE, {"stiffness": 100.0}),
+        Effect("quadratic_damping", PLACE, {"coefficient": 1.0}),
+        Effect("quadratic_stiffness", PLACE, {"stiffness": 1.0}),
+    ]
+    push = 400 * X**3 + 60 * X**2 + 3 * V * np.abs(V) + 9 * X**2 * V  # the last one has no name
+    for named in (effects[:2], effects):
+        search = searched(push, *named, model=rig())
+        search.screening = Screening((), (), Level(0.0, input_noise=0.03))
+        found = conclude(search, rig())
+        noise = any("like a noise on the inputs" in reason for reason in found.reasons)
+        assert noise == (len(named) < 3)
+        assert bool(asked) != noise
 
 
 def test_a_kind_whose_numbers_are_left_open_gives_way_to_a_simpler_one():
