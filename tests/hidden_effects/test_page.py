@@ -46,9 +46,9 @@ def test_the_laws_are_told_apart_from_what_has_none(drawn):
     }
     text = told([(learned[c.name], c) for c in CASES], rows_of(drawn))
     law = next(line for line in text.splitlines() if "laws that no catalogue holds" in line)
-    assert "at their place: 3 of 3 (100.0 %)" in law
-    assert law.endswith("2 of 3 (66.7 %)")
-    assert "and no name given: 3 of 3 (100.0 %)" in text
+    assert "at their place: 4 of 4 (100.0 %)" in law
+    assert law.endswith("3 of 4 (75.0 %)")
+    assert "and no name given: 2 of 2 (100.0 %)" in text
 
 
 def test_several_effects_are_told_by_number(drawn):
