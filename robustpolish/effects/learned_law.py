@@ -88,11 +88,8 @@ class LearnedLaw(Displayed):
 
     @property
     def unit(self) -> str:
-        """The unit of that quantity."""
-        force, length = self.units
-        return {"force": force, "stiffness": f"{force}/{length}"}.get(
-            self.quantity, f"{force} s/{length}"
-        )
+        """The unit of that quantity: its coefficients are values of it."""
+        return self.effect.definition.parameters[-1].unit(self.rotational)
 
     @property
     def seen(self) -> dict[str, tuple[float, float]]:

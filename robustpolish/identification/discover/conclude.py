@@ -316,7 +316,7 @@ def _unknown_law(search: Search, floor: Array, failed: bool) -> Learned | None:
     scales = replace(search.prepared.scales, noise=floor)
     prepared = replace(search.prepared, scales=scales)
     tried = [KINDS if failed else CURVES]
-    if failed and not prepared.fades:
+    if failed and not search.prepared.fades:
         tried.append(OVER_TIME)
     for kinds in tried:
         learned = learn(search.linear.model, prepared, search.reference, kinds)

@@ -74,6 +74,13 @@ def test_what_was_added_is_the_finding():
 
 
 LEARN = "robustpolish.identification.discover.conclude.learn"
+THREE = (
+    Effect("cubic_stiffness", PLACE, {"stiffness": 100.0}),
+    Effect("quadratic_damping", PLACE, {"coefficient": 1.0}),
+    Effect("quadratic_stiffness", PLACE, {"stiffness": 1.0}),
+)
+CROWDED = 400 * X**3 + 60 * X**2 + 3 * V * np.abs(V) + 9 * X**2 * V
+"""The three at once, and a force that has no name."""
 
 
 def test_what_no_effect_explains_is_learned_as_a_law():
@@ -109,13 +116,7 @@ def test_a_surface_is_asked_for_only_where_names_fail(monkeypatch, named):
     """Three effects at one place may all be one curve; a surface over both is whatever they are."""
     asked = []
     monkeypatch.setattr(LEARN, lambda *given: asked.append(given[3]))
-    effects = [
-        Effect("cubic_stiffness", PLACE, {"stiffness": 100.0}),
-        Effect("quadratic_stiffness", PLACE, {"stiffness": 1.0}),
-        Effect("quadratic_damping", PLACE, {"coefficient": 1.0}),
-    ]
-    push = 400 * X**3 + 60 * X**2 + 3 * V * np.abs(V) + 9 * X**2 * V  # the last one has no name
-    found = concluded(push, *(effects if named else []))
+    found = concluded(CROWDED, *(THREE if named else []))
     assert asked == ([CURVES] if named else [KINDS, OVER_TIME])
     assert (found.verdict == "missing_effect") == named
 
@@ -313,14 +314,8 @@ def test_what_three_effects_at_one_place_leave_is_no_noise_on_the_inputs(monkeyp
     """One curve may be all three and what they leave: a dead zone was a stop and two others."""
     asked = []
     monkeypatch.setattr(LEARN, lambda *given: asked.append(given[3]))
-    effects = [
-        Effect("cubic_stiffness", PLACE, {"stiffness": 100.0}),
-        Effect("quadratic_damping", PLACE, {"coefficient": 1.0}),
-        Effect("quadratic_stiffness", PLACE, {"stiffness": 1.0}),
-    ]
-    push = 400 * X**3 + 60 * X**2 + 3 * V * np.abs(V) + 9 * X**2 * V  # the last one has no name
-    for named in (effects[:2], effects):
-        search = searched(push, *named, model=rig())
+    for named in (THREE[:2], THREE):
+        search = searched(CROWDED, *named, model=rig())
         search.screening = Screening((), (), Level(0.0, input_noise=0.03))
         found = conclude(search, rig())
         noise = any("like a noise on the inputs" in reason for reason in found.reasons)
