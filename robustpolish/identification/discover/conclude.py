@@ -39,7 +39,14 @@ from robustpolish.identification.fit.parameters import (
     turns_over_gently,
 )
 from robustpolish.identification.laws.free_shape import better_shape
-from robustpolish.identification.laws.learn import CURVES, KINDS, OVER_TIME, Learned, learn
+from robustpolish.identification.laws.learn import (
+    CURVES,
+    KINDS,
+    OVER_TIME,
+    LawKinds,
+    Learned,
+    learn,
+)
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.residuals.force_maps import force_maps
@@ -97,14 +104,19 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
         if all(undetermined(final, at, search.policy) for at in effects):
             # a size that stands for others is a finding where all is explained, and only there
             wrong_name = wrong_name or "What helps has no size that the data determine."
-    crowded = _crowded(final.model, len(reference.effects))
-    if above and (wrong_name or crowded or not added):
-        failed = wrong_name is not None or verdict.word != "missing_effect"
-        learned = _unknown_law(search, floor, failed)
+    if above:
+        partly = verdict.word == "partly_explained"
+        crowded = _crowded(final.model, len(reference.effects))
+        failed = wrong_name is not None or not added or (partly and crowded)
+        tried = [KINDS if failed else CURVES]
+        if (failed or partly) and not search.prepared.fades:
+            tried.append(OVER_TIME)
+        learned = _unknown_law(search, floor, tried, None if failed else error, calm)
         if learned is not None:
             final, error = learned.final, _whole_error(learned.model, search, calm)
             errors = [base, refitted, error]
             reasons = [*([wrong_name] if wrong_name else []), learned.evidence()]
+            floor = search.floor_beside(learned.model, calm)
             verdict = Verdict("unknown_law", reasons, np.minimum(floor, error))
         elif wrong_name:
             # what is wrong is reported as a candidate, not kept in the model
@@ -305,22 +317,30 @@ def _back_to_own_numbers(search: Search) -> None:
     search.confusions.clear()
 
 
-def _unknown_law(search: Search, floor: Array, failed: bool) -> Learned | None:
+def _unknown_law(
+    search: Search,
+    floor: Array,
+    tried: Sequence[Sequence[LawKinds]],
+    names: Array | None,
+    calm: bool,
+) -> Learned | None:
     """Return a law that no catalogue holds, in place of all that was added, if it explains all.
 
-    Whatever several named forces are, a surface is too, and much may look like a drift: they take
-    the place of names that failed, and of no others. In a motion that fades, what depends on its
-    amplitude changes with time too, and the record does not tell the two apart.
+    Whatever several named forces are, a surface is too, and much may look like a drift: a surface
+    takes the place of names that failed, a drift that of names that explain a part. A curve does
+    so of any names, whose errors are given, if it leaves visibly less. In a motion that fades, what
+    depends on its amplitude changes with time too, and the record does not tell the two apart.
     """
     search.say("a law that no catalogue holds")
     scales = replace(search.prepared.scales, noise=floor)
     prepared = replace(search.prepared, scales=scales)
-    tried = [KINDS if failed else CURVES]
-    if failed and not search.prepared.fades:
-        tried.append(OVER_TIME)
+    visible = np.log(1 - search.policy.visible_fall)
     for kinds in tried:
         learned = learn(search.linear.model, prepared, search.reference, kinds)
-        if learned is not None and learned.explains:
+        if learned is None or not learned.explains:
+            continue
+        left = _whole_error(learned.model, search, calm)
+        if names is None or np.mean(np.log(left / names)) < visible:
             _back_to_own_numbers(search)
             search.stage = learned.fitted
             search.steps.append((learned.laws[0].effect.kind, learned.model))

@@ -8,13 +8,14 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.search import RefittedEffect, Search, floor_beside
+from robustpolish.identification.discover.search import RefittedEffect, Search
 from robustpolish.identification.fit.homotopy import JudgedFit, left_by
 from robustpolish.identification.fit.least_squares import Fit, covariance_of, errors_from
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.numbers.own_numbers import held_inputs
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record, repetition
+from robustpolish.identification.residuals.noise_floor import floor_beside
 from robustpolish.models.mechanical import MechanicalModel
 
 _SHIFTS = 0.1

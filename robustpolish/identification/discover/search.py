@@ -13,32 +13,12 @@ from robustpolish.effects import Effect
 from robustpolish.identification.findings.findings import Confusion, RankedCandidate
 from robustpolish.identification.fit.homotopy import JudgedFit, best_stage, homotopy, left_by
 from robustpolish.identification.fit.parameters import idle, sized, turns_over_gently
-from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
+from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.numbers.own_numbers import timely
 from robustpolish.identification.policy import Policy
-from robustpolish.identification.residuals.noise_floor import noise_floor
+from robustpolish.identification.residuals.noise_floor import floor_beside
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
 from robustpolish.models.mechanical import MechanicalModel
-
-
-def floor_beside(model: MechanicalModel, prepared: PreparedRecord, calm: bool) -> Array:
-    """Return the noise of each output that the errors of a fitted model show, shape (ny,).
-
-    Parameters
-    ----------
-    model : MechanicalModel
-    prepared : PreparedRecord
-    calm : bool
-        Whether free runs over the whole record judge; windows do otherwise.
-    """
-    run = prepared.runner(model).run(model)
-    pieces = prepared.everything if calm else prepared.windows
-    started = prepared.with_fitted_starts(run, with_rest(model, pieces))
-    motion = run.over_all(started).outputs
-    known = prepared.repeats is not None
-    record, scales = prepared.record, prepared.scales
-    errors = record.Y - motion
-    return noise_floor(errors, motion, scales.noise, known, record.honest, scales.rounded)
 
 
 def numbers_of(effect: Effect) -> int:

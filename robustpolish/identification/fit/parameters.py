@@ -281,28 +281,36 @@ def joint_priors(model: MechanicalModel, free: Sequence[FreeParameter]) -> Array
         block = np.zeros((len(rows), len(free)))
         block[:, [column[key] for key in keys]] = rows
         blocks.append(block)
-    blocks += [_at_rest(model, i, column) for i in _beside_a_spring_law(model)]
+    blocks += [_at_rest(model, i, column) for i in _zero_at_rest(model)]
     return np.vstack(blocks)
 
 
-def _beside_a_spring_law(model: MechanicalModel) -> list[int]:
-    """Return which effects are laws over the velocity where one over the displacement is, too."""
-    springs = [set(e.at) for e in model.effects if e.definition.over == ("displacement",)]
+def _zero_at_rest(model: MechanicalModel) -> list[int]:
+    """Return which effects are laws whose force at rest the data do not tell from something else.
+
+    Beside a law over the displacement one over the velocity has none: the other has it. Where no
+    sensor shows a displacement, it is counted from where the machine rests: another force there
+    and another place to count from are one motion.
+    """
+    over = [(e.definition.over, set(e.at)) for e in model.effects]
+    springs = [at for what, at in over if what == ("displacement",)]
+    unseen = not model.matrices.Sq.any()
     return [
         i
-        for i, e in enumerate(model.effects)
-        if e.definition.over == ("velocity",) and set(e.at) in springs
+        for i, (what, at) in enumerate(over)
+        if (what == ("velocity",) and at in springs) or (what == ("displacement",) and unseen)
     ]
 
 
 def _at_rest(model: MechanicalModel, i: int, column: Mapping[str, int]) -> Array:
-    """Return the row that holds the force of a law at no velocity: the other law has it."""
+    """Return the row that holds the force of a law at no displacement or velocity."""
     values = model.effects[i].values
     c = coefficients_of(values)
+    stays = model.effects[i].definition.over != ("displacement",)
     row = np.zeros((1, len(column)))
     keys = [f"effect[{i}].{name}" for name in values][-c.size :]
     if all(key in column for key in keys):
-        at_rest = spline_basis(np.zeros(1), values["low"], values["high"], c.size, True)[:, 0]
+        at_rest = spline_basis(np.zeros(1), values["low"], values["high"], c.size, stays)[:, 0]
         row[0, [column[key] for key in keys]] = at_rest / (_HELD * (np.max(np.abs(c)) or 1.0))
     return row
 

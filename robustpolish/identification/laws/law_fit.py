@@ -150,7 +150,7 @@ def with_closer_knots(
             if len(over) == 1:
                 row = port_row(stage.model, effects[i].at)
                 along = {"displacement": row @ motion.q, "velocity": row @ motion.v}
-                x = along.get(over[0], prepared.screened.time)
+                x = along.get(over[0], prepared.record.times)
                 effects[i] = closer(effects[i], float(x.min()), float(x.max()))
         model = replace(stage.model, effects=tuple(effects))
         if model == stage.model:

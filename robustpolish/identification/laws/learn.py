@@ -40,6 +40,8 @@ from robustpolish.identification.laws.penalised import (
     fit_curves,
 )
 from robustpolish.identification.observer.missing_force import Smoothed
+from robustpolish.identification.record import Record
+from robustpolish.identification.residuals.noise_floor import floor_beside
 from robustpolish.identification.screening.candidates import places
 from robustpolish.identification.screening.filtered import FilteredRecord
 from robustpolish.models.mechanical import MechanicalModel
@@ -102,7 +104,7 @@ class Learned:
     before, after : ndarray, shape (ny,)
         Held-out errors over the noise, without and with the laws.
     tried : tuple of Tried
-        The best first.
+        What was added first, then the best.
     explains : bool
         Whether the held-out error is as good as the noise now. If not, what is missing is no such
         law, or not that alone: it may depend on time, on the past, or on more than one place.
@@ -168,30 +170,45 @@ def learn(
         None if no law makes the held-out error fall.
     """
     before = held_out(model, prepared)
-    best: JudgedFit | None = None
-    tried: list[Tried] = []
-    enough = prepared.policy.at_floor * prepared.scales.noise
     ranked = _ranked(model, prepared, kinds)
-    for odds, curves in ranked:
-        fitted, least = None, max(LEARNING.odds, LEARNING.near * ranked[0][0])
-        refits = [t for t in tried if np.isfinite(t.ratio)]
-        done = best is not None and bool(np.all(best.error < enough))
+    least = max(LEARNING.odds, LEARNING.near * ranked[0][0]) if ranked else np.inf
+    likely = [(i, curves) for i, (odds, curves) in enumerate(ranked) if odds >= least]
+    enough = prepared.policy.at_floor * prepared.scales.noise
+    refits: dict[int, JudgedFit] = {}
+    stood: int | None = None
+    for i, curves in likely:
+        if len(refits) == LEARNING.refits:
+            break
         # a law that is less likely than one that helps there is none beside it
-        done |= any(t.at == curves.at and t.helps for t in tried)
-        if odds >= least and len(refits) < LEARNING.refits and not done:
-            fitted = with_laws(model, curves, prepared, reference)
-        if fitted is not None and (
-            best is None or log_size(fitted.error) < log_size(best.error) - LEARNING.better
-        ):
-            best = fitted
-        tried.append(_told(odds, curves, fitted, before, prepared))
-    if best is None or not _helps(best.error, before):
+        here = [fitted for j, fitted in refits.items() if ranked[j][1].at == curves.at]
+        if any(_helps(fitted.error, before) for fitted in here):
+            continue
+        fitted = with_laws(model, curves, prepared, reference)
+        if fitted is None:
+            continue
+        refits[i] = fitted
+        if stood is None or _better(fitted, refits[stood]):
+            stood = i
+        if np.all(refits[stood].error < enough):
+            break
+    if stood is None or not _helps(refits[stood].error, before):
         return None
-    noise = prepared.scales.noise
-    best = with_closer_knots(best, len(model.effects), prepared, reference)
+    for i, curves in likely:  # a second law at a place has to earn it
+        if curves.within(ranked[stood][1]) and i not in refits:
+            fitted = with_laws(model, curves, prepared, reference)
+            if fitted is not None and not _better(refits[stood], fitted):
+                refits[i], stood = fitted, i
+                break
+    best = with_closer_knots(refits[stood], len(model.effects), prepared, reference)
     final = fitted_to_all(best, prepared, reference)
     covariance = covariance_of(final)
+    noise = floor_beside(final.model, prepared, best.reproducible)
     old = sum(bool(e.definition.over) for e in model.effects)
+    told = [
+        (i != stood, _told(odds, curves, refits.get(i), before, prepared))
+        for i, (odds, curves) in enumerate(ranked)
+    ]
+    told.sort(key=lambda item: (item[0], item[1].ratio, -item[1].odds))
     return Learned(
         best,
         final,
@@ -199,9 +216,13 @@ def learn(
         covariance,
         before / noise,
         best.error / noise,
-        tuple(sorted(tried, key=lambda t: (t.ratio, -t.odds))),
+        tuple(tried for _, tried in told),
         bool(np.all(best.error <= LEARNING.explains * noise)),
     )
+
+
+def _better(one: JudgedFit, other: JudgedFit) -> bool:
+    return log_size(one.error) < log_size(other.error) - LEARNING.better
 
 
 def _told(
@@ -238,7 +259,7 @@ def _ranked(
     rough = []
     for at in pairs:
         for kinds in tried:
-            found = _best(model, at, kinds, LEARNING.first, motion, record.time, seen)
+            found = _best(model, at, kinds, LEARNING.first, motion, record, seen)
             if found is not None:
                 rough.append(((null - found.score) / 2, found, at, kinds))
     rough.sort(key=lambda item: -item[0])
@@ -247,7 +268,7 @@ def _ranked(
         for count in LEARNING.counts if kinds != ("force",) else ():
             if count * LEARNING.samples > record.samples:
                 continue
-            finer = _best(model, at, kinds, count, motion, record.time, seen)
+            finer = _best(model, at, kinds, count, motion, record, seen)
             if finer is not None and (null - finer.score) / 2 > ranked[i][0] + LEARNING.simpler:
                 ranked[i] = (null - finer.score) / 2, finer
     return sorted(ranked, key=lambda item: -item[0])
@@ -259,7 +280,7 @@ def _best(
     kinds: Sequence[Over | Literal["dry"]],
     count: int,
     motion: Smoothed,
-    time: Array,
+    record: Record,
     seen: Sequence[FilteredRecord],
 ) -> CurveFit | None:
     """Return laws at a place at the level where they are likeliest."""
@@ -272,7 +293,7 @@ def _best(
         made = (
             dry_block(model, at, motion)
             if over == "dry"
-            else block(model, at, over, size, motion, time)
+            else block(model, at, over, size, motion, record)
         )
         if made is None or here & {*made.effect.definition.over}:
             return None

@@ -24,6 +24,7 @@ from robustpolish.effects.learned import (
     spline_centres,
 )
 from robustpolish.identification.observer.missing_force import Smoothed
+from robustpolish.identification.record import Record
 from robustpolish.identification.screening.filtered import FilteredRecord
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_row
@@ -90,6 +91,11 @@ class CurveFit:
         """Dry friction beside them, if any."""
         return tuple(e for e in self.effects if e.kind == DRY)
 
+    def within(self, other: CurveFit) -> bool:
+        """Return whether the laws of another one at the same place are these, and more."""
+        these, those = ({e.definition.over for e in each.effects} for each in (self, other))
+        return self.at == other.at and these < those
+
     @property
     def sensible(self) -> bool:
         """Whether dry friction does not push."""
@@ -119,7 +125,7 @@ def block(
     over: Over,
     count: int,
     motion: Smoothed,
-    time: Array,
+    record: Record,
 ) -> Block | None:
     """Return the splines of a law at a place, None if nothing moves there.
 
@@ -131,15 +137,17 @@ def block(
     count : int
         Of coefficients, in each direction.
     motion : Smoothed
-    time : ndarray, shape (samples,)
-        Of the motion.
+    record : Record
+        The part that moved so: what changes along the record does so over the whole of it.
     """
     row = port_row(model, at)
     q, v = row @ motion.q, row @ motion.v
     if not (np.ptp(q) > 0 and np.ptp(v) > 0 and np.isfinite(q + v).all()):
         return None
-    x = {"damping": v, "varying_stiffness": time, "varying_damping": time}.get(over, q)
-    knots = {"low": float(x.min()), "high": float(x.max())}
+    varies = over in ("varying_stiffness", "varying_damping")
+    x = record.time if varies else v if over == "damping" else q
+    seen = record.times if varies else x
+    knots = {"low": float(seen.min()), "high": float(seen.max())}
     basis = spline_basis(x, knots["low"], knots["high"], count, over not in ("stiffness", "force"))
     if over == "force":
         knots |= {"slow": float(v.min()), "fast": float(v.max())}

@@ -14,6 +14,8 @@ import numpy as np
 from scipy.signal import welch
 
 from robustpolish.arrays import Array
+from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
+from robustpolish.models.mechanical import MechanicalModel
 
 _POLES = np.concatenate([np.linspace(0.0, 0.9, 37), 1 - np.geomspace(0.1, 0.05, 12)[1:]])
 _STEEPEST = 0.9
@@ -29,6 +31,26 @@ _ALIKE = 1.9
 """Neighbours in a spectrum over windows of Hann's shape that say as much as one alone."""
 _STRETCHES, _SCATTER = 8, 1.2
 """Of an eighth of a record, and what the sizes of coloured noise in them differ by."""
+
+
+def floor_beside(model: MechanicalModel, prepared: PreparedRecord, calm: bool) -> Array:
+    """Return the noise of each output that the errors of a fitted model show, shape (ny,).
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    prepared : PreparedRecord
+    calm : bool
+        Whether free runs over the whole record judge; windows do otherwise.
+    """
+    run = prepared.runner(model).run(model)
+    pieces = prepared.everything if calm else prepared.windows
+    started = prepared.with_fitted_starts(run, with_rest(model, pieces))
+    motion = run.over_all(started).outputs
+    known = prepared.repeats is not None
+    record, scales = prepared.record, prepared.scales
+    errors = record.Y - motion
+    return noise_floor(errors, motion, scales.noise, known, record.honest, scales.rounded)
 
 
 def noise_floor(

@@ -74,6 +74,7 @@ def test_what_was_added_is_the_finding():
 
 
 LEARN = "robustpolish.identification.discover.conclude.learn"
+BETTER_SHAPE = "robustpolish.identification.discover.conclude.better_shape"
 THREE = (
     Effect("cubic_stiffness", PLACE, {"stiffness": 100.0}),
     Effect("quadratic_damping", PLACE, {"coefficient": 1.0}),
@@ -119,6 +120,17 @@ def test_a_surface_is_asked_for_only_where_names_fail(monkeypatch, named):
     found = concluded(CROWDED, *(THREE if named else []))
     assert asked == ([CURVES] if named else [KINDS, OVER_TIME])
     assert (found.verdict == "missing_effect") == named
+
+
+@pytest.mark.parametrize(("force", "law"), [(60 * np.tanh(4 * X), True), (60 * X**3, False)])
+def test_a_curve_takes_the_place_of_names_only_if_it_leaves_visibly_less(monkeypatch, force, law):
+    monkeypatch.setattr(BETTER_SHAPE, lambda *_: None)
+    policy = replace(POLICY, shape_above=0.5)  # a law is asked for in any case
+    found = concluded(force, Effect("cubic_stiffness", PLACE, {"stiffness": 10.0}), policy=policy)
+    assert found.verdict == ("unknown_law" if law else "missing_effect")
+    assert [e.kind for e in found.effects] == [
+        found.laws[0].effect.kind if law else "cubic_stiffness"
+    ]
 
 
 def test_what_no_law_explains_either_is_unexplained(monkeypatch):
@@ -197,9 +209,7 @@ def test_what_explains_next_to_nothing_of_the_whole_is_not_kept(monkeypatch):
 
 
 def test_a_law_that_is_none_of_the_catalogue_keeps_no_name(monkeypatch):
-    monkeypatch.setattr(
-        "robustpolish.identification.discover.conclude.better_shape", lambda *_: "Another law."
-    )
+    monkeypatch.setattr(BETTER_SHAPE, lambda *_: "Another law.")
     monkeypatch.setattr(LEARN, lambda *_: None)
     found = concluded(
         40 * X**3 + 3 * X**2 * V, Effect("cubic_stiffness", PLACE, {"stiffness": 10.0})

@@ -5,6 +5,7 @@ from robustpolish.effects.learned import coefficients_of, spline_basis
 from robustpolish.identification.fit.parameters import free_parameters, joint_priors, within_laws
 from robustpolish.identification.laws.law_fit import LEARNING, closer, log_size
 from robustpolish.identification.policy import POLICY
+from robustpolish.models import Output
 from tests.effects.learned_curves import law_of
 from tests.identification.oscillators import PLACE, oscillator
 
@@ -80,3 +81,19 @@ def test_what_is_known_of_a_law_is_its_bending():
     found = float(last @ np.array([f.start for f in free]))
     largest = np.max(np.abs(coefficients_of(damper.values)))
     assert found == pytest.approx(1.0 / (1e-3 * largest), rel=1e-3)
+
+
+@pytest.mark.parametrize(("quantity", "rows"), [("displacement", 7), ("velocity", 8)])
+def test_where_no_sensor_shows_a_displacement_it_is_counted_from_rest(quantity, rows):
+    """A constant force and another place to count from are one motion."""
+    law = law_of(lambda q: 90 * q**3 + 2, count=9, at=PLACE, share=0.0).effect
+    law = law.with_parameters(roughness=0.5)
+    seen = oscillator(outputs=[Output("y", PLACE, quantity)])
+    model = seen.with_effect(law.kind, law.at, law.values)
+    free = free_parameters(model, 10.0, POLICY)
+    known = joint_priors(model, free)
+    assert len(known) == rows
+    if rows == 8:
+        found = float(known[-1] @ np.array([f.start for f in free]))
+        largest = np.max(np.abs(coefficients_of(law.values)))
+        assert found == pytest.approx(2.0 / (1e-3 * largest), rel=1e-3)

@@ -1,5 +1,6 @@
 """Laws of simulated machines that the catalogue does not hold are learned, and no others."""
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -16,6 +17,9 @@ LISTED = {case.name: case for case in all_cases()}
 CASES = {
     "fifth": LISTED["fifth power"],
     "saturating": LISTED["saturating spring"],
+    "saturating, velocity": replace(
+        LISTED["saturating spring"], machine=replace(one(), measured=[("x", "velocity")])
+    ),
     "drifting": LISTED["stiffness drifts"],
     "nothing": LISTED["nothing, one mass"],
     "power": Case("power", one(), [("power_damping", PLACE, [4.0, 1.5])], drive=20, seed=904),
@@ -30,6 +34,7 @@ CASES = {
 TRUE = {
     "fifth": lambda q: 1.2e10 * q**5,
     "saturating": lambda q: -2000 * q + 8 * np.tanh(q / 0.004),
+    "saturating, velocity": lambda q: -2000 * q + 8 * np.tanh(q / 0.004),
     "dead zone": lambda q: 6000 * np.sign(q) * np.maximum(np.abs(q) - 0.006, 0),
     "power": lambda v: 4 * np.sign(v) * np.abs(v) ** 1.5,
 }
@@ -41,7 +46,7 @@ def learned(name):
     case = CASES[name]
     (data, _), (unseen, noise) = records(case)
     search = search_of(model_of(case), data)
-    return learn(search.stage.model, search.prepared, search.reference), unseen, noise["x"]
+    return learn(search.stage.model, search.prepared, search.reference), unseen, noise
 
 
 def check(name, over, largest=1.5):
@@ -53,7 +58,8 @@ def check(name, over, largest=1.5):
     assert found.laws[0].effect.at == PLACE
     # what the model was given stays: the curve is what it lacked
     assert found.model.parameters["spring[0].stiffness"] == pytest.approx(3000, rel=1e-2)
-    assert rp.compare(found.model, unseen).outputs["x"].rmse < largest * noise
+    ((output, size),) = noise.items()
+    assert rp.compare(found.model, unseen).outputs[output].rmse < largest * size
     curve = found.laws[0].curve()
     along = curve[over].values
     off = np.abs(curve["force"].values - TRUE[name](along)) / curve["stderr"].values
@@ -94,6 +100,15 @@ def test_a_saturating_spring():
     formula = check("saturating", "displacement").laws[0].formula()
     assert formula.expression == "k*q + Fs*tanh(q/d)"
     assert formula.numbers["k"] == pytest.approx(-2000, rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_spring_that_only_a_velocity_shows_is_counted_from_rest_and_has_no_friction_beside():
+    formula = check("saturating, velocity", "displacement").laws[0].formula()
+    assert formula.expression == "k*q + Fs*tanh(q/d)"
+    assert formula.numbers["k"] == pytest.approx(-2000, rel=0.02)
+    found, _, _ = learned("saturating, velocity")
+    assert [e.kind for e in found.model.effects] == [found.laws[0].effect.kind]
 
 
 @pytest.mark.slow

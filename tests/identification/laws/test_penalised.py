@@ -26,13 +26,13 @@ def seen():
     prepared = prepared_of(model, data)
     motion = prepared.motion(model, prepared.record)
     f = FilteredRecord(model, prepared, prepared.record, Level(0.01), motion)
-    return model, f, motion, prepared.record.time
+    return model, f, motion, prepared.record
 
 
 def test_the_curve_is_in_the_innovations(seen):
-    model, f, motion, time = seen
+    model, f, motion, data = seen
     row = port_row(model, PLACE)
-    made = block(model, PLACE, "stiffness", 11, motion, time)
+    made = block(model, PLACE, "stiffness", 11, motion, data)
     found = fit_curves(f, row, [made])
     (law,) = found.effects
     q = np.quantile(row @ motion.q, [0.02, 0.1, 0.9, 0.98])
@@ -43,18 +43,18 @@ def test_the_curve_is_in_the_innovations(seen):
     assert 2 < found.freedom <= 11
     assert found.fall > 0.05
     # over the velocity there is no such force
-    other = fit_curves(f, row, [block(model, PLACE, "damping", 11, motion, time)])
+    other = fit_curves(f, row, [block(model, PLACE, "damping", 11, motion, data)])
     assert other.score > found.score
-    both = fit_curves(f, row, [made, block(model, PLACE, "damping", 11, motion, time)])
+    both = fit_curves(f, row, [made, block(model, PLACE, "damping", 11, motion, data)])
     assert both.score > found.score
     assert both.score - found.score < 100
 
 
 def test_dry_friction_may_stand_beside_and_may_not_push(seen):
-    model, f, motion, time = seen
+    model, f, motion, data = seen
     row = port_row(model, PLACE)
     dry = dry_block(model, PLACE, motion)
-    found = fit_curves(f, row, [block(model, PLACE, "stiffness", 11, motion, time), dry])
+    found = fit_curves(f, row, [block(model, PLACE, "stiffness", 11, motion, data), dry])
     assert [e.kind for e in found.laws] == ["learned_stiffness_11"]
     (friction,) = found.others
     assert found.sensible == (friction.values["force"] > 0)
@@ -62,9 +62,9 @@ def test_dry_friction_may_stand_beside_and_may_not_push(seen):
 
 
 def test_where_nothing_moves_there_is_no_curve(seen):
-    model, _, motion, time = seen
+    model, _, motion, data = seen
     still = replace(motion, q=0 * motion.q, v=0 * motion.v)
-    assert block(model, PLACE, "stiffness", 11, still, time) is None
+    assert block(model, PLACE, "stiffness", 11, still, data) is None
     assert dry_block(model, PLACE, still) is None
 
 
@@ -110,7 +110,7 @@ def test_what_varies_is_followed_along_the_record():
     f = FilteredRecord(model, prepared, prepared.record, Level(0.01), motion)
     row = port_row(model, PLACE)
     made = {
-        over: fit_curves(f, row, [block(model, PLACE, over, 11, motion, time)])
+        over: fit_curves(f, row, [block(model, PLACE, over, 11, motion, prepared.record)])
         for over in ("varying_stiffness", "varying_damping", "stiffness")
     }
     best = min(made, key=lambda over: made[over].score)
@@ -133,3 +133,25 @@ def test_what_a_fit_made_of_a_spring_stays_for_all_time_in_what_varies():
         model, (moved,) = with_numbers_of([law], fitted, reference)
         assert model.parameters[key] == reference.parameters[key]
         np.testing.assert_allclose(coefficients_of(moved.values), more)
+
+
+def test_what_varies_does_so_over_the_whole_record_though_a_part_of_it_is_screened(seen):
+    model, _, motion, data = seen
+    part = data.part(1000, 3000)
+    here = replace(motion, q=motion.q[:, 1000:3000], v=motion.v[:, 1000:3000])
+    made = block(model, PLACE, "varying_stiffness", 8, here, part)
+    assert (made.effect.values["low"], made.effect.values["high"]) == (0.0, data.times[-1])
+    assert made.columns.shape == (8, 1, 2000)
+
+
+def test_a_curve_is_within_the_sum_of_it_and_another(seen):
+    model, f, motion, data = seen
+    row = port_row(model, PLACE)
+    spring, damper = (
+        block(model, PLACE, over, 8, motion, data) for over in ("stiffness", "damping")
+    )
+    one, other, both = (fit_curves(f, row, each) for each in ([spring], [damper], [spring, damper]))
+    assert one.within(both)
+    assert other.within(both)
+    assert not both.within(one)
+    assert not one.within(other)
