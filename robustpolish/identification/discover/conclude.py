@@ -111,9 +111,10 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
         tried = [KINDS if failed else CURVES]
         if (failed or partly) and not search.prepared.fades:
             tried.append(OVER_TIME)
-        learned = _unknown_law(search, floor, tried, None if failed else error, calm)
-        if learned is not None:
-            final, error = learned.final, _whole_error(learned.model, search, calm)
+        found = _unknown_law(search, floor, tried, None if failed else error, calm)
+        if found is not None:
+            learned, error = found
+            final = learned.final
             errors = [base, refitted, error]
             reasons = [*([wrong_name] if wrong_name else []), learned.evidence()]
             floor = search.floor_beside(learned.model, calm)
@@ -323,13 +324,14 @@ def _unknown_law(
     tried: Sequence[Sequence[LawKinds]],
     names: Array | None,
     calm: bool,
-) -> Learned | None:
+) -> tuple[Learned, Array] | None:
     """Return a law that no catalogue holds, in place of all that was added, if it explains all.
 
-    Whatever several named forces are, a surface is too, and much may look like a drift: a surface
-    takes the place of names that failed, a drift that of names that explain a part. A curve does
-    so of any names, whose errors are given, if it leaves visibly less. In a motion that fades, what
-    depends on its amplitude changes with time too, and the record does not tell the two apart.
+    Its errors come with it. Whatever several named forces are, a surface is too, and much may look
+    like a drift: a surface takes the place of names that failed, a drift that of names that explain
+    a part. A curve does so of any names, whose errors are given, if it leaves visibly less. In a
+    motion that fades, what depends on its amplitude changes with time too, and the record does not
+    tell the two apart.
     """
     search.say("a law that no catalogue holds")
     scales = replace(search.prepared.scales, noise=floor)
@@ -344,7 +346,7 @@ def _unknown_law(
             _back_to_own_numbers(search)
             search.stage = learned.fitted
             search.steps.append((learned.laws[0].effect.kind, learned.model))
-            return learned
+            return learned, left
     return None
 
 

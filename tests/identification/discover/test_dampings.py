@@ -96,24 +96,17 @@ def test_what_is_right_already_stays_and_a_constant_that_does_nothing_goes():
 
 
 @pytest.mark.slow
+@pytest.mark.xfail(reason="An elastic friction is chosen, told alike with Coulomb's.", strict=True)
 def test_what_was_told_alike_with_a_law_that_goes_may_go_with_it():
-    """The pairs of the search change while its damping is settled; the laws on trial do not.
-
-    This decay does not tell Coulomb friction from an elastic one: either comes with the other.
-    """
+    """The pairs of the search change while its damping is settled; the laws on trial do not."""
     wrong = Effect("dahl_friction", AT, {"force": 0.15, "stiffness": 3.0})
     elastic = Effect("elastic_coulomb_friction", AT, {"force": 0.15, "stiffness": 3.0})
     idle = Effect("constant_force", ("arm",), {"force": 0.01})
     search = search_with(decay(drag=0.0, viscous=0.04), wrong, idle)
     search.confusions = [confused(wrong, elastic)]
     search = settle_damping(search)
-    gravity, friction = kinds_of(search)
-    alike = {(p.first.kind, p.second.kind) for p in search.confusions}
-    assert gravity == "pendulum_gravity"
-    assert (friction, alike) in (
-        ("coulomb_friction", set()),
-        ("elastic_coulomb_friction", {("elastic_coulomb_friction", "coulomb_friction")}),
-    )
+    assert kinds_of(search) == ["pendulum_gravity", "coulomb_friction"]
+    assert not search.confusions
 
 
 def search_effect(search, effect):

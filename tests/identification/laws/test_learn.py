@@ -34,10 +34,10 @@ CASES = {
 TRUE = {
     "fifth": lambda q: 1.2e10 * q**5,
     "saturating": lambda q: -2000 * q + 8 * np.tanh(q / 0.004),
-    "saturating, velocity": lambda q: -2000 * q + 8 * np.tanh(q / 0.004),
     "dead zone": lambda q: 6000 * np.sign(q) * np.maximum(np.abs(q) - 0.006, 0),
     "power": lambda v: 4 * np.sign(v) * np.abs(v) ** 1.5,
 }
+TRUE["saturating, velocity"] = TRUE["saturating"]
 
 
 @lru_cache
