@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from robustpolish.identification.discover.add_one import add_one
-from robustpolish.identification.discover.conclude import conclude
+from robustpolish.identification.discover.conclude import conclude, conclude_with_one_curve
 from robustpolish.identification.discover.dampings import settle_damping
 from robustpolish.identification.discover.judge import more_left
 from robustpolish.identification.discover.search import Search
@@ -29,11 +30,6 @@ from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import long_enough, over_time, record_of
 from robustpolish.long_calls import same_bits, working
 from robustpolish.models.mechanical import MechanicalModel
-
-_NOT_ALL_TRIED = (
-    "The search was ended by its limit of work before all was tried: "
-    "other effects may explain the data better."
-)
 
 
 @same_bits
@@ -117,6 +113,7 @@ def _diagnose(
     known = fewer.thinned or bool(_orders(model))
     held = model if known else with_holds(model, prepared)
 
+    begin = partial(_begun, model, prepared=prepared, say=say, known=known)
     anew: dict[tuple[float, ...], Search] = {}
     begun = {_orders(held)}
     settled = known
@@ -131,12 +128,12 @@ def _diagnose(
                 continue
             if _orders(late) not in begun:
                 begun.add(_orders(late))
-                anew[_orders(late)] = grown(_begun(model, late, prepared, say))
+                anew[_orders(late)] = grown(begin(late))
             if _orders(late) in anew and not _worse(anew[_orders(late)], search):
                 return anew[_orders(late)].copy()
         return search
 
-    search = grown(_first(model, held, prepared, say))
+    search = grown(_first(model, held, begin))
     if search.added and not known:
         say("how inputs act between their samples, beside what was found")
         # where more than noise is left, likelihood believes whatever bends to that
@@ -144,15 +141,16 @@ def _diagnose(
         other = with_other_holds(search.stage.model, search.reference, prepared, fall)
         if other is not None:
             settled = True
-            again = grown(_begun(model, other, prepared, say))
+            again = grown(begin(other))
             search = search if _worse(again, search) else again
-    search = second_look(search, grown)
-    # only now: as long as something is missing, a fit bends masses and springs alike
-    add_wrong_gains(search)
-    search = settle_damping(search)
-    if prepared.work.refused:
-        search.reasons.append(_NOT_ALL_TRIED)
-    found = conclude(search, model)
+    # asked here too, as what leaves noise alone goes its short way
+    found = None if search.at_floor(search.stage) else conclude_with_one_curve(search)
+    if found is None:
+        search = second_look(search, grown)
+        # only now: as long as something is missing, a fit bends masses and springs alike
+        add_wrong_gains(search)
+        search = settle_damping(search)
+        found = conclude(search, model)
     notes = (*fewer.notes, *warned(model, found.model, prepared))
     return replace(found, model=fewer.as_given(found.model), notes=notes)
 
@@ -163,20 +161,17 @@ def _worse(one: Search, other: Search) -> bool:
 
 
 def _first(
-    model: MechanicalModel,
-    held: MechanicalModel,
-    prepared: PreparedRecord,
-    say: Callable[[str], None],
+    model: MechanicalModel, held: MechanicalModel, begin: Callable[[MechanicalModel], Search]
 ) -> Search:
     """Return the search with the holds that innovations ask for, unless free runs speak against it.
 
     An innovation is what a sample tells beyond those before it, and there a missing jump of a force
     may look like a late input. Over many swings it does not.
     """
-    search = _begun(model, held, prepared, say)
+    search = begin(held)
     if held is model or search.at_floor(search.stage):
         return search
-    linear = _begun(model, model, prepared, say)
+    linear = begin(model)
     less = np.log(linear.stage.error) - np.log(search.stage.error)
     return linear if np.mean(less) < np.log(1 - search.policy.visible_fall) else search
 
@@ -186,12 +181,19 @@ def _begun(
     held: MechanicalModel,
     prepared: PreparedRecord,
     say: Callable[[str], None],
+    known: bool = False,
 ) -> Search:
-    """Return a search that knows the model's own numbers only, with its inputs held as given."""
+    """Return a search that knows the model's own numbers only, with its inputs held as given.
+
+    It may begin again with other holds, unless they are known.
+    """
     say("refit of the model's own parameters")
     own, guided = refit_own(held, prepared)
     steps = [("base", model), ("refit", own.model)]
-    search = Search(prepared, held, say, linear=own, stage=own, guided=guided, steps=steps)
+    begin = None if known else partial(_begun, model, prepared=prepared, say=say)
+    search = Search(
+        prepared, held, say, linear=own, stage=own, guided=guided, steps=steps, begin=begin
+    )
     search.reasons += _of_records(prepared)
     return search
 

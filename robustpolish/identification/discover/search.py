@@ -99,6 +99,8 @@ class Search:
         Kinds with their places that are not to be added: taken out, to see what comes instead.
     beside : dict
         Fits with a further effect, by the fit without, kind and place: they are asked for again.
+    begin : callable, optional
+        Begins a search beside other holds of the inputs; None where these are known.
     """
 
     prepared: PreparedRecord
@@ -117,6 +119,7 @@ class Search:
     beside: dict[tuple[JudgedFit, str, tuple[str, ...]], JudgedFit | None] = field(
         default_factory=dict
     )
+    begin: Callable[[MechanicalModel], Search] | None = None
 
     @property
     def policy(self) -> Policy:

@@ -49,9 +49,9 @@ from robustpolish.models.mechanical.ports import port_row
 
 LawKinds = tuple[Over | Literal["dry"], ...]
 
-CURVES: tuple[LawKinds, ...] = (
-    ("stiffness",), ("damping",), ("stiffness", "damping"), ("stiffness", "dry"),
-)  # fmt: skip
+ONE_CURVE: tuple[LawKinds, ...] = (("stiffness",), ("damping",))
+"""What is tried where names are few and explain most: one curve over one signal."""
+CURVES: tuple[LawKinds, ...] = (*ONE_CURVE, ("stiffness", "damping"), ("stiffness", "dry"))
 """What is tried at every place: curves, and sums of curves. Dry friction stands beside a curve over
 the displacement because no smooth curve jumps as it does."""
 KINDS: tuple[LawKinds, ...] = (*CURVES, ("force",))

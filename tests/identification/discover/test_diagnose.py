@@ -1,10 +1,11 @@
 import json
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
 from robustpolish.identification import compare, diagnose
-from robustpolish.identification.discover.diagnose import _first, _worse
+from robustpolish.identification.discover.diagnose import _begun, _first, _worse
 from robustpolish.identification.policy import POLICY
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import judged, prepared_of, search_of
@@ -95,7 +96,7 @@ def test_a_hold_that_free_runs_speak_against_is_dropped(held):
     model = model_of(case)
     prepared = prepared_of(model, records(case)[0][0])
     named = model.with_effect("input_hold", ("F_x",), {"order": 0.0})
-    search = _first(model, named, prepared, str)
+    search = _first(model, named, partial(_begun, model, prepared=prepared, say=str))
     assert search.reference is (named if held else model)
     assert search.at_floor(search.stage)
 

@@ -1,0 +1,144 @@
+"""A law that no catalogue holds, in place of the effects that a search found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from robustpolish.arrays import Array
+from robustpolish.identification.discover.final_fit import Final, whole_error
+from robustpolish.identification.discover.judge import more_left
+from robustpolish.identification.discover.search import Search
+from robustpolish.identification.discover.verdict import Verdict, crowded, more_is_left
+from robustpolish.identification.laws.learn import (
+    CURVES,
+    KINDS,
+    ONE_CURVE,
+    OVER_TIME,
+    LawKinds,
+    Learned,
+    learn,
+)
+from robustpolish.identification.numbers.own_numbers import with_other_holds
+
+
+class LawFound(NamedTuple):
+    """A law that explains all.
+
+    Attributes
+    ----------
+    search : Search
+        Beside whose own numbers, and holds of the inputs, it was learned.
+    learned : Learned
+    """
+
+    search: Search
+    learned: Learned
+
+
+def one_curve(search: Search) -> LawFound | None:
+    """Return a curve that explains all of which the effects that were found leave visibly more.
+
+    Each kind of the catalogue has been tried at its place by then, alone and beside others. What
+    two or three of them are together, one curve over one signal hardly is, so nothing is gained by
+    following what else came near them.
+    """
+    stage = search.stage
+    if search.at_floor(stage) or (
+        not search.added and search.noise_alone(search.policy.shape_above)
+    ):
+        return None
+    search.say("one curve that explains all")
+    floor = search.floor_beside(stage.model, stage.reproducible)
+    law = _explaining(search, floor, ONE_CURVE)
+    if law is None or more_left(law.learned.fitted, stage) > _visibly(search):
+        return None
+    return law
+
+
+def unknown_law(
+    search: Search, names: Final, verdict: Verdict, wrong: str | None
+) -> LawFound | None:
+    """Return a law in place of all that was added, if it explains all.
+
+    Whatever several named forces are, a surface is too, and much may look like a drift: a surface
+    takes the place of names that failed, a drift that of names that explain a part. Curves do so of
+    any names if they leave visibly less, and one alone where names leave what may be noise of some
+    colour. In a motion that fades, what depends on its amplitude changes with time too, and the
+    record does not tell the two apart.
+
+    Parameters
+    ----------
+    search : Search
+    names : Final
+        The model with the effects that were found.
+    verdict : Verdict
+        On that.
+    wrong : str, optional
+        Why they are no names of what is missing.
+    """
+    more = more_is_left(search, names, verdict)
+    if not more and (search.at_floor(search.stage) or not search.added):
+        return None
+    partly = verdict.word == "partly_explained"
+    failed = more and (
+        wrong is not None or not search.added or (partly and crowded(search, names.fit.model))
+    )
+    tried = [KINDS if failed else CURVES if more else ONE_CURVE]
+    if (failed or partly) and not search.prepared.fades:
+        tried.append(OVER_TIME)
+    search.say("a law that no catalogue holds")
+    floor = search.floor_beside(names.fit.model, names.calm)
+    for kinds in tried:
+        law = _explaining(search, floor, kinds)
+        if law is not None and (failed or less_than_names(law, names)):
+            return law
+    return None
+
+
+def error_left(law: LawFound, names: Final) -> Array:
+    """Return the free-run error of a law over the whole record, as it was taken of the names."""
+    return whole_error(law.learned.model, law.search, names.calm)
+
+
+def less_than_names(law: LawFound, names: Final) -> bool:
+    """Return whether a law leaves visibly less than names."""
+    return bool(np.mean(np.log(error_left(law, names) / names.error)) < _visibly(law.search))
+
+
+def _explaining(search: Search, floor: Array, kinds: Sequence[LawKinds]) -> LawFound | None:
+    """Return the law that explains all, beside the model's own numbers; None if none does.
+
+    Beside names that do not explain what is missing a hold of the inputs may have been believed, or
+    refused, that is wrong beside a law that does.
+    """
+    found = _learned(search, floor, kinds)
+    if found is None:
+        return None
+    law = LawFound(search, found)
+    if search.begin is not None:
+        held = with_other_holds(found.model, search.reference, search.prepared)
+        if held is not None:
+            beside = search.begin(held)
+            other = _learned(beside, floor, kinds)
+            if other is not None and more_left(other.fitted, found.fitted) < 0:
+                law = LawFound(beside, other)
+    return law if law.learned.explains else None
+
+
+def _learned(search: Search, floor: Array, kinds: Sequence[LawKinds]) -> Learned | None:
+    scales = replace(search.prepared.scales, noise=floor)
+    prepared = replace(search.prepared, scales=scales)
+    return learn(search.linear.model, prepared, search.reference, kinds)
+
+
+def _visibly(search: Search) -> float:
+    """Return the log of the share of all errors that a law leaves at most of what names leave.
+
+    As with each of two effects that come together: that something is there has been found already,
+    and the question is its shape.
+    """
+    return float(np.log(1 - search.policy.together))
