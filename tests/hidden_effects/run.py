@@ -2,8 +2,9 @@
 
 Parts of names choose cases of the catalogue, with ``--drawn SEED`` those drawn at random from a
 seed, with ``--several`` the hundred with up to three effects that rules were tuned on, with
-``--unseen`` another hundred of the kind that no rule has seen. Without any of these all cases but
-those that rules were tuned on run, and the page of the documentation is written. ``--part 0/2``
+``--unseen`` another hundred of the kind that no rule has seen, with ``--laws SEED`` laws that no
+catalogue holds. Without any of these all cases but those that rules were tuned on run, and the
+page of the documentation is written. ``--part 0/2``
 takes every second case, of all or of those chosen, and writes no page. ``--keep FILE`` keeps a row
 for each case that is done, and takes those that it holds for granted: an interrupted run goes on,
 parts of two machines come together.
@@ -18,6 +19,7 @@ from robustpolish.sweeps.work import cores
 from .catalogue import all_cases
 from .drawn import JUDGED_SEED, drawn_cases
 from .kept import keep, kept_rows, key_of
+from .laws import LAWS, UNSEEN_LAWS, law_case, name_of_law
 from .page import cases_table, page
 from .rows import run_case
 from .several import PLAN, SEEN_SEED, UNSEEN_SEED, name_of, several_case
@@ -56,6 +58,13 @@ def drawn_several(seed, names=(), part=(0, 1)):
         return list(pool.map(several_case, numbers, [seed] * len(numbers)))
 
 
+def drawn_laws(seed, names=(), part=(0, 1)):
+    """Return laws of a seed, on all cores as well."""
+    numbers = [i for i in range(len(LAWS)) if _chosen(name_of_law(i), names)][part[0] :: part[1]]
+    with ProcessPoolExecutor(cores()) as pool:
+        return list(pool.map(law_case, numbers, [seed] * len(numbers)))
+
+
 def _chosen(name, names):
     return not names or any(part in name for part in names)
 
@@ -79,6 +88,7 @@ def main(arguments=None):
     parser.add_argument("--drawn", type=int, metavar="SEED", help="those drawn from a seed")
     parser.add_argument("--several", action="store_true", help="those with several effects")
     parser.add_argument("--unseen", action="store_true", help="such as no rule was tuned on")
+    parser.add_argument("--laws", type=int, metavar="SEED", help="laws drawn from a seed")
     parser.add_argument("--part", type=_part, metavar="I/N", help="every N-th case from I on")
     parser.add_argument("--keep", type=Path, metavar="FILE", help="where rows are kept")
     given = parser.parse_args(arguments)
@@ -92,13 +102,16 @@ def main(arguments=None):
         chosen = [drawn_several(seed, given.names, (first, step)) for seed in seeds]
     elif given.drawn is not None:
         chosen = [some(drawn_cases(given.drawn))]
+    elif given.laws is not None:
+        chosen = [drawn_laws(given.laws, given.names, (first, step))]
     elif given.names:
         chosen = [some(all_cases())]
     else:
         several = drawn_several(UNSEEN_SEED, part=(first, step))
-        chosen = [some(all_cases()), some(drawn_cases(JUDGED_SEED)), several]
+        laws = drawn_laws(UNSEEN_LAWS, part=(first, step))
+        chosen = [some(all_cases()), some(drawn_cases(JUDGED_SEED)), several, laws]
     rows = [run_all(cases, given.keep) for cases in chosen]
-    if len(rows) == 3 and given.part is None:
+    if len(rows) == 4 and given.part is None:
         text = page(*rows)
         print(text)
         PAGE.write_text(text, encoding="utf-8")

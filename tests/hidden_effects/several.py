@@ -86,7 +86,7 @@ def _attempt(number, seed, rng):
     kind = PLAN[number]
     axes = kind in AXES or (kind in COUNTS and rng.random() < 0.25)
     decay = kind not in ("input_gain", "input_delay") and rng.random() < 1 / 3
-    machine = _with_sensors(_two_axes(rng) if axes else _chain(rng, decay), rng, axes)
+    machine = with_sensors(_two_axes(rng) if axes else chain(rng, decay), rng, axes)
     case = Case(name_of(number), machine, seed=1000 * seed + number)
     case.noise_db = float(rng.uniform(20, 60))
     case.colour = float(rng.choice([0.0, 0.0, 0.6, 0.9]))
@@ -134,15 +134,15 @@ def _with_effects(case, kinds, count, rng):
         if not sound(case):
             return None
         changes = [change_without(case, i) for i in range(count)]
-        if all(_shows(change) for change in changes):
+        if all(shows(change) for change in changes):
             return replace(case, chaotic=chaotic(case))
         for i, change in enumerate(changes):
-            if not _shows(change):
+            if not shows(change):
                 drawn[i], scales[i] = None, LARGER * scales[i]
     return None
 
 
-def _shows(change):
+def shows(change):
     return (
         change.over_noise >= LEAST_OVER_NOISE
         and change.share >= LEAST_SHARE
@@ -198,7 +198,7 @@ def _end_with_the_motion(case):
     case.samples = int(np.clip(last, 1500, case.samples))
 
 
-def _chain(rng, decay):
+def chain(rng, decay):
     n = int(rng.choice([1, 2, 3]))
     names, mass, springs, dampers = skeleton(rng, n, (0.003, 0.012) if decay else (0.004, 0.04))
     return Machine(
@@ -211,7 +211,7 @@ def _two_axes(rng):
     return replace(two_axes(rng), dt=float(rng.choice([1e-3, 2e-3])))
 
 
-def _with_sensors(machine, rng, all_seen):
+def with_sensors(machine, rng, all_seen):
     """Give every mass a sensor of some quantity, one of them two, and sometimes one none.
 
     Where there are two masses or more, there are two sensors or more: one alone leaves masses and

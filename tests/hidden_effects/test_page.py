@@ -2,8 +2,10 @@
 
 import pytest
 
+from tests.hidden_effects.cases import Case, one
 from tests.hidden_effects.catalogue import all_cases
 from tests.hidden_effects.drawn import JUDGED_SEED, class_of, drawn_cases
+from tests.hidden_effects.laws import KINDS
 from tests.hidden_effects.made_up import row_of
 from tests.hidden_effects.page import page
 from tests.hidden_effects.several import UNSEEN_SEED, several_case
@@ -21,9 +23,9 @@ def rows_of(cases, failing=None):
     return [(row_of(case, case is not failing), case) for case in cases]
 
 
-def told(rows, drawn, several=None):
-    """The page, with all cases with several effects right by default."""
-    return page(rows, drawn, several or rows_of(SEVERAL))
+def told(rows, drawn, several=None, laws=None):
+    """The page, with all cases with several effects right by default, and no laws drawn."""
+    return page(rows, drawn, several or rows_of(SEVERAL), laws or [])
 
 
 def test_the_drawn_cases_are_told_by_class_with_those_that_fail(drawn):
@@ -70,3 +72,18 @@ def test_several_effects_are_told_by_number(drawn):
     assert "| input_gain.gain | 1 of 1 (100.0 %) | 1.00 |" in lines
     after = lines[lines.index("Those that are not right:") :]
     assert [line.split(" | ")[0] for line in after if "**no**" in line] == ["| two #60"]
+
+
+def test_laws_are_told_by_kind(drawn):
+    cases = [
+        Case(kind, one(), [(kind, ("x", "ground"), [1.0])], "unknown_law")
+        for kind in (*KINDS, KINDS[0])
+    ]
+    good = {"ratio": 1.0, "curves": [0.95]}
+    rows = [(row_of(case, True, **good), case) for case in cases[:-1]]
+    far = row_of(cases[-1], False, ratio=4.0, curves=[], wrong=["backlash at x"])
+    lines = told(rows_of(CASES), rows_of(drawn), laws=[*rows, (far, cases[-1])]).splitlines()
+    half, whole, none = "1 of 2 (50.0 %)", "1 of 1 (100.0 %)", "0 of 1 (0.0 %)"
+    assert f"| {KINDS[0]} | {half} | {half} | {half} | {half} |" in lines
+    assert f"| {KINDS[1]} | {whole} | {whole} | {whole} | {none} |" in lines
+    assert any(line.startswith("| all | 4 of 5 (80.0 %) | ") for line in lines)

@@ -5,7 +5,13 @@ from dataclasses import replace
 import pytest
 
 from tests.hidden_effects.cases import Case, axes, one
-from tests.hidden_effects.visible import change_by_numbers, change_without, chaotic, sound
+from tests.hidden_effects.visible import (
+    change_by_numbers,
+    change_without,
+    chaotic,
+    left_by_springs,
+    sound,
+)
 
 X = ("x", "ground")
 
@@ -46,6 +52,14 @@ def test_each_of_two_effects_is_asked_about():
     case.effects.append(("constant_force", ("x",), [1e-3]))
     assert change_without(case, 0).share > 0.2
     assert change_without(case, 1).share < 1e-3
+
+
+def test_a_weak_fifth_power_is_a_cubic_spring_and_a_strong_one_is_not():
+    weak, strong = (case_of("fifth_power_stiffness", [k]) for k in (2e8, 3e10))
+    assert change_without(weak, 0).left > 1
+    assert left_by_springs(weak) < 0.5
+    assert left_by_springs(strong) > 1
+    assert left_by_springs(case_of("quadratic_stiffness", [4e4])) < 0.01
 
 
 def test_wrong_numbers_are_measured_in_noises():

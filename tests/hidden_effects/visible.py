@@ -49,6 +49,20 @@ def change_without(case, index):
     return Change(share / noise, share, min(left, share) / noise)
 
 
+def left_by_springs(case):
+    """Return what a cubic and a quadratic spring leave of a law at its place, over the noise.
+
+    They are fitted with everything else that a refit of springs and dampers moves.
+    """
+    inputs = _inputs(case)
+    truth, size = _signals(case, inputs), _sizes(case, inputs)
+    (_, at, _), *others = case.effects
+    springs = [("cubic_stiffness", at, [0.0]), ("quadratic_stiffness", at, [0.0])]
+    named = replace(case, effects=[*others, *springs])
+    left = float(np.max(_rms(_fitted(named, inputs, truth, size, len(springs)) - truth) / size))
+    return left * 10 ** (case.noise_db / 20)
+
+
 def change_by_numbers(case):
     """Return what the wrong numbers of a model change in a signal, over its noise."""
     inputs, wrong = _inputs(case), case.wrong
@@ -94,25 +108,34 @@ def chaotic(case):
     return bool(apart > 0.1 * 10 ** (-case.noise_db / 20))
 
 
-def _fitted(case, inputs, truth, size):
+def _fitted(case, inputs, truth, size, named=0):
     """Return the signals of a case whose springs, dampers and start are fitted to another's.
 
-    Where a warm-up is cut off the motion has forgotten its start.
+    So are the last few of its effects, springs that grow with a power. Where a warm-up is cut off
+    the motion has forgotten its start.
     """
     machine = case.machine
     moved = motion(case, inputs=inputs, steps=STEPS)
     typical = np.array([_rms(moved.displacement), _rms(moved.velocity)])
-    known = len(machine.springs) + len(machine.dampers)
-    numbers = np.zeros(known + (0 if case.warm_up else typical.size))
+    springs, dampers = machine.springs, machine.dampers
+    effects = case.effects[: len(case.effects) - named]
+    bent = case.effects[len(effects) :]
+    units = [_unit(machine, effect, moved.displacement) for effect in bent]
+    parts = np.cumsum([len(springs), len(dampers), named])
+    numbers = np.zeros(parts[-1] + (0 if case.warm_up else typical.size))
 
     def run(x, samples):
-        k, c = np.exp(x[: len(machine.springs)]), np.exp(x[len(machine.springs) : known])
-        begin = (0.0, 0.0) if case.warm_up else x[known:].reshape(typical.shape) * typical
-        springs = [(a, b, v * g) for (a, b, v), g in zip(machine.springs, k, strict=True)]
-        dampers = [(a, b, v * g) for (a, b, v), g in zip(machine.dampers, c, strict=True)]
-        fitted = replace(machine, springs=springs, dampers=dampers)
-        part = inputs[: case.warm_up + samples]
-        return _signals(replace(case, machine=fitted, samples=samples), part, begin=begin) / size
+        k, c, p, start = np.split(x, parts)
+        begin = (0.0, 0.0) if case.warm_up else start.reshape(typical.shape) * typical
+        fitted = replace(
+            machine,
+            springs=[(a, b, v * g) for (a, b, v), g in zip(springs, np.exp(k), strict=True)],
+            dampers=[(a, b, v * g) for (a, b, v), g in zip(dampers, np.exp(c), strict=True)],
+        )
+        sized = zip(bent, p * units, strict=True)
+        added = [*effects, *((kind, at, [value]) for (kind, at, _), value in sized)]
+        changed = replace(case, machine=fitted, samples=samples, effects=added)
+        return _signals(changed, inputs[: case.warm_up + samples], begin=begin) / size
 
     spans = [case.samples]
     while spans[0] > FIRST * GROWTH:
@@ -125,6 +148,21 @@ def _fitted(case, inputs, truth, size):
                 if np.allclose(numbers, before, rtol=0.0, atol=CLOSE):
                     break
         return run(numbers, case.samples) * size
+
+
+def spring_at(machine, at, displacements):
+    """Return the stiffness of the spring at a place, and how far it is typically bent."""
+    columns = [displacements[:, machine.names.index(n)] for n in at if n in machine.names]
+    amplitude = np.std(columns[0] - columns[1] if len(columns) > 1 else columns[0])
+    (stiffness,) = (k for a, b, k in machine.springs if (a, b) == at)
+    return stiffness, float(amplitude)
+
+
+def _unit(machine, effect, displacements):
+    """Return the number of a spring with which it is as strong as the linear one at its place."""
+    kind, at, _ = effect
+    stiffness, amplitude = spring_at(machine, at, displacements)
+    return stiffness / amplitude ** {"quadratic_stiffness": 1, "cubic_stiffness": 2}[kind]
 
 
 def _step(run, x, samples, wanted):

@@ -43,20 +43,20 @@ def one_curve(search: Search) -> LawFound | None:
     """Return a curve that explains all of which the effects that were found leave visibly more.
 
     Each kind of the catalogue has been tried at its place by then, alone and beside others. What
-    two or three of them are together, one curve over one signal hardly is, so nothing is gained by
-    following what else came near them.
+    two or three of them are together, one curve over one signal hardly is, with dry friction or
+    without, so nothing is gained by following what else came near them. A curve over time is asked
+    for where more than noise of any colour is left.
     """
-    stage = search.stage
-    if search.at_floor(stage) or (
-        not search.added and search.noise_alone(search.policy.shape_above)
-    ):
+    stage, more = search.stage, not search.noise_alone(search.policy.shape_above)
+    if search.at_floor(stage) or not (search.added or more):
         return None
     search.say("one curve that explains all")
     floor = search.floor_beside(stage.model, stage.reproducible)
-    law = _explaining(search, floor, ONE_CURVE)
-    if law is None or more_left(law.learned.fitted, stage) > _visibly(search):
-        return None
-    return law
+    for kinds in _kinds(search, ONE_CURVE, over_time=more):
+        law = _explaining(search, floor, kinds)
+        if law is not None and more_left(law.learned.fitted, stage) < _visibly(search):
+            return law
+    return None
 
 
 def unknown_law(
@@ -67,8 +67,7 @@ def unknown_law(
     Whatever several named forces are, a surface is too, and much may look like a drift: a surface
     takes the place of names that failed, a drift that of names that explain a part. Curves do so of
     any names if they leave visibly less, and one alone where names leave what may be noise of some
-    colour. In a motion that fades, what depends on its amplitude changes with time too, and the
-    record does not tell the two apart.
+    colour.
 
     Parameters
     ----------
@@ -87,16 +86,25 @@ def unknown_law(
     failed = more and (
         wrong is not None or not search.added or (partly and crowded(search, names.fit.model))
     )
-    tried = [KINDS if failed else CURVES if more else ONE_CURVE]
-    if (failed or partly) and not search.prepared.fades:
-        tried.append(OVER_TIME)
     search.say("a law that no catalogue holds")
     floor = search.floor_beside(names.fit.model, names.calm)
-    for kinds in tried:
+    curves = KINDS if failed else CURVES if more else ONE_CURVE
+    for kinds in _kinds(search, curves, over_time=failed or partly):
         law = _explaining(search, floor, kinds)
         if law is not None and (failed or less_than_names(law, names)):
             return law
     return None
+
+
+def _kinds(
+    search: Search, curves: tuple[LawKinds, ...], over_time: bool
+) -> list[tuple[LawKinds, ...]]:
+    """Return what is tried, one after the other, until it explains.
+
+    In a motion that fades, what depends on its amplitude changes with time too, and the record does
+    not tell the two apart.
+    """
+    return [curves, OVER_TIME] if over_time and not search.prepared.fades else [curves]
 
 
 def error_left(law: LawFound, names: Final) -> Array:

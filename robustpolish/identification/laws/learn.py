@@ -49,13 +49,13 @@ from robustpolish.models.mechanical.ports import port_row
 
 LawKinds = tuple[Over | Literal["dry"], ...]
 
-ONE_CURVE: tuple[LawKinds, ...] = (("stiffness",), ("damping",))
-"""What is tried where names are few and explain most: one curve over one signal."""
-CURVES: tuple[LawKinds, ...] = (*ONE_CURVE, ("stiffness", "damping"), ("stiffness", "dry"))
-"""What is tried at every place: curves, and sums of curves. Dry friction stands beside a curve over
-the displacement because no smooth curve jumps as it does."""
+ONE_CURVE: tuple[LawKinds, ...] = (("stiffness",), ("damping",), ("stiffness", "dry"))
+"""What is tried at every place first: one curve. Dry friction stands beside one over the
+displacement because no smooth curve jumps as it does."""
+CURVES: tuple[LawKinds, ...] = (*ONE_CURVE, ("stiffness", "damping"))
+"""The same, and two curves."""
 KINDS: tuple[LawKinds, ...] = (*CURVES, ("force",))
-"""The same, and a force over displacement and velocity at once, which can be anything."""
+"""All of these, and a force over displacement and velocity at once, which can be anything."""
 OVER_TIME: tuple[LawKinds, ...] = (("varying_stiffness",), ("varying_damping",))
 """What is tried where no law of the motion explains what is left."""
 

@@ -1,0 +1,85 @@
+"""Laws that no catalogue holds, drawn at random on the machines of `several.py`.
+
+Each shows, as the effects there do, and a cubic and a quadratic spring at its place, fitted with
+all other springs, dampers and the start of the motion, leave visibly more than the noise: a fifth
+power that the record does not tell from a third is a cubic spring as far as anybody can know.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from .cases import Case
+from .drawn import effect_of, sizes
+from .several import ATTEMPTS, LARGER, LEAST_LEFT, ROUNDS, chain, shows, with_sensors
+from .visible import change_without, chaotic, left_by_springs, sound, spring_at
+
+SEEN_LAWS = 20261127
+"""Rules of the diagnosis may be changed while looking at cases of this seed."""
+UNSEEN_LAWS = 20281127
+"""Chosen before any of its cases had been drawn or run, on rules that have not been changed since.
+Once they are, it has been seen, and a new one takes its place before the next examination."""
+
+DEAD_ZONE = "dead_zone_spring"
+SPRINGS = ("fifth_power_stiffness", "saturating_spring")
+KINDS = (*SPRINGS, "drifting_stiffness", DEAD_ZONE)
+LAWS = KINDS * 6
+
+
+@cache
+def law_case(number, seed=SEEN_LAWS):
+    """Return one case of the plan; each has a generator of random numbers of its own."""
+    rng = np.random.default_rng([seed, number])
+    for _ in range(ATTEMPTS):
+        case = _attempt(number, seed, rng)
+        if case is not None:
+            return case
+    raise RuntimeError(f"Case {number}, {LAWS[number]}: no machine shows its law.")
+
+
+def name_of_law(number):
+    """Return what a case of the plan is called."""
+    return f"law: {LAWS[number]} #{number:02d}"
+
+
+def _attempt(number, seed, rng):
+    """Draw a machine, everyday data and a law; None if it does not show."""
+    machine = with_sensors(chain(rng, False), rng, False)
+    case = Case(name_of_law(number), machine, verdict="unknown_law", seed=1000 * seed + number)
+    case.noise_db = float(rng.uniform(20, 60))
+    case.colour = float(rng.choice([0.0, 0.0, 0.6, 0.9]))
+    case.excitation = str(rng.choice(["noise", "multisine", "sweep"]))
+    case.drive, case.samples = float(rng.uniform(5, 40)), int(rng.integers(4000, 9000))
+    case.warm_up = int(rng.choice([0, 0, 1500]))
+    case.held = bool(rng.random() < 0.3)
+    if rng.random() < 0.4:
+        case.wrong = {
+            "mass": float(rng.choice([-1, 1]) * rng.uniform(0.03, 0.05)),
+            "stiffness": float(rng.uniform(-0.1, 0.1)),
+            "damping": float(rng.uniform(-0.3, 0.3)),
+        }
+    Q, V, drive = sizes(case)
+    for _ in range(ROUNDS):
+        case = replace(case, effects=_law(LAWS[number], machine, rng, (Q, V, drive)))
+        if not sound(case):
+            return None
+        if _has_no_name(case):
+            return replace(case, chaotic=chaotic(case))
+        drive *= LARGER
+    return None
+
+
+def _has_no_name(case):
+    """Return whether all effects of a case show, and no springs with a name do what they do."""
+    seen = all(shows(change_without(case, i)) for i in range(len(case.effects)))
+    return seen and (case.effects[0][0] not in SPRINGS or left_by_springs(case) >= LEAST_LEFT)
+
+
+def _law(kind, machine, rng, size):
+    """Return the law at one place; a spring with a dead zone has friction beside it."""
+    if kind != DEAD_ZONE:
+        return [effect_of(kind, machine, rng, size)]
+    friction, at, numbers = effect_of("coulomb_friction", machine, rng, size)
+    stiffness, amplitude = spring_at(machine, at, size[0])
+    return [(kind, at, [0.8 * stiffness, 0.7 * amplitude]), (friction, at, numbers)]
