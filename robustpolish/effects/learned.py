@@ -11,8 +11,10 @@ by name, they are learned where the catalogue ends.
     f = -g(q)          g(q) = sum_j c_j B_j(q)       uniform knots over [low, high]
     f = -k(t) q        k(t) = sum_j c_j B_j(t)       over the record, in its own time
 
-Outside of the knots g goes on straight over a displacement and stays over a velocity: what no data
-has shown shall not feed energy. What varies with time stays as it began and ended. The coefficients
+Outside of the knots g goes on over a displacement, its curvature fading over one stretch between
+knots and straight from there, as a spline with one coefficient more and no further bend would. It
+stays over a velocity: what no data has shown shall not feed energy. What varies with time stays as
+it began and ended. The coefficients
 of a straight line are its values at points as far apart as the knots (Greville's abscissae), so
 that second differences of neighbours measure how much a curve bends (Eilers and Marx 1996,
 Statistical Science 11(2), 89-121).
@@ -59,12 +61,14 @@ def _weights(x, low, high, count, stays):  # type: ignore[no-untyped-def]  # com
     s = (inside - low) / step - i
     r = 1.0 - s
     beyond = 0.0 if stays else (x - inside) / step
+    near = min(abs(beyond), 1.0)
+    bend = near * near / 2 - near * near * near / 6 + (abs(beyond) - near) / 2
     return (
         i,
-        r * r * r / 6 - beyond * r * r / 2,
-        (3 * s * s * s - 6 * s * s + 4) / 6 + beyond * (1.5 * s * s - 2 * s),
-        (3 * r * r * r - 6 * r * r + 4) / 6 - beyond * (1.5 * r * r - 2 * r),
-        s * s * s / 6 + beyond * s * s / 2,
+        r * r * r / 6 - beyond * r * r / 2 + bend * r,
+        (3 * s * s * s - 6 * s * s + 4) / 6 + beyond * (1.5 * s * s - 2 * s) + bend * (3 * s - 2),
+        (3 * r * r * r - 6 * r * r + 4) / 6 - beyond * (1.5 * r * r - 2 * r) + bend * (3 * r - 2),
+        s * s * s / 6 + beyond * s * s / 2 + bend * s,
     )
 
 
@@ -157,7 +161,7 @@ def spline_basis(x: Array, low: float, high: float, count: int, stays: bool = Fa
     count : int
         Of splines, at least 5.
     stays : bool, optional
-        Whether the curve stays outside of the knots, instead of going on straight.
+        Whether the curve stays outside of the knots, instead of going on ever straighter.
 
     Returns
     -------

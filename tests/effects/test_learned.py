@@ -116,12 +116,24 @@ def test_the_curve_is_the_spline_of_the_textbook():
     x = np.linspace(-2.0, 1.0, 200)
     wanted = BSpline(knots, c, 3)
     np.testing.assert_allclose(c @ spline_basis(x, -2.0, 1.0, 9), wanted(x), atol=1e-12)
-    beyond = np.array([-3.0, 1.7])
-    ends = np.array([-2.0, 1.0])
-    straight = wanted(ends) + wanted(ends, 1) * (beyond - ends)
-    np.testing.assert_allclose(c @ spline_basis(beyond, -2.0, 1.0, 9), straight, atol=1e-12)
-    stays = c @ spline_basis(beyond, -2.0, 1.0, 9, stays=True)
-    np.testing.assert_allclose(stays, wanted(ends), atol=1e-12)
+    stays = c @ spline_basis(np.array([-3.0, 1.7]), -2.0, 1.0, 9, stays=True)
+    np.testing.assert_allclose(stays, wanted(np.array([-2.0, 1.0])), atol=1e-12)
+
+
+def test_outside_a_curve_bends_less_and_less_and_is_straight_from_one_stretch_on():
+    c = np.random.default_rng(0).standard_normal(9)
+    step = 3.0 / 6
+    further = BSpline(
+        -2.0 + step * np.arange(-5, 12),
+        [3 * c[0] - 2 * c[1], 2 * c[0] - c[1], *c, 2 * c[-1] - c[-2], 3 * c[-1] - 2 * c[-2]],
+        3,
+    )
+    x = np.linspace(-2.0 - 2 * step, 1.0 + 2 * step, 400)
+    np.testing.assert_allclose(c @ spline_basis(x, -2.0, 1.0, 9), further(x), atol=1e-12)
+    ends = np.array([-2.0 - step, 1.0 + step])
+    far = np.array([-6.0, 9.0])
+    straight = further(ends) + further(ends, 1) * (far - ends)
+    np.testing.assert_allclose(c @ spline_basis(far, -2.0, 1.0, 9), straight, atol=1e-12)
 
 
 def test_the_compiled_laws_are_their_curves():

@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 
 from robustpolish.identification.discover.add_one import add_one
-from robustpolish.identification.discover.conclude import conclude, conclude_with_one_curve
+from robustpolish.identification.discover.conclusion.conclude import (
+    conclude,
+    conclude_with_one_curve,
+)
 from robustpolish.identification.discover.dampings import settle_damping
 from robustpolish.identification.discover.judge import more_left
 from robustpolish.identification.discover.search import Search

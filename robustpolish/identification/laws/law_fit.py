@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,12 +19,13 @@ from robustpolish.identification.fit.homotopy import (
     short_rms,
 )
 from robustpolish.identification.fit.least_squares import Fit
-from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
 from robustpolish.identification.laws.penalised import (
     CurveFit,
     with_numbers,
     with_numbers_of,
 )
+from robustpolish.identification.observer.missing_force import motion_of
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_row
 
@@ -63,6 +65,8 @@ class LearnPolicy:
         does not see corners that a free run feels ("dead zone and friction").
     closest : int
         Most coefficients of a curve.
+    narrow : float
+        Share of a range by which the ends of knots may be off it.
     fall : float
         Share by which the held-out error has to fall for a law to earn its place.
     explains : float
@@ -82,6 +86,7 @@ class LearnPolicy:
     shares: tuple[float, ...] = (1.0, 0.5, 0.25, 0.0)
     rest: float = 1.1
     closest: int = 60
+    narrow: float = 0.05
     fall: float = 0.1
     explains: float = 1.5
 
@@ -143,25 +148,78 @@ def with_closer_knots(
     reference : MechanicalModel
     """
     while np.any(stage.error > LEARNING.rest * prepared.scales.noise):
-        effects = list(stage.model.effects)
-        motion = prepared.motion(stage.model, prepared.screened)
-        for i in range(first, len(effects)):
-            over = effects[i].definition.over
-            if len(over) == 1:
-                row = port_row(stage.model, effects[i].at)
-                along = {"displacement": row @ motion.q, "velocity": row @ motion.v}
-                x = along.get(over[0], prepared.record.times)
-                effects[i] = closer(effects[i], float(x.min()), float(x.max()))
-        model = replace(stage.model, effects=tuple(effects))
-        if model == stage.model:
-            break
-        spans = prepared.spans(prepared.trial, prepared.policy.growth)[-2:]
-        fits = homotopy(model, prepared, prepared.trial, reference, spans, LEARNING.steps)
-        finer = best_stage(fits, prepared) if fits else stage
-        if log_size(finer.error) > log_size(stage.error) - LEARNING.better:
+        finer = _with_other_knots(stage, first, closer, prepared, reference, 2)
+        if finer is None or log_size(finer.error) > log_size(stage.error) - LEARNING.better:
             break
         stage = finer
     return stage
+
+
+def over_own_motion(
+    stage: JudgedFit, first: int, prepared: PreparedRecord, reference: MechanicalModel
+) -> JudgedFit:
+    """Return a stage whose curves have their knots where its model moves.
+
+    Before it was known, a place may have seemed to move farther than it does: what a curve does
+    there nobody has seen. As many knots, if they do as well.
+
+    Parameters
+    ----------
+    stage : JudgedFit
+    first : int
+        From which effect on laws are concerned.
+    prepared : PreparedRecord
+    reference : MechanicalModel
+    """
+
+    def as_many(effect: Effect, low: float, high: float) -> Effect:
+        values, narrow = effect.values, LEARNING.narrow * (high - low)
+        if abs(values["low"] - low) <= narrow and abs(values["high"] - high) <= narrow:
+            return effect
+        return laid(effect, low, high, coefficients_of(values).size)
+
+    other = _with_other_knots(stage, first, as_many, prepared, reference, 1)
+    if other is None or log_size(other.error) > log_size(stage.error) + LEARNING.better:
+        return stage
+    return other
+
+
+def _of_free_runs(stage: JudgedFit, prepared: PreparedRecord) -> tuple[Array, Array]:
+    """Return displacements and velocities of a model's own runs, shape (coordinates, samples)."""
+    model, pieces = stage.model, prepared.everything if stage.reproducible else prepared.windows
+    run = prepared.runner(model).run(model)
+    started = prepared.with_fitted_starts(run, with_rest(model, pieces))
+    signals = np.concatenate([run.runner.inputs(model, piece.record) for piece in started])
+    return motion_of(model, run.over_all(started, keep=True).states, signals)
+
+
+def _with_other_knots(
+    stage: JudgedFit,
+    first: int,
+    knots: Callable[[Effect, float, float], Effect],
+    prepared: PreparedRecord,
+    reference: MechanicalModel,
+    spans: int,
+) -> JudgedFit | None:
+    """Return a stage with other knots by the range of each law, fitted over the longest windows.
+
+    The range is that of the model's own runs: smoothed accelerations wander. None if no knot is
+    another one, or no fit ended well.
+    """
+    effects, motion = list(stage.model.effects), _of_free_runs(stage, prepared)
+    for i in range(first, len(effects)):
+        over = effects[i].definition.over
+        if len(over) == 1:
+            q, v = (port_row(stage.model, effects[i].at) @ part for part in motion)
+            x = {"displacement": q, "velocity": v}.get(over[0], prepared.record.times)
+            low, high = float(x.min()), float(x.max())
+            effects[i] = knots(effects[i], low, high)
+    model = replace(stage.model, effects=tuple(effects))
+    if model == stage.model:
+        return None
+    last = prepared.spans(prepared.trial, prepared.policy.growth)[-spans:]
+    fits = homotopy(model, prepared, prepared.trial, reference, last, LEARNING.steps, known=True)
+    return best_stage(fits, prepared) if fits else None
 
 
 def closer(effect: Effect, low: float, high: float) -> Effect:
@@ -169,11 +227,16 @@ def closer(effect: Effect, low: float, high: float) -> Effect:
 
     The same effect if there would be too many.
     """
+    count = 2 * coefficients_of(effect.values).size - 3
+    return effect if count > LEARNING.closest else laid(effect, low, high, count)
+
+
+def laid(effect: Effect, low: float, high: float, count: int) -> Effect:
+    """Return a learned curve with so many coefficients over a range; itself if that is none."""
     values = effect.values
-    c = coefficients_of(values)
-    count = 2 * c.size - 3
-    if count > LEARNING.closest or not high > low:
+    if not high > low:
         return effect
+    c = coefficients_of(values)
     stays = effect.definition.over != ("displacement",)
     grid = np.linspace(low, high, 8 * count)
     curve = c @ spline_basis(grid, values["low"], values["high"], c.size, stays)
@@ -191,7 +254,7 @@ def fitted_to_all(stage: JudgedFit, prepared: PreparedRecord, reference: Mechani
         return stage.fit
     pieces = prepared.everything
     whole = prepared.spans(pieces)[-1:]
-    fits = homotopy(stage.model, prepared, pieces, reference, whole, LEARNING.steps)
+    fits = homotopy(stage.model, prepared, pieces, reference, whole, LEARNING.steps, known=True)
     before = rms_over(stage.model, prepared, prepared.everything)
     if not fits or log_size(fits[-1].rmse) > log_size(before):
         return stage.fit

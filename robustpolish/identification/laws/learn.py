@@ -28,6 +28,7 @@ from robustpolish.identification.laws.law_fit import (
     fitted_to_all,
     held_out,
     log_size,
+    over_own_motion,
     with_closer_knots,
     with_laws,
 )
@@ -199,7 +200,8 @@ def learn(
             if fitted is not None and not _better(refits[stood], fitted):
                 refits[i], stood = fitted, i
                 break
-    best = with_closer_knots(refits[stood], len(model.effects), prepared, reference)
+    best = over_own_motion(refits[stood], len(model.effects), prepared, reference)
+    best = with_closer_knots(best, len(model.effects), prepared, reference)
     final = fitted_to_all(best, prepared, reference)
     covariance = covariance_of(final)
     noise = floor_beside(final.model, prepared, best.reproducible)

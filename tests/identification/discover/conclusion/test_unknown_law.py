@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robustpolish.effects import Effect
-from robustpolish.identification.discover import unknown_law as laws
+from robustpolish.identification.discover.conclusion import unknown_law as laws
 from robustpolish.identification.discover.search import RefittedEffect
 from robustpolish.identification.screening.screen import ScreenedEffect
 from tests.hidden_effects.cases import Case, model_of, one, records

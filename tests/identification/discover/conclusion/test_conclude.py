@@ -6,7 +6,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.effects import Effect, Motion, force_with
-from robustpolish.identification.discover.conclude import conclude
+from robustpolish.identification.discover.conclusion.conclude import conclude
 from robustpolish.identification.discover.search import RefittedEffect, Turn
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.laws.learn import CURVES, KINDS, ONE_CURVE, OVER_TIME
@@ -73,8 +73,8 @@ def test_what_was_added_is_the_finding():
     assert found.reasons[-1].endswith("% of the error above the noise.")
 
 
-LEARN = "robustpolish.identification.discover.unknown_law.learn"
-BETTER_SHAPE = "robustpolish.identification.discover.verdict.better_shape"
+LEARN = "robustpolish.identification.discover.conclusion.unknown_law.learn"
+BETTER_SHAPE = "robustpolish.identification.discover.conclusion.verdict.better_shape"
 THREE = (
     Effect("cubic_stiffness", PLACE, {"stiffness": 100.0}),
     Effect("quadratic_damping", PLACE, {"coefficient": 1.0}),
@@ -164,7 +164,8 @@ def test_what_explains_a_part_is_kept_and_the_rest_is_told():
 def test_what_helps_a_bit_and_has_no_size_gets_no_name(monkeypatch):
     """Of a spring that drifts a mass that hangs somewhere takes a part, whatever that weighs."""
     monkeypatch.setattr(
-        "robustpolish.identification.discover.verdict.undetermined", lambda *_, **__: "stiffness"
+        "robustpolish.identification.discover.conclusion.verdict.undetermined",
+        lambda *_, **__: "stiffness",
     )
     monkeypatch.setattr(LEARN, lambda *_: None)
     push = 40 * X**3 + 3 * X**2 * V
@@ -274,7 +275,7 @@ def test_a_friction_that_turns_over_gently_has_no_memory(monkeypatch):
     """What a jump leaves at every reversal speaks for Dahl's law, until the jump is rounded."""
     instead = {"dahl_friction": [Effect("coulomb_friction", PLACE, {"force": 1.0})]}
     monkeypatch.setattr(
-        "robustpolish.identification.discover.final_fit.nearly_the_same",
+        "robustpolish.identification.discover.conclusion.final_fit.nearly_the_same",
         lambda _, model, at: instead.get(model.effects[at].kind, []),
     )
     speed = 0.1 * np.std(V)

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from robustpolish.arrays import Array
-from robustpolish.identification.discover.final_fit import Final, whole_error
+from robustpolish.identification.discover.conclusion.final_fit import Final, whole_error
+from robustpolish.identification.discover.conclusion.verdict import Verdict, crowded, more_is_left
 from robustpolish.identification.discover.judge import more_left
 from robustpolish.identification.discover.search import Search
-from robustpolish.identification.discover.verdict import Verdict, crowded, more_is_left
 from robustpolish.identification.laws.learn import (
     CURVES,
     KINDS,

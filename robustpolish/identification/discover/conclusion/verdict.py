@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustpolish.arrays import Array
-from robustpolish.identification.discover.final_fit import Final
+from robustpolish.identification.discover.conclusion.final_fit import Final
 from robustpolish.identification.discover.judge import (
     falls_where_fitted,
     more_left,

@@ -9,22 +9,22 @@ import numpy as np
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
-from robustpolish.identification.discover.final_fit import (
+from robustpolish.identification.discover.conclusion.final_fit import (
     Final,
     final_fit,
     fit_to_all,
     whole_error,
 )
-from robustpolish.identification.discover.judge import undetermined
-from robustpolish.identification.discover.search import Search
-from robustpolish.identification.discover.unknown_law import (
+from robustpolish.identification.discover.conclusion.unknown_law import (
     LawFound,
     error_left,
     less_than_names,
     one_curve,
     unknown_law,
 )
-from robustpolish.identification.discover.verdict import Verdict, verdict_on, wrong_name
+from robustpolish.identification.discover.conclusion.verdict import Verdict, verdict_on, wrong_name
+from robustpolish.identification.discover.judge import undetermined
+from robustpolish.identification.discover.search import Search
 from robustpolish.identification.findings.confused import confused
 from robustpolish.identification.findings.diagnosis import Diagnosis
 from robustpolish.identification.findings.findings import Confusion, FoundEffect, Value
@@ -122,11 +122,11 @@ def _unexplained(search: Search, names: Final, before: list[Array], wrong: str) 
     """Conclude with the model's own numbers; what was found is reported, not kept."""
     named = " and ".join(map(str, _added(search, names)))
     floor = search.floor_beside(names.fit.model, names.calm)
-    final, error = fit_to_all(search, search.linear, search.linear.reproducible)
+    own = fit_to_all(search, search.linear, search.linear.reproducible)
     reasons = [wrong, f"The nearest of the catalogue, not kept: {named}."]
-    verdict = Verdict("unexplained", reasons, np.minimum(floor, error))
+    verdict = Verdict("unexplained", reasons, np.minimum(floor, own.error))
     told = replace(search, stage=search.linear, steps=search.steps[:2], confusions=[])
-    return _diagnosis(told, Final(final, error, names.calm), before[:1], verdict)
+    return _diagnosis(told, own._replace(calm=names.calm), before[:1], verdict)
 
 
 def _added(search: Search, names: Final) -> Sequence[Effect]:

@@ -44,18 +44,15 @@ def final_fit(search: Search) -> Final:
     """
     stage, prepared = search.stage, search.prepared
     calm = stage.reproducible and free_rms(stage.model, prepared, prepared.everything)[1]
-    final, error = fit_to_all(search, stage, calm)
-    final, error = _without_idle(search, final, error, calm)
-    final, error = _likeliest_kinds(search, final, error, calm)
-    jumping = final
-    final, error = _gently(search, final, error, calm)
-    if final is not jumping:  # what stood in for the turn has nothing left to do
-        final, error = _without_idle(search, final, error, calm)
-    return Final(final, error, calm)
+    final = _without_idle(search, fit_to_all(search, stage, calm))
+    final = _likeliest_kinds(search, final)
+    gentle = _gently(search, final)
+    # what stood in for the turn has nothing left to do
+    return final if gentle is final else _without_idle(search, gentle)
 
 
-def fit_to_all(search: Search, stage: JudgedFit, calm: bool) -> tuple[Fit, Array]:
-    """Fit the model of a stage to the whole record; return the fit and its free-run error."""
+def fit_to_all(search: Search, stage: JudgedFit, calm: bool) -> Final:
+    """Fit the model of a stage to the whole record, and judge it there."""
     prepared = search.prepared
     pieces = prepared.everything
     spans = prepared.spans(pieces, search.policy.growth)
@@ -70,11 +67,11 @@ def fit_to_all(search: Search, stage: JudgedFit, calm: bool) -> tuple[Fit, Array
         last=last, known=True,
     )  # fmt: skip
     if not fits:
-        return stage.fit, before
+        return Final(stage.fit, before, calm)
     error = whole_error(fits[-1].model, search, calm)
     if np.mean(np.log(error)) > np.mean(np.log(before)):
-        return stage.fit, before
-    return fits[-1], error
+        return Final(stage.fit, before, calm)
+    return Final(fits[-1], error, calm)
 
 
 def whole_error(model: MechanicalModel, search: Search, calm: bool) -> Array:
@@ -86,7 +83,7 @@ def whole_error(model: MechanicalModel, search: Search, calm: bool) -> Array:
     return rms_over(model, prepared, prepared.everything if calm else prepared.windows)
 
 
-def _without_idle(search: Search, final: Fit, error: Array, calm: bool) -> tuple[Fit, Array]:
+def _without_idle(search: Search, final: Final) -> Final:
     """Return the final fit without effects or numbers that the whole record leaves open.
 
     An effect that was added early may have nothing left to do beside those that came after it, and
@@ -95,33 +92,33 @@ def _without_idle(search: Search, final: Fit, error: Array, calm: bool) -> tuple
     may rise by more than chance, but not by what the record would have to show to add an effect.
     """
     first, policy = len(search.reference.effects), search.policy
-    for at in reversed(range(first, len(final.model.effects))):
-        effect = final.model.effects[at]
-        if len(final.model.effects) > first + 1 and undetermined(final, at, policy):
-            without = search.fitted_without(final.model, at)
-            shorter = _no_worse(search, without, error, calm, np.log(1 + policy.together))
+    for at in reversed(range(first, len(final.fit.model.effects))):
+        effects = final.fit.model.effects
+        effect = effects[at]
+        if len(effects) > first + 1 and undetermined(final.fit, at, policy):
+            shorter = _no_worse(search, search.fitted_without(final.fit.model, at), final)
             if shorter is not None:
-                final, error = shorter
+                final = shorter
                 del search.steps[2 + at - first]
                 search.reasons.append(f"{effect} was not kept: the others explain as much.")
                 continue
-        absurd = effect.definition.implausible(final.model.effects[at].values)
-        if not absurd and not undetermined(final, at, policy, every=True):
+        absurd = effect.definition.implausible(effect.values)
+        if not absurd and not undetermined(final.fit, at, policy, every=True):
             continue
-        for instead in simpler(search, final.model, at):
-            shorter = _no_worse(search, instead, error, calm, np.log(1 + policy.together))
+        for instead in simpler(search, final.fit.model, at):
+            shorter = _no_worse(search, instead, final)
             if shorter is not None:
-                final, error = shorter
-                last = final.model.effects[-1]
+                final = shorter
+                last = final.fit.model.effects[-1]
                 del search.steps[2 + at - first]
-                search.steps.append((last.kind, final.model))
+                search.steps.append((last.kind, final.fit.model))
                 alike = {each.kind: each for each in (*closer_kinds(search), effect)}
                 search.confusions += [confused(last, other) for other in alike.values()]
                 break
-    return final, error
+    return final
 
 
-def _likeliest_kinds(search: Search, final: Fit, error: Array, calm: bool) -> tuple[Fit, Array]:
+def _likeliest_kinds(search: Search, whole: Final) -> Final:
     """Return the final fit with the kinds of friction with memory that the whole record prefers.
 
     A part of the record may leave numbers of one kind more open than those of another, and held-out
@@ -129,13 +126,14 @@ def _likeliest_kinds(search: Search, final: Fit, error: Array, calm: bool) -> tu
     decides, each kind begun with the force that the one found makes. What comes near is told alike.
     """
     first, policy = len(search.reference.effects), search.policy
+    final, error, calm = whole
     over_all = calm and len(final.errors) == search.prepared.record.samples
     found = [e for e in final.model.effects[first:] if e.definition.family]
     remembering = [(e.kind, e.at) for e in found if e.definition.has_memory]
     if not (over_all and remembering) or np.any(
         error > policy.shape_above * search.floor_beside(final.model, calm)
     ):
-        return final, error
+        return whole
     for place in remembering:
         here = [p for p in search.confusions if (p.first.kind, p.first.at) == place]
         began = at = [(e.kind, e.at) for e in final.model.effects].index(place)
@@ -164,7 +162,7 @@ def _likeliest_kinds(search: Search, final: Fit, error: Array, calm: bool) -> tu
         alike += [p.second for p in here if p.second.at != now.at or p.second.kind not in judged]
         search.confusions[:] = [p for p in search.confusions if p not in here]
         search.confusions += [confused(now, other) for other in alike]
-    return final, error
+    return Final(final, error, calm)
 
 
 def _likelier(others: Sequence[Fit], final: Fit, policy: Policy) -> list[tuple[float, Fit]]:
@@ -215,19 +213,19 @@ def _over_all(model: MechanicalModel, search: Search, calm: bool) -> list[Fit]:
     )
 
 
-def _gently(search: Search, final: Fit, error: Array, calm: bool) -> tuple[Fit, Array]:
+def _gently(search: Search, final: Final) -> Final:
     """Return the final fit with those jumps of friction rounded that the data know to be none.
 
     What a jump leaves at every reversal may be less than the noise and yet move all other numbers
     by more than their standard errors. So likelihood decides, not a visible fall.
     """
-    for at in range(len(search.reference.effects), len(final.model.effects)):
-        for fitted in _rounded(final, at, search, calm):
-            left = whole_error(fitted.model, search, calm)
-            odds = search.prepared.record.samples * float(np.sum(np.log(error / left)))
+    for at in range(len(search.reference.effects), len(final.fit.model.effects)):
+        for fitted in _rounded(final.fit, at, search, final.calm):
+            left = whole_error(fitted.model, search, final.calm)
+            odds = search.prepared.record.samples * float(np.sum(np.log(final.error / left)))
             if odds > search.policy.least_odds:
-                final, error = fitted, left
-    return final, error
+                final = Final(fitted, left, final.calm)
+    return final
 
 
 def _rounded(jumping: Fit, at: int, search: Search, calm: bool) -> list[Fit]:
@@ -245,17 +243,13 @@ def _rounded(jumping: Fit, at: int, search: Search, calm: bool) -> list[Fit]:
     return [fitted for fitted in _over_all(model, search, calm) if knows_turn(fitted, at, search)]
 
 
-def _no_worse(
-    search: Search, instead: JudgedFit | None, error: Array, calm: bool, most: float
-) -> tuple[Fit, Array] | None:
-    """Go on with a model if its final fit leaves at most so much more; return that and its error.
-
-    `most` is a difference of the mean log of errors.
-    """
+def _no_worse(search: Search, instead: JudgedFit | None, final: Final) -> Final | None:
+    """Go on with a model, and return its final fit, if that leaves little more than another."""
     if instead is None:
         return None
-    fitted, left = fit_to_all(search, instead, calm)
-    if not np.mean(np.log(left / error)) < most:
+    fitted = fit_to_all(search, instead, final.calm)
+    little = np.log(1 + search.policy.together)
+    if not np.mean(np.log(fitted.error / final.error)) < little:
         return None
     search.stage = instead
-    return fitted, left
+    return fitted

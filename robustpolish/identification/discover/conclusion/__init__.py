@@ -1,0 +1,1 @@
+"""The end of a diagnosis: final fit, verdict, a law in place of names, and the result."""
