@@ -13,6 +13,7 @@ from robustpolish.effects.learned import coefficients_of, spline_basis
 from robustpolish.identification.policy import Policy
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import FORCE
+from robustpolish.models.mechanical.ports import port_row
 
 # Share of the largest force within which a law over the velocity has none at rest, where a law over
 # the displacement could have it as well.
@@ -20,6 +21,7 @@ _HELD = 1e-3
 # How many times steeper a friction may turn over after one fit: a step that goes too far would make
 # it jump, and from there no slope leads back.
 _STEEPER = 10.0
+_HARDLY = 1e-9
 
 
 @dataclass(frozen=True)
@@ -288,18 +290,33 @@ def joint_priors(model: MechanicalModel, free: Sequence[FreeParameter]) -> Array
 def _zero_at_rest(model: MechanicalModel) -> list[int]:
     """Return which effects are laws whose force at rest the data do not tell from something else.
 
-    Beside a law over the displacement one over the velocity has none: the other has it. Where no
-    sensor shows a displacement, it is counted from where the machine rests: another force there
-    and another place to count from are one motion.
+    Beside a law over the displacement one over the velocity has none: the other has it. A law over
+    a displacement whose rest no sensor shows is counted from there: another force at rest and
+    another place to count from are one motion.
     """
     over = [(e.definition.over, set(e.at)) for e in model.effects]
     springs = [at for what, at in over if what == ("displacement",)]
-    unseen = not model.matrices.Sq.any()
     return [
         i
         for i, (what, at) in enumerate(over)
-        if (what == ("velocity",) and at in springs) or (what == ("displacement",) and unseen)
+        if (what == ("velocity",) and at in springs)
+        or (what == ("displacement",) and not _rest_shows(model, model.effects[i].at))
     ]
+
+
+def _rest_shows(model: MechanicalModel, at: tuple[str, ...]) -> bool:
+    """Return whether a constant force at a place changes what sensors show at rest.
+
+    With a displacement of one of two masses none does of a force between them, which their spring
+    balances. What is measured as a force shows in any case.
+    """
+    matrices = model.matrices
+    if any(output.quantity == FORCE for output in model.outputs):
+        return True
+    K, Sq = matrices.K[np.ix_(matrices.free, matrices.free)], matrices.Sq[:, matrices.free]
+    moved = np.linalg.lstsq(K, port_row(model, at)[matrices.free], rcond=None)[0]
+    least = _HARDLY * np.sum(np.abs(Sq), axis=1) * np.max(np.abs(moved), initial=0.0)
+    return bool(np.any(np.abs(Sq @ moved) > least))
 
 
 def _at_rest(model: MechanicalModel, i: int, column: Mapping[str, int]) -> Array:

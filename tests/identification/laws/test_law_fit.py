@@ -5,7 +5,7 @@ from robustpolish.effects.learned import coefficients_of, spline_basis
 from robustpolish.identification.fit.parameters import free_parameters, joint_priors, within_laws
 from robustpolish.identification.laws.law_fit import LEARNING, closer, log_size
 from robustpolish.identification.policy import POLICY
-from robustpolish.models import Output
+from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
 from tests.effects.learned_curves import law_of
 from tests.identification.oscillators import PLACE, oscillator
 
@@ -97,3 +97,21 @@ def test_where_no_sensor_shows_a_displacement_it_is_counted_from_rest(quantity, 
         found = float(known[-1] @ np.array([f.start for f in free]))
         largest = np.max(np.abs(coefficients_of(law.values)))
         assert found == pytest.approx(2.0 / (1e-3 * largest), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("seen", "place", "held"),
+    [("a", ("b", "a"), True), ("b", ("b", "a"), False), ("a", ("a", "ground"), False)],
+)
+def test_a_force_between_two_masses_shows_at_rest_in_the_outer_one_alone(seen, place, held):
+    model = MechanicalModel(
+        [Dof("a", 1.0), Dof("b", 1.0)],
+        [Spring(("a", "ground"), 50.0), Spring(("b", "a"), 20.0)],
+        [Damper(("a", "ground"), 1.0), Damper(("b", "a"), 1.0)],
+        [Input("f", ("b", "ground"))],
+        [Output(seen, (seen, "ground")), Output("acc", ("b", "ground"), "acceleration")],
+    )
+    law = law_of(lambda q: 90 * q**3 + 2, count=9, at=place).effect.with_parameters(roughness=0.5)
+    model = model.with_effect(law.kind, law.at, law.values)
+    rows = joint_priors(model, free_parameters(model, 10.0, POLICY))
+    assert len(rows) == 7 + held

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.identification.fit.homotopy import best_stage, homotopy
+from robustpolish.identification.laws.law_fit import laid, over_own_motion
 from robustpolish.identification.laws.learn import CURVES, OVER_TIME, learn
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.hidden_effects.catalogue import all_cases
@@ -151,3 +153,22 @@ def test_what_varies_is_not_claimed_where_nothing_does():
 def test_what_is_no_law_of_the_motion_is_not_claimed(name):
     found, _, _ = learned(name)
     assert found is None or (not found.explains and "does not explain" in found.evidence())
+
+
+def test_knots_lie_over_the_motion_that_the_model_shows():
+    """Where the motion was thought to be twice as large nobody has seen the curve."""
+    search = search_of(model_of(CASES["fifth"]), records(CASES["fifth"])[0][0])
+    prepared, reference = search.prepared, search.reference
+    model = learned("fifth")[0].model
+    narrow = model.effects[0]
+    low, high = narrow.values["low"], narrow.values["high"]
+    wide = laid(narrow, 2 * low, 2 * high, 11)
+    span = prepared.spans(prepared.trial)[-1:]
+    begun = replace(model, effects=(wide,))
+    fits = homotopy(begun, prepared, prepared.trial, reference, span, known=True)
+    stage = over_own_motion(best_stage(fits, prepared), 0, prepared, reference)
+    (law,) = stage.model.effects
+    assert law.kind == "learned_stiffness_11"
+    for end, wanted in (("low", low), ("high", high)):
+        assert law.values[end] == pytest.approx(wanted, abs=0.1 * (high - low))
+    assert over_own_motion(stage, 0, prepared, reference) is stage

@@ -42,13 +42,17 @@ def final_fit(search: Search) -> Final:
 
     The steps and the confusions of the search follow.
     """
-    stage, prepared = search.stage, search.prepared
-    calm = stage.reproducible and free_rms(stage.model, prepared, prepared.everything)[1]
-    final = _without_idle(search, fit_to_all(search, stage, calm))
+    final = _without_idle(search, fit_to_all(search, search.stage, is_calm(search)))
     final = _likeliest_kinds(search, final)
     gentle = _gently(search, final)
     # what stood in for the turn has nothing left to do
     return final if gentle is final else _without_idle(search, gentle)
+
+
+def is_calm(search: Search) -> bool:
+    """Return whether free runs over the whole record judge what was found; windows do otherwise."""
+    stage, prepared = search.stage, search.prepared
+    return stage.reproducible and free_rms(stage.model, prepared, prepared.everything)[1]
 
 
 def fit_to_all(search: Search, stage: JudgedFit, calm: bool) -> Final:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustpolish.arrays import Array
-from robustpolish.identification.discover.conclusion.final_fit import Final, whole_error
+from robustpolish.identification.discover.conclusion.final_fit import Final, is_calm, whole_error
 from robustpolish.identification.discover.conclusion.verdict import Verdict, crowded, more_is_left
 from robustpolish.identification.discover.judge import more_left
 from robustpolish.identification.discover.search import Search
@@ -51,7 +51,7 @@ def one_curve(search: Search) -> LawFound | None:
     if search.at_floor(stage) or not (search.added or more):
         return None
     search.say("one curve that explains all")
-    floor = search.floor_beside(stage.model, stage.reproducible)
+    floor = search.floor_beside(stage.model, is_calm(search))
     for kinds in _kinds(search, ONE_CURVE, over_time=more):
         law = _explaining(search, floor, kinds)
         if law is not None and more_left(law.learned.fitted, stage) < _visibly(search):
