@@ -2,7 +2,9 @@
 
 Each shows, as the effects there do, and a cubic and a quadratic spring at its place, fitted with
 all other springs, dampers and the start of the motion, leave visibly more than the noise: a fifth
-power that the record does not tell from a third is a cubic spring as far as anybody can know.
+power that the record does not tell from a third is a cubic spring as far as anybody can know. And
+the second record moves the place no farther than the first: elsewhere no record shows the law. (Of
+24 drawn without that one went 45 % farther, and left fifty noises under a law that was right.)
 """
 
 from dataclasses import replace
@@ -12,14 +14,18 @@ import numpy as np
 
 from .cases import Case
 from .drawn import effect_of, sizes
+from .motion import motion
 from .several import ATTEMPTS, LARGER, LEAST_LEFT, ROUNDS, chain, shows, with_sensors
-from .visible import change_without, chaotic, left_by_springs, sound, spring_at
+from .visible import STEPS, apart, change_without, chaotic, left_by_springs, sound, spring_at
 
 SEEN_LAWS = 20261127
 """Rules of the diagnosis may be changed while looking at cases of this seed."""
 UNSEEN_LAWS = 20281127
 """Chosen before any of its cases had been drawn or run, on rules that have not been changed since.
 Once they are, it has been seen, and a new one takes its place before the next examination."""
+
+FARTHER = 0.05
+"""Share of the range of a place by which the second record may leave what the first one shows."""
 
 DEAD_ZONE = "dead_zone_spring"
 SPRINGS = ("fifth_power_stiffness", "saturating_spring")
@@ -62,12 +68,22 @@ def _attempt(number, seed, rng):
     Q, V, drive = sizes(case)
     for _ in range(ROUNDS):
         case = replace(case, effects=_law(LAWS[number], machine, rng, (Q, V, drive)))
-        if not sound(case):
+        if not (sound(case) and _seen(case)):
             return None
         if _has_no_name(case):
             return replace(case, chaotic=chaotic(case))
         drive *= LARGER
     return None
+
+
+def _seen(case):
+    """Return whether the second record moves the place about as far as the first at most."""
+    first, second = (
+        apart(case.machine, case.effects[0][1], motion(case, which, steps=STEPS).displacement)
+        for which in (0, 1)
+    )
+    room = FARTHER * np.ptp(first)
+    return first.min() - room <= second.min() and second.max() <= first.max() + room
 
 
 def _has_no_name(case):

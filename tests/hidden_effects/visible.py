@@ -152,10 +152,14 @@ def _fitted(case, inputs, truth, size, named=0):
 
 def spring_at(machine, at, displacements):
     """Return the stiffness of the spring at a place, and how far it is typically bent."""
-    columns = [displacements[:, machine.names.index(n)] for n in at if n in machine.names]
-    amplitude = np.std(columns[0] - columns[1] if len(columns) > 1 else columns[0])
     (stiffness,) = (k for a, b, k in machine.springs if (a, b) == at)
-    return stiffness, float(amplitude)
+    return stiffness, float(np.std(apart(machine, at, displacements)))
+
+
+def apart(machine, at, displacements):
+    """Return the displacement between the two ends of a place, shape (samples,)."""
+    columns = [displacements[:, machine.names.index(n)] for n in at if n in machine.names]
+    return columns[0] - columns[1] if len(columns) > 1 else columns[0]
 
 
 def _unit(machine, effect, displacements):

@@ -26,7 +26,7 @@ from robustpolish.identification.numbers.own_numbers import with_other_holds
 
 
 class LawFound(NamedTuple):
-    """A law that explains all.
+    """A law, and beside what it was learned.
 
     Attributes
     ----------
@@ -53,8 +53,10 @@ def one_curve(search: Search) -> LawFound | None:
     search.say("one curve that explains all")
     floor = search.floor_beside(stage.model, is_calm(search))
     for kinds in _kinds(search, ONE_CURVE, over_time=more):
-        law = _explaining(search, floor, kinds)
-        if law is not None and more_left(law.learned.fitted, stage) < _visibly(search):
+        law = _found(search, floor, kinds)
+        if law is None or not law.learned.explains:
+            continue
+        if more_left(law.learned.fitted, stage) < _visibly(search):
             return law
     return None
 
@@ -62,12 +64,13 @@ def one_curve(search: Search) -> LawFound | None:
 def unknown_law(
     search: Search, names: Final, verdict: Verdict, wrong: str | None
 ) -> LawFound | None:
-    """Return a law in place of all that was added, if it explains all.
+    """Return a law in place of all that was added, if it explains all or they are far from it.
 
     Whatever several named forces are, a surface is too, and much may look like a drift: a surface
     takes the place of names that failed, a drift that of names that explain a part. Curves do so of
     any names if they leave visibly less, and one alone where names leave what may be noise of some
-    colour.
+    colour. A law that does not explain all does so, too, if names leave several times as much; then
+    something else is missing beside it.
 
     Parameters
     ----------
@@ -89,11 +92,18 @@ def unknown_law(
     search.say("a law that no catalogue holds")
     floor = search.floor_beside(names.fit.model, names.calm)
     curves = KINDS if failed else CURVES if more else ONE_CURVE
+    best, far = None, -float(np.log(search.policy.far))
     for kinds in _kinds(search, curves, over_time=failed or partly):
-        law = _explaining(search, floor, kinds)
-        if law is not None and (failed or less_than_names(law, names)):
+        law = _found(search, floor, kinds)
+        if law is None:
+            continue
+        left = _over_names(law, names)
+        if law.learned.explains and (failed or left < _visibly(search)):
             return law
-    return None
+        one_signal = all(len(each.effect.definition.over) == 1 for each in law.learned.laws)
+        if one_signal and left < far:
+            best, far = law, left
+    return best
 
 
 def _kinds(
@@ -114,11 +124,16 @@ def error_left(law: LawFound, names: Final) -> Array:
 
 def less_than_names(law: LawFound, names: Final) -> bool:
     """Return whether a law leaves visibly less than names."""
-    return bool(np.mean(np.log(error_left(law, names) / names.error)) < _visibly(law.search))
+    return _over_names(law, names) < _visibly(law.search)
 
 
-def _explaining(search: Search, floor: Array, kinds: Sequence[LawKinds]) -> LawFound | None:
-    """Return the law that explains all, beside the model's own numbers; None if none does.
+def _over_names(law: LawFound, names: Final) -> float:
+    """Return the mean log of the errors that a law leaves over those that names leave."""
+    return float(np.mean(np.log(error_left(law, names) / names.error)))
+
+
+def _found(search: Search, floor: Array, kinds: Sequence[LawKinds]) -> LawFound | None:
+    """Return the law that explains most, beside the model's own numbers; None if none helps.
 
     Beside names that do not explain what is missing a hold of the inputs may have been believed, or
     refused, that is wrong beside a law that does.
@@ -134,7 +149,7 @@ def _explaining(search: Search, floor: Array, kinds: Sequence[LawKinds]) -> LawF
             other = _learned(beside, floor, kinds)
             if other is not None and more_left(other.fitted, found.fitted) < 0:
                 law = LawFound(beside, other)
-    return law if law.learned.explains else None
+    return law
 
 
 def _learned(search: Search, floor: Array, kinds: Sequence[LawKinds]) -> Learned | None:
