@@ -1,14 +1,18 @@
 """A law takes the place of names where these leave visibly more."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from robustpolish.effects import Effect
 from robustpolish.identification.discover.conclusion import unknown_law as laws
+from robustpolish.identification.discover.conclusion.final_fit import final_fit
+from robustpolish.identification.discover.conclusion.verdict import Verdict
 from robustpolish.identification.discover.search import RefittedEffect
 from robustpolish.identification.screening.screen import ScreenedEffect
+from tests.effects.learned_curves import law_of, surface_of
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import search_of
 
@@ -61,3 +65,21 @@ def test_a_hold_that_was_believed_beside_a_name_is_asked_again_beside_a_law():
     assert law.search is not search
     assert not any(e.values["order"] == 0.0 for e in law.search.reference.effects)
     assert law.search.at_floor(law.learned.fitted)
+
+
+@pytest.mark.parametrize(
+    ("left", "over", "taken"),
+    [(0.3, "displacement", True), (0.5, "displacement", False), (0.3, "both", False)],
+)
+def test_a_curve_that_does_not_explain_all_leaves_a_third_of_what_names_leave(
+    monkeypatch, left, over, taken
+):
+    """A surface is whatever several named forces are together."""
+    search = named(SATURATING)
+    names = final_fit(search)
+    learned = law_of(lambda q: q) if over == "displacement" else surface_of(lambda q, v: q * v)
+    law = laws.LawFound(search, SimpleNamespace(explains=False, laws=(learned,), model=None))
+    monkeypatch.setattr(laws, "_found", lambda *_: law)
+    monkeypatch.setattr(laws, "whole_error", lambda *_: left * names.error)
+    verdict = Verdict("missing_effect", [], 0.1 * names.error)
+    assert laws.unknown_law(search, names, verdict, None) is (law if taken else None)
