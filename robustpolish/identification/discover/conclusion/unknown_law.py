@@ -45,10 +45,11 @@ def one_curve(search: Search) -> LawFound | None:
     Each kind of the catalogue has been tried at its place by then, alone and beside others. What
     two or three of them are together, one curve over one signal hardly is, with dry friction or
     without, so nothing is gained by following what else came near them. A curve over time is asked
-    for where more than noise of any colour is left.
+    for where more than noise of any colour is left. Where a motion fades, names are not complete
+    yet: its damping is settled later.
     """
     stage, more = search.stage, not search.noise_alone(search.policy.shape_above)
-    if search.at_floor(stage) or not (search.added or more):
+    if search.at_floor(stage) or search.prepared.fades or not (search.added or more):
         return None
     search.say("one curve that explains all")
     floor = search.floor_beside(stage.model, is_calm(search))
@@ -69,8 +70,8 @@ def unknown_law(
     Whatever several named forces are, a surface is too, and much may look like a drift: a surface
     takes the place of names that failed, a drift that of names that explain a part. Curves do so of
     any names if they leave visibly less, and one alone where names leave what may be noise of some
-    colour. A law that does not explain all does so, too, if names leave several times as much; then
-    something else is missing beside it.
+    colour. One curve that does not explain all does so, too, if names leave several times as much;
+    then something else is missing beside it.
 
     Parameters
     ----------
@@ -100,8 +101,7 @@ def unknown_law(
         left = _over_names(law, names)
         if law.learned.explains and (failed or left < _visibly(search)):
             return law
-        one_signal = all(len(each.effect.definition.over) == 1 for each in law.learned.laws)
-        if one_signal and left < far:
+        if left < far and _is_one_curve(law):
             best, far = law, left
     return best
 
@@ -130,6 +130,12 @@ def less_than_names(law: LawFound, names: Final) -> bool:
 def _over_names(law: LawFound, names: Final) -> float:
     """Return the mean log of the errors that a law leaves over those that names leave."""
     return float(np.mean(np.log(error_left(law, names) / names.error)))
+
+
+def _is_one_curve(law: LawFound) -> bool:
+    """Return whether a law is a curve over one signal, with nothing beside it."""
+    added = law.learned.model.effects[len(law.search.reference.effects) :]
+    return len(added) == 1 and len(added[0].definition.over) == 1
 
 
 def _found(search: Search, floor: Array, kinds: Sequence[LawKinds]) -> LawFound | None:

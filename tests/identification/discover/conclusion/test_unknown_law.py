@@ -69,16 +69,24 @@ def test_a_hold_that_was_believed_beside_a_name_is_asked_again_beside_a_law():
 
 @pytest.mark.parametrize(
     ("left", "over", "taken"),
-    [(0.3, "displacement", True), (0.5, "displacement", False), (0.3, "both", False)],
+    [
+        (0.3, ["stiffness"], True),
+        (0.5, ["stiffness"], False),
+        (0.3, ["force"], False),
+        (0.3, ["stiffness", "damping"], False),
+    ],
 )
 def test_a_curve_that_does_not_explain_all_leaves_a_third_of_what_names_leave(
     monkeypatch, left, over, taken
 ):
-    """A surface is whatever several named forces are together."""
+    """Several curves, or a surface, are whatever several named forces are together."""
     search = named(SATURATING)
     names = final_fit(search)
-    learned = law_of(lambda q: q) if over == "displacement" else surface_of(lambda q, v: q * v)
-    law = laws.LawFound(search, SimpleNamespace(explains=False, laws=(learned,), model=None))
+    made = {"force": lambda: surface_of(lambda q, v: q * v)}
+    found = [made[o]() if o in made else law_of(lambda x: x, over=o) for o in over]
+    effects = (*search.reference.effects, *(law.effect for law in found))
+    learned = SimpleNamespace(explains=False, model=SimpleNamespace(effects=effects))
+    law = laws.LawFound(search, learned)
     monkeypatch.setattr(laws, "_found", lambda *_: law)
     monkeypatch.setattr(laws, "whole_error", lambda *_: left * names.error)
     verdict = Verdict("missing_effect", [], 0.1 * names.error)
