@@ -165,9 +165,5 @@ def _learned(search: Search, floor: Array, kinds: Sequence[LawKinds]) -> Learned
 
 
 def _visibly(search: Search) -> float:
-    """Return the log of the share of all errors that a law leaves at most of what names leave.
-
-    As with each of two effects that come together: that something is there has been found already,
-    and the question is its shape.
-    """
-    return float(np.log(1 - search.policy.together))
+    """Return the log of the share of all errors that a law leaves at most of what names leave."""
+    return float(np.log(1 - search.policy.visible_fall))
