@@ -313,8 +313,9 @@ def _rest_shows(model: MechanicalModel, at: tuple[str, ...]) -> bool:
     matrices = model.matrices
     if any(output.quantity == FORCE for output in model.outputs):
         return True
-    K, Sq = matrices.K[np.ix_(matrices.free, matrices.free)], matrices.Sq[:, matrices.free]
-    moved = np.linalg.lstsq(K, port_row(model, at)[matrices.free], rcond=None)[0]
+    free = matrices.free
+    K, Sq = matrices.K[free][:, free], matrices.Sq[:, free]
+    moved = np.linalg.lstsq(K, port_row(model, at)[free], rcond=None)[0]
     least = _HARDLY * np.sum(np.abs(Sq), axis=1) * np.max(np.abs(moved), initial=0.0)
     return bool(np.any(np.abs(Sq @ moved) > least))
 
