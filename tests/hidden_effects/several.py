@@ -143,6 +143,7 @@ def _with_effects(case, kinds, count, rng):
 
 
 def shows(change):
+    """Return whether a change is large enough for anybody to see it."""
     return (
         change.over_noise >= LEAST_OVER_NOISE
         and change.share >= LEAST_SHARE
@@ -199,6 +200,7 @@ def _end_with_the_motion(case):
 
 
 def chain(rng, decay):
+    """A chain of one to three masses to ground without sensors; lightly damped for a decay."""
     n = int(rng.choice([1, 2, 3]))
     names, mass, springs, dampers = skeleton(rng, n, (0.003, 0.012) if decay else (0.004, 0.04))
     return Machine(

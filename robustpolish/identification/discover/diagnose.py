@@ -146,8 +146,7 @@ def _diagnose(
             settled = True
             again = grown(begin(other))
             search = search if _worse(again, search) else again
-    # asked here too, as what leaves noise alone goes its short way
-    found = None if search.at_floor(search.stage) else conclude_with_one_curve(search)
+    found = conclude_with_one_curve(search)
     if found is None:
         search = second_look(search, grown)
         # only now: as long as something is missing, a fit bends masses and springs alike
