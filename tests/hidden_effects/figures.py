@@ -132,5 +132,9 @@ def _sigmas(numbers):
 
 def law_learned(row):
     """Return whether a row's law is right: its place, its error on unseen data, and its curve."""
-    curves = bool(row["curves"]) and min(row["curves"]) >= LAW_SHARE
-    return row["right"] and row["ratio"] <= LAW_ERROR and curves
+    return row["right"] and row["ratio"] <= LAW_ERROR and curves_held(row)
+
+
+def curves_held(row):
+    """Return whether the bands of a row's curves have the true ones over most of their range."""
+    return bool(row["curves"]) and min(row["curves"]) >= LAW_SHARE

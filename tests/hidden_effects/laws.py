@@ -15,7 +15,18 @@ import numpy as np
 from .cases import Case
 from .drawn import effect_of, sizes
 from .motion import motion
-from .several import ATTEMPTS, LARGER, LEAST_LEFT, ROUNDS, chain, shows, with_sensors
+from .several import (
+    LARGER,
+    LEAST_LEFT,
+    ROUNDS,
+    add_noise,
+    chain,
+    drive,
+    shows,
+    until_it_shows,
+    with_sensors,
+    wrong_numbers,
+)
 from .visible import STEPS, apart, change_without, chaotic, left_by_springs, sound, spring_at
 
 SEEN_LAWS = 20261127
@@ -35,13 +46,8 @@ LAWS = KINDS * 6
 
 @cache
 def law_case(number, seed=SEEN_LAWS):
-    """Return one case of the plan; each has a generator of random numbers of its own."""
-    rng = np.random.default_rng([seed, number])
-    for _ in range(ATTEMPTS):
-        case = _attempt(number, seed, rng)
-        if case is not None:
-            return case
-    raise RuntimeError(f"Case {number}, {LAWS[number]}: no machine shows its law.")
+    """Return one case of the plan."""
+    return until_it_shows(_attempt, number, seed)
 
 
 def name_of_law(number):
@@ -53,26 +59,18 @@ def _attempt(number, seed, rng):
     """Draw a machine, everyday data and a law; None if it does not show."""
     machine = with_sensors(chain(rng, False), rng, False)
     case = Case(name_of_law(number), machine, verdict="unknown_law", seed=1000 * seed + number)
-    case.noise_db = float(rng.uniform(20, 60))
-    case.colour = float(rng.choice([0.0, 0.0, 0.6, 0.9]))
-    case.excitation = str(rng.choice(["noise", "multisine", "sweep"]))
-    case.drive, case.samples = float(rng.uniform(5, 40)), int(rng.integers(4000, 9000))
-    case.warm_up = int(rng.choice([0, 0, 1500]))
-    case.held = bool(rng.random() < 0.3)
+    add_noise(case, rng)
+    drive(case, rng)
     if rng.random() < 0.4:
-        case.wrong = {
-            "mass": float(rng.choice([-1, 1]) * rng.uniform(0.03, 0.05)),
-            "stiffness": float(rng.uniform(-0.1, 0.1)),
-            "damping": float(rng.uniform(-0.3, 0.3)),
-        }
-    Q, V, drive = sizes(case)
+        case.wrong = wrong_numbers(rng)
+    Q, V, force = sizes(case)
     for _ in range(ROUNDS):
-        case = replace(case, effects=_law(LAWS[number], machine, rng, (Q, V, drive)))
+        case = replace(case, effects=_law(LAWS[number], machine, rng, (Q, V, force)))
         if not (sound(case) and _seen(case)):
             return None
         if _has_no_name(case):
             return replace(case, chaotic=chaotic(case))
-        drive *= LARGER
+        force *= LARGER
     return None
 
 

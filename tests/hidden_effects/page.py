@@ -11,6 +11,7 @@ from .figures import (
     NEAR_FLOOR,
     NEAR_NOISE,
     by_number,
+    curves_held,
     figures,
     law_learned,
     share,
@@ -132,7 +133,7 @@ def _laws(rows):
     kinds = {kind: [r for r, c in rows if c.effects[0][0] == kind] for kind in KINDS}
     for name, of_kind in {**kinds, "all": [r for r, _ in rows]}.items():
         near = share(r["ratio"] <= LAW_ERROR for r in of_kind)
-        held = share(bool(r["curves"]) and min(r["curves"]) >= LAW_SHARE for r in of_kind)
+        held = share(curves_held(r) for r in of_kind)
         wrong = share(r["wrong"] for r in of_kind)
         right = share(r["right"] for r in of_kind)
         lines.append(f"| {name} | {right} | {near} | {held} | {wrong} |")

@@ -52,17 +52,20 @@ def run_all(cases, file=None):
 
 
 def drawn_several(seed, names=(), part=(0, 1)):
-    """Return cases of a seed, on all cores: it takes minutes to see that effects show."""
-    numbers = [i for i in range(len(PLAN)) if _chosen(name_of(i), names)][part[0] :: part[1]]
-    with ProcessPoolExecutor(cores()) as pool:
-        return list(pool.map(several_case, numbers, [seed] * len(numbers)))
+    """Return cases of a seed with several effects."""
+    return _drawn(several_case, [name_of(i) for i in range(len(PLAN))], seed, names, part)
 
 
 def drawn_laws(seed, names=(), part=(0, 1)):
-    """Return laws of a seed, on all cores as well."""
-    numbers = [i for i in range(len(LAWS)) if _chosen(name_of_law(i), names)][part[0] :: part[1]]
+    """Return laws of a seed."""
+    return _drawn(law_case, [name_of_law(i) for i in range(len(LAWS))], seed, names, part)
+
+
+def _drawn(draw, plan, seed, names, part):
+    """Return the cases of a plan on all cores: it takes minutes to see that effects show."""
+    numbers = [i for i, name in enumerate(plan) if _chosen(name, names)][part[0] :: part[1]]
     with ProcessPoolExecutor(cores()) as pool:
-        return list(pool.map(law_case, numbers, [seed] * len(numbers)))
+        return list(pool.map(draw, numbers, [seed] * len(numbers)))
 
 
 def _chosen(name, names):

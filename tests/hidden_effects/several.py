@@ -62,13 +62,18 @@ def several_cases(count=None, seed=SEEN_SEED):
 
 @cache
 def several_case(number, seed=SEEN_SEED):
-    """Return one case of the plan; each has a generator of random numbers of its own."""
+    """Return one case of the plan."""
+    return until_it_shows(_attempt, number, seed)
+
+
+def until_it_shows(attempt, number, seed):
+    """Return a case of which an attempt made something; each has random numbers of its own."""
     rng = np.random.default_rng([seed, number])
     for _ in range(ATTEMPTS):
-        case = _attempt(number, seed, rng)
+        case = attempt(number, seed, rng)
         if case is not None:
             return case
-    raise RuntimeError(f"Case {number}, {PLAN[number]}: no machine shows its effects.")
+    raise RuntimeError(f"Case {number} of seed {seed}: no machine shows its effects.")
 
 
 def name_of(number):
@@ -88,23 +93,15 @@ def _attempt(number, seed, rng):
     decay = kind not in ("input_gain", "input_delay") and rng.random() < 1 / 3
     machine = with_sensors(_two_axes(rng) if axes else chain(rng, decay), rng, axes)
     case = Case(name_of(number), machine, seed=1000 * seed + number)
-    case.noise_db = float(rng.uniform(20, 60))
-    case.colour = float(rng.choice([0.0, 0.0, 0.6, 0.9]))
+    add_noise(case, rng)
     if decay:
         case.excitation = "blow" if axes or rng.random() < 0.4 else "none"
         case.start = 0.0 if case.excitation == "blow" else float(rng.uniform(0.005, 0.03))
         case.drive, case.samples = float(rng.uniform(100, 400)), 8000
     else:
-        case.excitation = str(rng.choice(["noise", "multisine", "sweep"]))
-        case.drive, case.samples = float(rng.uniform(5, 40)), int(rng.integers(4000, 9000))
-        case.warm_up = int(rng.choice([0, 0, 1500]))
-        case.held = bool(rng.random() < 0.3)
+        drive(case, rng)
     if kind == "numbers" or (kind != "nothing" and rng.random() < 0.4):
-        case.wrong = {
-            "mass": float(rng.choice([-1, 1]) * rng.uniform(0.03, 0.05)),
-            "stiffness": float(rng.uniform(-0.1, 0.1)),
-            "damping": float(rng.uniform(-0.3, 0.3)),
-        }
+        case.wrong = wrong_numbers(rng)
     if kind in ("nothing", "numbers"):
         case.verdict = "adequate" if kind == "nothing" else "parameters"
         if decay:
@@ -112,6 +109,29 @@ def _attempt(number, seed, rng):
         visible = kind == "nothing" or change_by_numbers(case) > LEAST_OVER_NOISE
         return case if visible else None
     return _with_effects(case, [kind] if kind not in COUNTS else None, COUNTS.get(kind, 1), rng)
+
+
+def add_noise(case, rng):
+    """Draw how loud the noise of a case is, and its colour."""
+    case.noise_db = float(rng.uniform(20, 60))
+    case.colour = float(rng.choice([0.0, 0.0, 0.6, 0.9]))
+
+
+def drive(case, rng):
+    """Draw what drives a case all the time."""
+    case.excitation = str(rng.choice(["noise", "multisine", "sweep"]))
+    case.drive, case.samples = float(rng.uniform(5, 40)), int(rng.integers(4000, 9000))
+    case.warm_up = int(rng.choice([0, 0, 1500]))
+    case.held = bool(rng.random() < 0.3)
+
+
+def wrong_numbers(rng):
+    """Draw by which shares the numbers of a model are off."""
+    return {
+        "mass": float(rng.choice([-1, 1]) * rng.uniform(0.03, 0.05)),
+        "stiffness": float(rng.uniform(-0.1, 0.1)),
+        "damping": float(rng.uniform(-0.3, 0.3)),
+    }
 
 
 def _with_effects(case, kinds, count, rng):

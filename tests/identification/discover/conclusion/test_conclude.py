@@ -203,10 +203,8 @@ def test_what_explains_next_to_nothing_of_the_whole_is_not_kept(monkeypatch):
     found = concluded(40 * X**3, Effect("quadratic_damping", PLACE, {"coefficient": 0.1}))
     assert found.verdict == "unexplained"
     assert found.effects == found.model.effects == ()
-    assert (
-        found.reasons[-1]
-        == "The nearest of the catalogue, not kept: quadratic_damping at x, ground."
-    )
+    nearest = "quadratic_damping at x, ground"
+    assert found.reasons[-1] == f"The nearest of the catalogue, not kept: {nearest}."
     assert [entry.step for entry in found.ledger.entries] == ["base", "refit"]
 
 
@@ -332,9 +330,8 @@ def test_what_three_effects_at_one_place_leave_is_no_noise_on_the_inputs(monkeyp
         found = conclude(search, rig())
         noise = any("like a noise on the inputs" in reason for reason in found.reasons)
         assert noise == (len(named) < 3)
-        assert asked.pop() == (
-            ONE_CURVE if noise else CURVES
-        )  # which may leave visibly less than noise on an input would
+        # one curve may leave visibly less than what is like a noise on the inputs
+        assert asked.pop() == (ONE_CURVE if noise else CURVES)
 
 
 def test_a_kind_whose_numbers_are_left_open_gives_way_to_a_simpler_one():
