@@ -14,10 +14,9 @@ by name, they are learned where the catalogue ends.
 Outside of the knots g goes on over a displacement, its curvature fading over one stretch between
 knots and straight from there, as a spline with one coefficient more and no further bend would. It
 stays over a velocity: what no data has shown shall not feed energy. What varies with time stays as
-it began and ended. The coefficients
-of a straight line are its values at points as far apart as the knots (Greville's abscissae), so
-that second differences of neighbours measure how much a curve bends (Eilers and Marx 1996,
-Statistical Science 11(2), 89-121).
+it began and ended. The coefficients of a straight line are its values at points as far apart as the
+knots (Greville's abscissae), so that second differences of neighbours measure how much a curve
+bends (Eilers and Marx 1996, Statistical Science 11(2), 89-121).
 """
 
 from __future__ import annotations

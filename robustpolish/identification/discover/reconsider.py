@@ -73,8 +73,8 @@ def _begun_as_known(search: Search, at: int) -> JudgedFit | None:
 
     What has no place may have bent the springs so far that no fit leads back from there.
     """
-    effects = search.stage.model.effects
-    others = [each for each in effects[len(search.reference.effects) :] if each is not effects[at]]
+    model = search.stage.model
+    others = [each for each in search.added_to(model) if each is not model.effects[at]]
     return search.fitted_with(search.linear.model, *others)
 
 

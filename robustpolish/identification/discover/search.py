@@ -129,7 +129,11 @@ class Search:
     @property
     def added(self) -> int:
         """Number of effects that were added."""
-        return len(self.stage.model.effects) - len(self.reference.effects)
+        return len(self.added_to(self.stage.model))
+
+    def added_to(self, model: MechanicalModel) -> tuple[Effect, ...]:
+        """Return the effects of a model that the reference lacks."""
+        return model.effects[len(self.reference.effects) :]
 
     def at_floor(self, stage: JudgedFit) -> bool:
         """Return whether not even the noise alone would make the error fall visibly.

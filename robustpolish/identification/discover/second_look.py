@@ -87,7 +87,7 @@ def _each_taken_out(
 
     Where there is but one, what came close in its place has been followed already.
     """
-    places = [(e.kind, e.at) for e in search.stage.model.effects[len(search.reference.effects) :]]
+    places = [(e.kind, e.at) for e in search.added_to(search.stage.model)]
     for place in places:
         there = [(e.kind, e.at) for e in search.stage.model.effects]
         if place not in there or len(places) < 2 or search.noise_alone(search.policy.shape_above):

@@ -17,7 +17,7 @@ import numpy as np
 from robustpolish.arrays import Array
 from robustpolish.identification.fit.least_squares import SETTLED, Fit, Residuals, fit
 from robustpolish.identification.fit.parameters import free_parameters, with_units_of_force
-from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
+from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.reproducibility import reproducibility
 from robustpolish.identification.observer.run import RecordRun, Start, StartedPiece, rest
 from robustpolish.models.mechanical import MechanicalModel
@@ -300,8 +300,7 @@ def rms_over(
 def _errors(
     model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
 ) -> tuple[RecordRun, list[StartedPiece], Array]:
-    run = prepared.runner(model).run(model)
-    started = prepared.with_fitted_starts(run, with_rest(model, pieces))
+    run, started = prepared.closest_runs(model, pieces)
     return run, started, run.all_errors(started)
 
 

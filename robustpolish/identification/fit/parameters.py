@@ -21,6 +21,7 @@ _HELD = 1e-3
 # How many times steeper a friction may turn over after one fit: a step that goes too far would make
 # it jump, and from there no slope leads back.
 _STEEPER = 10.0
+# Share of all that moves which is rounding: what a sensor shows of it is nothing.
 _HARDLY = 1e-9
 
 

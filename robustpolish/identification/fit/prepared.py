@@ -204,6 +204,13 @@ class PreparedRecord:
         """Return the sizes of a model's states, internal ones included."""
         return state_sizes(model, self.motion_sizes)
 
+    def closest_runs(
+        self, model: MechanicalModel, pieces: Sequence[StartedPiece]
+    ) -> tuple[RecordRun, list[StartedPiece]]:
+        """Return a model ready to run, and the pieces with the starts that suit it best."""
+        run = self.runner(model).run(model)
+        return run, self.with_fitted_starts(run, with_rest(model, pieces))
+
     def with_fitted_starts(
         self, run: RecordRun, pieces: Sequence[StartedPiece]
     ) -> list[StartedPiece]:

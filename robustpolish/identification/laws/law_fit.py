@@ -19,7 +19,7 @@ from robustpolish.identification.fit.homotopy import (
     short_rms,
 )
 from robustpolish.identification.fit.least_squares import Fit
-from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
+from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.laws.penalised import (
     CurveFit,
     with_numbers,
@@ -166,10 +166,8 @@ def over_own_motion(
     Parameters
     ----------
     stage : JudgedFit
-    first : int
-        From which effect on laws are concerned.
-    prepared : PreparedRecord
-    reference : MechanicalModel
+    first, prepared, reference
+        As of :func:`with_closer_knots`.
     """
 
     def as_many(effect: Effect, low: float, high: float) -> Effect:
@@ -187,8 +185,7 @@ def over_own_motion(
 def _of_free_runs(stage: JudgedFit, prepared: PreparedRecord) -> tuple[Array, Array]:
     """Return displacements and velocities of a model's own runs, shape (coordinates, samples)."""
     model, pieces = stage.model, prepared.everything if stage.reproducible else prepared.windows
-    run = prepared.runner(model).run(model)
-    started = prepared.with_fitted_starts(run, with_rest(model, pieces))
+    run, started = prepared.closest_runs(model, pieces)
     signals = np.concatenate([run.runner.inputs(model, piece.record) for piece in started])
     return motion_of(model, run.over_all(started, keep=True).states, signals)
 

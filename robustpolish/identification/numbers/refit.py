@@ -22,7 +22,7 @@ from robustpolish.identification.fit.least_squares import (
 )
 from robustpolish.identification.fit.long_records import taken
 from robustpolish.identification.fit.parameters import free_parameters
-from robustpolish.identification.fit.prepared import PreparedRecord, prepare, with_rest
+from robustpolish.identification.fit.prepared import PreparedRecord, prepare
 from robustpolish.identification.frequency.fit import refit_frequency_response
 from robustpolish.identification.numbers.warned import warned
 from robustpolish.identification.policy import POLICY, Policy
@@ -131,8 +131,7 @@ def _no_worse(
     best = starts[int(np.argmin(of_starts))]
     if not np.isfinite(min(of_starts)):
         raise ArithmeticError("no stage of the fit ended with finite errors")
-    run = prepared.runner(best).run(best)
-    pieces = prepared.with_fitted_starts(run, with_rest(best, prepared.everything))
+    _, pieces = prepared.closest_runs(best, prepared.everything)
     free = free_parameters(best, prepared.scales.bandwidth, prepared.policy, starts[0])
     sizes = prepared.sizes(best) if pieces[0].start.vector.size else None
     return unfitted(Residuals(best, pieces, prepared.runner(best), free, sizes))

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.effects import CONSTANT
-from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
+from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.sanity.warnings import sanity_warnings
 from robustpolish.models.mechanical import MechanicalModel
 
@@ -39,8 +39,7 @@ def warned(
 
 def _free_run(model: MechanicalModel, prepared: PreparedRecord) -> xr.Dataset:
     """Return the outputs of a model over the whole record, from the starts that suit it best."""
-    run = prepared.runner(model).run(model)
-    started = prepared.with_fitted_starts(run, with_rest(model, prepared.everything))
+    run, started = prepared.closest_runs(model, prepared.everything)
     with np.errstate(all="ignore"):
         outputs = run.over_all(started).outputs
     return xr.Dataset({name: ("time", outputs[:, i]) for i, name in enumerate(model.output_names)})

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.signal import welch
 
 from robustpolish.arrays import Array
-from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
+from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.models.mechanical import MechanicalModel
 
 _POLES = np.concatenate([np.linspace(0.0, 0.9, 37), 1 - np.geomspace(0.1, 0.05, 12)[1:]])
@@ -43,9 +43,7 @@ def floor_beside(model: MechanicalModel, prepared: PreparedRecord, calm: bool) -
     calm : bool
         Whether free runs over the whole record judge; windows do otherwise.
     """
-    run = prepared.runner(model).run(model)
-    pieces = prepared.everything if calm else prepared.windows
-    started = prepared.with_fitted_starts(run, with_rest(model, pieces))
+    run, started = prepared.closest_runs(model, prepared.everything if calm else prepared.windows)
     motion = run.over_all(started).outputs
     known = prepared.repeats is not None
     record, scales = prepared.record, prepared.scales

@@ -97,7 +97,7 @@ def _with_law(search: Search, names: Final, law: LawFound, wrong: str | None = N
     """Conclude with a law in place of the effects that were found."""
     learned, error = law.learned, error_left(law, names)
     reasons = [*([wrong] if wrong else []), learned.evidence()]
-    found = _added(search, names)
+    found = search.added_to(names.fit.model)
     if found:
         times = float(np.exp(np.mean(np.log(names.error / error))))
         named = " and ".join(map(str, found))
@@ -120,17 +120,13 @@ def _with_law(search: Search, names: Final, law: LawFound, wrong: str | None = N
 
 def _unexplained(search: Search, names: Final, before: list[Array], wrong: str) -> Diagnosis:
     """Conclude with the model's own numbers; what was found is reported, not kept."""
-    named = " and ".join(map(str, _added(search, names)))
+    named = " and ".join(map(str, search.added_to(names.fit.model)))
     floor = search.floor_beside(names.fit.model, names.calm)
     own = fit_to_all(search, search.linear, search.linear.reproducible)
     reasons = [wrong, f"The nearest of the catalogue, not kept: {named}."]
     verdict = Verdict("unexplained", reasons, np.minimum(floor, own.error))
     told = replace(search, stage=search.linear, steps=search.steps[:2], confusions=[])
     return _diagnosis(told, own._replace(calm=names.calm), before[:1], verdict)
-
-
-def _added(search: Search, names: Final) -> Sequence[Effect]:
-    return names.fit.model.effects[len(search.reference.effects) :]
 
 
 def _diagnosis(search: Search, final: Final, before: list[Array], verdict: Verdict) -> Diagnosis:

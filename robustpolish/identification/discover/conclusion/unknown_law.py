@@ -134,7 +134,7 @@ def _over_names(law: LawFound, names: Final) -> float:
 
 def _is_one_curve(law: LawFound) -> bool:
     """Return whether a law is a curve over one signal, with nothing beside it."""
-    added = law.learned.model.effects[len(law.search.reference.effects) :]
+    added = law.search.added_to(law.learned.model)
     return len(added) == 1 and len(added[0].definition.over) == 1
 
 

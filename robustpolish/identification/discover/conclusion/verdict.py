@@ -47,7 +47,7 @@ def verdict_on(search: Search, final: Final, base: Array, refitted: Array) -> Ve
         into = [f"What is left is {times:.3g} times the noise of the sensors, "
                 "and like a noise on the inputs."]  # fmt: skip
         at_floor, floor = True, error
-    if _added(search, final):
+    if search.added_to(final.fit.model):
         share = _explained(refitted, error, floor)
         told = [*into, f"The effects explain {100 * share:.0f} % of the error above the noise."]
         times = float(np.max(error / floor))
@@ -73,7 +73,7 @@ def wrong_name(search: Search, final: Final, refitted: Array, verdict: Verdict) 
 
     None if they are, or if there are none.
     """
-    if not _added(search, final):
+    if not search.added_to(final.fit.model):
         return None
     if more_is_left(search, final, verdict):
         shape = better_shape(final.fit.model, search.prepared)
@@ -93,13 +93,9 @@ def wrong_name(search: Search, final: Final, refitted: Array, verdict: Verdict) 
 
 def crowded(search: Search, model: MechanicalModel) -> bool:
     """Return whether three effects or more were added at one place: one curve may be all that."""
-    effects = model.effects[len(search.reference.effects) :]
+    effects = search.added_to(model)
     added = [frozenset(e.at) for e in effects if e.definition.domain == "pair"]
     return any(added.count(at) > 2 for at in added)
-
-
-def _added(search: Search, final: Final) -> bool:
-    return len(final.fit.model.effects) > len(search.reference.effects)
 
 
 def _noise_on_inputs(search: Search) -> bool:
