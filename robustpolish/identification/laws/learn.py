@@ -2,16 +2,17 @@
 
 At every place a curve over the displacement, one over the velocity, both, and a surface over the
 two are fitted to the innovations (`penalised.py`), or a stiffness and a damping that vary with
-time; the information criterion says which explains best what is left. The best few go into the
-model as effects like any other and are refitted by free runs that grow longer; the held-out error
-judges, as it judges every named effect.
+time; the information criterion says which explains best what is left, beside the numbers of the
+refitted model or beside those that were given. The best few go into the model as effects like any
+other and are refitted by free runs that grow longer; the held-out error judges, as it judges every
+named effect.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -161,7 +162,8 @@ def learn(
         Fitted, with the effects that were found.
     prepared : PreparedRecord
     reference : MechanicalModel
-        The model before any fit: its springs and dampers stay where a law contains them.
+        The model before any fit: its springs and dampers stay where a law contains them, and laws
+        are looked for beside its numbers, too. Without the law, a fit may have bent them far off.
     kinds : sequence of tuple, optional
         What is tried at every place: `KINDS`, `CURVES` or `OVER_TIME`.
 
@@ -171,20 +173,21 @@ def learn(
         None if no law makes the held-out error fall.
     """
     before = held_out(model, prepared)
-    ranked = _ranked(model, prepared, kinds)
-    least = max(LEARNING.odds, LEARNING.near * ranked[0][0]) if ranked else np.inf
-    likely = [(i, curves) for i, (odds, curves) in enumerate(ranked) if odds >= least]
+    given = replace(reference, effects=model.effects)
+    ranked = _ranked([model] if given == model else [model, given], prepared, kinds)
+    least = max(LEARNING.odds, LEARNING.near * ranked[0].odds) if ranked else np.inf
+    likely = [(i, law) for i, law in enumerate(ranked) if law.odds >= least]
     enough = prepared.policy.at_floor * prepared.scales.noise
     refits: dict[int, JudgedFit] = {}
     stood: int | None = None
-    for i, curves in likely:
+    for i, law in likely:
         if len(refits) == LEARNING.refits:
             break
         # a law that is less likely than one that helps there is none beside it
-        here = [fitted for j, fitted in refits.items() if ranked[j][1].at == curves.at]
+        here = [fitted for j, fitted in refits.items() if ranked[j].curves.at == law.curves.at]
         if any(_helps(fitted.error, before) for fitted in here):
             continue
-        fitted = with_laws(model, curves, prepared, reference)
+        fitted = with_laws(law.beside, law.curves, prepared, reference)
         if fitted is None:
             continue
         refits[i] = fitted
@@ -194,9 +197,9 @@ def learn(
             break
     if stood is None or not _helps(refits[stood].error, before):
         return None
-    for i, curves in likely:  # a second law at a place has to earn it
-        if curves.within(ranked[stood][1]) and i not in refits:
-            fitted = with_laws(model, curves, prepared, reference)
+    for i, law in likely:  # a second law at a place has to earn it
+        if law.curves.within(ranked[stood].curves) and i not in refits:
+            fitted = with_laws(law.beside, law.curves, prepared, reference)
             if fitted is not None and not _better(refits[stood], fitted):
                 refits[i], stood = fitted, i
                 break
@@ -207,8 +210,7 @@ def learn(
     noise = floor_beside(final.model, prepared, best.reproducible)
     old = sum(bool(e.definition.over) for e in model.effects)
     told = [
-        (i != stood, _told(odds, curves, refits.get(i), before, prepared))
-        for i, (odds, curves) in enumerate(ranked)
+        (i != stood, _told(law, refits.get(i), before, prepared)) for i, law in enumerate(ranked)
     ]
     told.sort(key=lambda item: (item[0], item[1].ratio, -item[1].odds))
     return Learned(
@@ -227,13 +229,8 @@ def _better(one: JudgedFit, other: JudgedFit) -> bool:
     return log_size(one.error) < log_size(other.error) - LEARNING.better
 
 
-def _told(
-    odds: float,
-    curves: CurveFit,
-    fitted: JudgedFit | None,
-    before: Array,
-    prepared: PreparedRecord,
-) -> Tried:
+def _told(law: _Likely, fitted: JudgedFit | None, before: Array, prepared: PreparedRecord) -> Tried:
+    curves = law.curves
     over = " and ".join(
         name for e in curves.effects for name in e.definition.over or [e.definition.title]
     )
@@ -241,51 +238,76 @@ def _told(
     if fitted is not None:
         ratio = float(np.max(fitted.error / prepared.scales.noise))
         helps = _helps(fitted.error, before)
-    return Tried(curves.at, over, float(odds), curves.fall, ratio, helps)
+    return Tried(curves.at, over, law.odds, curves.fall, ratio, helps)
 
 
 def _helps(error: Array, before: Array) -> bool:
     return log_size(error) <= log_size(before) + np.log(1 - LEARNING.fall)
 
 
+class _Look(NamedTuple):
+    """A model and what it makes of the record: its motion, and its innovations at some levels."""
+
+    model: MechanicalModel
+    motion: Smoothed
+    seen: list[FilteredRecord]
+
+
+class _Likely(NamedTuple):
+    """Laws at a place, their log odds, and the model beside which they are likeliest."""
+
+    odds: float
+    curves: CurveFit
+    beside: MechanicalModel
+
+
 def _ranked(
-    model: MechanicalModel, prepared: PreparedRecord, tried: Sequence[LawKinds]
-) -> list[tuple[float, CurveFit]]:
+    models: Sequence[MechanicalModel], prepared: PreparedRecord, tried: Sequence[LawKinds]
+) -> list[_Likely]:
     """Return laws by their log odds, the best of each place and kind, the best first."""
     policy, record = prepared.policy, prepared.screened
-    motion = prepared.motion(model, record)
-    seen = [FilteredRecord(model, prepared, record, level, motion) for level in policy.shape_levels]
-    orders = policy.noise_orders
-    null = min(min(f.scores(f.residual(None)[0], 0, orders).values()) for f in seen)
-    pairs = places(model, lookup("cubic_stiffness"))
+    looks = []
+    for model in models:
+        motion = prepared.motion(model, record)
+        seen = [FilteredRecord(model, prepared, record, n, motion) for n in policy.shape_levels]
+        looks.append(_Look(model, motion, seen))
+    null = min(
+        min(f.scores(f.residual(None)[0], 0, policy.noise_orders).values())
+        for look in looks
+        for f in look.seen
+    )
     rough = []
-    for at in pairs:
+    for at in places(models[0], lookup("cubic_stiffness")):
         for kinds in tried:
-            found = _best(model, at, kinds, LEARNING.first, motion, record, seen)
-            if found is not None:
-                rough.append(((null - found.score) / 2, found, at, kinds))
-    rough.sort(key=lambda item: -item[0])
-    ranked = [(odds, found) for odds, found, _, _ in rough]
-    for i, (_, _, at, kinds) in enumerate(rough[: LEARNING.refits]):
+            found = [(_best(look, at, kinds, LEARNING.first, record), look) for look in looks]
+            known = [(fit, look) for fit, look in found if fit is not None]
+            if known:
+                fit, look = min(known, key=lambda item: item[0].score)
+                rough.append((_Likely(float(null - fit.score) / 2, fit, look.model), look, kinds))
+    rough.sort(key=lambda item: -item[0].odds)
+    ranked = [law for law, _, _ in rough]
+    for i, (law, look, kinds) in enumerate(rough[: LEARNING.refits]):
         for count in LEARNING.counts if kinds != ("force",) else ():
             if count * LEARNING.samples > record.samples:
                 continue
-            finer = _best(model, at, kinds, count, motion, record, seen)
-            if finer is not None and (null - finer.score) / 2 > ranked[i][0] + LEARNING.simpler:
-                ranked[i] = (null - finer.score) / 2, finer
-    return sorted(ranked, key=lambda item: -item[0])
+            finer = _best(look, law.curves.at, kinds, count, record)
+            if finer is None:
+                continue
+            odds = float(null - finer.score) / 2
+            if odds > ranked[i].odds + LEARNING.simpler:
+                ranked[i] = _Likely(odds, finer, law.beside)
+    return sorted(ranked, key=lambda law: -law.odds)
 
 
 def _best(
-    model: MechanicalModel,
+    look: _Look,
     at: tuple[str, ...],
     kinds: Sequence[Over | Literal["dry"]],
     count: int,
-    motion: Smoothed,
     record: Record,
-    seen: Sequence[FilteredRecord],
 ) -> CurveFit | None:
     """Return laws at a place at the level where they are likeliest."""
+    model, motion = look.model, look.motion
     here = {name for e in model.effects if set(e.at) == set(at) for name in e.definition.over}
     blocks: list[Block] = []
     if "dry" in kinds and any(e.kind == DRY and set(e.at) == set(at) for e in model.effects):
@@ -301,6 +323,6 @@ def _best(
             return None
         blocks.append(made)
     row = port_row(model, at)
-    found = [fit_curves(f, row, blocks) for f in seen]
+    found = [fit_curves(f, row, blocks) for f in look.seen]
     found = [f for f in found if np.isfinite(f.score) and f.sensible]
     return min(found, key=lambda f: f.score, default=None)
