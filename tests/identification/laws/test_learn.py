@@ -10,7 +10,7 @@ import robustpolish as rp
 from robustpolish.identification.fit.homotopy import best_stage, homotopy
 from robustpolish.identification.laws.law_fit import laid, over_own_motion
 from robustpolish.identification.laws.learn import CURVES, OVER_TIME, learn
-from tests.hidden_effects.cases import Case, model_of, one, records
+from tests.hidden_effects.cases import Case, Machine, model_of, one, records
 from tests.hidden_effects.catalogue import all_cases
 from tests.identification.discover.searches import search_of
 
@@ -139,6 +139,34 @@ def test_a_stiffness_that_drifts():
     assert formula.numbers["a1"] == pytest.approx(700 / 16, rel=0.02)
     again = rp.MechanicalModel.from_toml(found.model.to_toml())
     assert again == found.model
+
+
+def test_a_drift_is_found_though_the_fit_without_it_bent_the_masses():
+    """A sweep passes two modes at two times: one stiffness for both is another machine."""
+    machine = Machine(
+        ["a", "b"],
+        [1.5, 1.25],
+        [("a", "ground", 13000.0), ("b", "a", 16000.0)],
+        [("a", "ground", 12.0), ("b", "a", 15.0)],
+        ["a"],
+        [("a", "displacement"), ("b", "displacement")],
+        f_max=25.0,
+        dt=2e-3,
+    )
+    case = Case(
+        "drift in a sweep", machine, [("drifting_stiffness", ("a", "ground"), [3300.0, 12.0])],
+        "unknown_law", noise_db=50.0, samples=5400, excitation="sweep",
+        wrong={"mass": -0.04, "stiffness": -0.06, "damping": -0.12},
+    )  # fmt: skip
+    search = search_of(model_of(case), records(case)[0][0])
+    model, prepared = search.stage.model, search.prepared
+    assert model.parameters["dof.a.mass"] < 0.7 * 1.5
+    assert learn(model, prepared, model, OVER_TIME) is None
+    found = learn(model, prepared, search.reference, OVER_TIME)
+    assert found.explains, found.evidence()
+    (law,) = found.laws
+    assert (law.effect.at, law.quantity) == (("a", "ground"), "stiffness")
+    assert found.model.parameters["dof.a.mass"] == pytest.approx(1.5, rel=2e-3)
 
 
 def test_what_varies_is_not_claimed_where_nothing_does():
