@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robustpolish.arrays import Array
+from robustpolish.identification.decays.cut import cut_decays
 from robustpolish.identification.discover.conclusion.final_fit import Final, is_calm, whole_error
 from robustpolish.identification.discover.conclusion.verdict import Verdict, crowded, more_is_left
 from robustpolish.identification.discover.judge import more_left
@@ -45,11 +46,11 @@ def one_curve(search: Search) -> LawFound | None:
     Each kind of the catalogue has been tried at its place by then, alone and beside others. What
     two or three of them are together, one curve over one signal hardly is, with dry friction or
     without, so nothing is gained by following what else came near them. A curve over time is asked
-    for where more than noise of any colour is left. Where a motion fades, names are not complete
-    yet: its damping is settled later.
+    for where more than noise of any colour is left. Of a decay names are not complete yet: its
+    damping is settled later.
     """
     stage, more = search.stage, not search.noise_alone(search.policy.shape_above)
-    if search.at_floor(stage) or search.prepared.fades or not (search.added or more):
+    if search.at_floor(stage) or _is_decay(search) or not (search.added or more):
         return None
     search.say("one curve that explains all")
     floor = search.floor_beside(stage.model, is_calm(search))
@@ -111,10 +112,15 @@ def _kinds(
 ) -> list[tuple[LawKinds, ...]]:
     """Return what is tried, one after the other, until it explains.
 
-    In a motion that fades, what depends on its amplitude changes with time too, and the record does
-    not tell the two apart.
+    In a decay what depends on the amplitude changes with time too, and the record does not tell the
+    two apart.
     """
-    return [curves, OVER_TIME] if over_time and not search.prepared.fades else [curves]
+    return [curves, OVER_TIME] if over_time and not _is_decay(search) else [curves]
+
+
+def _is_decay(search: Search) -> bool:
+    """Return whether the machine is left to itself while its motion dies, in all records."""
+    return cut_decays(search.reference, search.prepared.record) is not None
 
 
 def error_left(law: LawFound, names: Final) -> Array:
