@@ -6,12 +6,14 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.effects import Effect, Motion, force_with
+from robustpolish.identification.decays.cut import Cut
 from robustpolish.identification.discover.conclusion.conclude import conclude
 from robustpolish.identification.discover.search import RefittedEffect, Turn
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.laws.learn import CURVES, KINDS, ONE_CURVE, OVER_TIME
 from robustpolish.identification.observer.kalman import FREE, Level
 from robustpolish.identification.policy import POLICY
+from robustpolish.identification.record import record_of
 from robustpolish.identification.screening.screen import ScreenedEffect, Screening
 from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
 from tests.identification.discover.searches import refitted, search_of
@@ -74,6 +76,7 @@ def test_what_was_added_is_the_finding():
 
 
 LEARN = "robustpolish.identification.discover.conclusion.unknown_law.learn"
+CUT_DECAYS = "robustpolish.identification.discover.conclusion.unknown_law.cut_decays"
 BETTER_SHAPE = "robustpolish.identification.discover.conclusion.verdict.better_shape"
 THREE = (
     Effect("cubic_stiffness", PLACE, {"stiffness": 100.0}),
@@ -94,22 +97,25 @@ def test_what_no_effect_explains_is_learned_as_a_law():
     assert [entry.step for entry in found.ledger.entries] == ["base", "refit", effect.kind]
 
 
-def asked_of_a_cubic_spring(monkeypatch, **changes):
+def asked_of_a_cubic_spring(monkeypatch):
     """What is tried where no effect explains a cubic spring, and no law does."""
     asked = []
     monkeypatch.setattr(LEARN, lambda *given: asked.append(given[3]))
-    for name, value in changes.items():
-        monkeypatch.setattr(PreparedRecord, name, value)
     assert concluded(40 * X**3).verdict == "unexplained"
     return asked
 
 
-def test_what_varies_with_time_is_sought_where_no_law_of_the_motion_explains(monkeypatch):
+@pytest.mark.parametrize("fades", [False, True])
+def test_what_varies_with_time_is_sought_where_no_law_of_the_motion_explains(monkeypatch, fades):
+    """Also in a motion that fades as a sweep does that has passed its resonance."""
+    monkeypatch.setattr(PreparedRecord, "fades", fades)
     assert asked_of_a_cubic_spring(monkeypatch) == [KINDS, OVER_TIME]
 
 
-def test_in_a_motion_that_fades_nothing_is_said_to_vary_with_time(monkeypatch):
-    assert asked_of_a_cubic_spring(monkeypatch, fades=True) == [KINDS]
+def test_in_a_free_decay_nothing_is_said_to_vary_with_time(monkeypatch):
+    record = record_of(rig(), DATA)
+    monkeypatch.setattr(CUT_DECAYS, lambda *_: Cut([record], [record]))
+    assert asked_of_a_cubic_spring(monkeypatch) == [KINDS]
 
 
 @pytest.mark.parametrize("named", [True, False])
