@@ -133,11 +133,16 @@ def with_laws(
 
 
 def with_closer_knots(
-    stage: JudgedFit, first: int, prepared: PreparedRecord, reference: MechanicalModel
+    stage: JudgedFit,
+    first: int,
+    prepared: PreparedRecord,
+    reference: MechanicalModel,
+    white: Array,
 ) -> JudgedFit:
     """Return a stage with twice as close knots, over the motion that its model now shows.
 
-    As long as more than noise is left and the held-out error falls.
+    As long as more than white noise is left and the held-out error falls: what a curve leaves
+    whose knots are too far apart looks like noise of some colour.
 
     Parameters
     ----------
@@ -146,8 +151,10 @@ def with_closer_knots(
         From which effect on laws are concerned.
     prepared : PreparedRecord
     reference : MechanicalModel
+    white : ndarray, shape (ny,)
+        Noise of the sensors if it has no colour.
     """
-    while np.any(stage.error > LEARNING.rest * prepared.scales.noise):
+    while np.any(stage.error > LEARNING.rest * white):
         finer = _with_other_knots(stage, first, closer, prepared, reference, 2)
         if finer is None or log_size(finer.error) > log_size(stage.error) - LEARNING.better:
             break

@@ -126,6 +126,12 @@ class Learned:
         """The model with the laws, fitted."""
         return self.final.model
 
+    @property
+    def what(self) -> str:
+        """What they are, over what and where, as in "force over velocity at arm, ground"."""
+        best = self.tried[0]
+        return f"{self.laws[0].quantity} over {best.over} at {', '.join(best.at)}"
+
     def evidence(self) -> str:
         """Say in a sentence what the laws explain.
 
@@ -133,12 +139,10 @@ class Learned:
         -------
         str
         """
-        best = self.tried[0]
         before, after = float(np.max(self.before)), float(np.max(self.after))
         told = (
-            f"A {self.laws[0].quantity} over {best.over} at {', '.join(best.at)} takes the "
-            f"held-out error from {before:.3g} to {after:.3g} times the noise "
-            f"(log odds {best.odds:.0f})"
+            f"A {self.what} takes the held-out error from {before:.3g} to {after:.3g} times the "
+            f"noise (log odds {self.tried[0].odds:.0f})"
         )
         if self.explains:
             return f"{told}: such a law explains what was left."
@@ -153,6 +157,7 @@ def learn(
     prepared: PreparedRecord,
     reference: MechanicalModel,
     kinds: Sequence[LawKinds] = KINDS,
+    white: Array | None = None,
 ) -> Learned | None:
     """Learn the law that explains best what a model leaves, and add it to the model.
 
@@ -166,6 +171,8 @@ def learn(
         are looked for beside its numbers, too. Without the law, a fit may have bent them far off.
     kinds : sequence of tuple, optional
         What is tried at every place: `KINDS`, `CURVES` or `OVER_TIME`.
+    white : ndarray, shape (ny,), optional
+        Noise of the sensors if it has no colour; if not given, the noise as prepared has none.
 
     Returns
     -------
@@ -204,7 +211,8 @@ def learn(
                 refits[i], stood = fitted, i
                 break
     best = over_own_motion(refits[stood], len(model.effects), prepared, reference)
-    best = with_closer_knots(best, len(model.effects), prepared, reference)
+    least_noise = prepared.scales.noise if white is None else white
+    best = with_closer_knots(best, len(model.effects), prepared, reference, least_noise)
     final = fitted_to_all(best, prepared, reference)
     covariance = covariance_of(final)
     noise = floor_beside(final.model, prepared, best.reproducible)

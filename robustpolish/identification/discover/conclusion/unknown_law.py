@@ -14,6 +14,7 @@ from robustpolish.identification.discover.conclusion.final_fit import Final, is_
 from robustpolish.identification.discover.conclusion.verdict import Verdict, crowded, more_is_left
 from robustpolish.identification.discover.judge import more_left
 from robustpolish.identification.discover.search import Search
+from robustpolish.identification.laws.law_fit import LEARNING
 from robustpolish.identification.laws.learn import (
     CURVES,
     KINDS,
@@ -72,7 +73,8 @@ def unknown_law(
     takes the place of names that failed, a drift that of names that explain a part. Curves do so of
     any names if they leave visibly less, and one alone where names leave what may be noise of some
     colour. One curve that does not explain all does so, too, if names leave several times as much;
-    then something else is missing beside it.
+    then something else is missing beside it. The reasons tell of a law that explains and leaves
+    less, but not visibly.
 
     Parameters
     ----------
@@ -94,7 +96,7 @@ def unknown_law(
     search.say("a law that no catalogue holds")
     floor = search.floor_beside(names.fit.model, names.calm)
     curves = KINDS if failed else CURVES if more else ONE_CURVE
-    best, far = None, -float(np.log(search.policy.far))
+    best, far, told = None, -float(np.log(search.policy.far)), []
     for kinds in _kinds(search, curves, over_time=failed or partly):
         law = _found(search, floor, kinds)
         if law is None:
@@ -102,8 +104,16 @@ def unknown_law(
         left = _over_names(law, names)
         if law.learned.explains and (failed or left < _visibly(search)):
             return law
+        if law.learned.explains and left < -LEARNING.better:
+            told.append(
+                f"A {law.learned.what}, learned, was not taken: it leaves {-np.expm1(left):.0%} "
+                "less than the effects that have names, where "
+                f"{search.policy.visible_fall:.0%} are asked for."
+            )
         if left < far and _is_one_curve(law):
             best, far = law, left
+    if best is None:
+        search.reasons += told
     return best
 
 
@@ -165,9 +175,10 @@ def _found(search: Search, floor: Array, kinds: Sequence[LawKinds]) -> LawFound 
 
 
 def _learned(search: Search, floor: Array, kinds: Sequence[LawKinds]) -> Learned | None:
+    white = search.prepared.scales.noise
     scales = replace(search.prepared.scales, noise=floor)
     prepared = replace(search.prepared, scales=scales)
-    return learn(search.linear.model, prepared, search.reference, kinds)
+    return learn(search.linear.model, prepared, search.reference, kinds, white)
 
 
 def _visibly(search: Search) -> float:

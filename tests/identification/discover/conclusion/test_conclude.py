@@ -137,6 +137,19 @@ def test_a_curve_takes_the_place_of_names_only_if_it_leaves_visibly_less(monkeyp
     assert [e.kind for e in found.effects] == [
         found.laws[0].effect.kind if law else "cubic_stiffness"
     ]
+    assert not any("was not taken" in reason for reason in found.reasons)
+
+
+def test_a_law_that_leaves_less_but_not_visibly_is_told(monkeypatch):
+    """Over a small part of it a saturating spring is nearly a softening one."""
+    monkeypatch.setattr(BETTER_SHAPE, lambda *_: None)
+    policy = replace(POLICY, shape_above=0.5)  # a law is asked for in any case
+    cubic = Effect("cubic_stiffness", PLACE, {"stiffness": -10.0})
+    found = concluded(60 * np.tanh(X), cubic, policy=policy)
+    assert [effect.kind for effect in found.effects] == ["cubic_stiffness"]
+    told = r"A force over displacement at x, ground, learned, was not taken: it leaves (\d+)% less"
+    (share,) = filter(None, (re.match(told, reason) for reason in found.reasons))
+    assert 2 <= int(share[1]) < 20
 
 
 def test_what_no_law_explains_either_is_unexplained(monkeypatch):
