@@ -280,9 +280,7 @@ def _ranked(
         seen = [FilteredRecord(model, prepared, record, n, motion) for n in policy.shape_levels]
         looks.append(_Look(model, motion, seen))
     null = min(
-        min(f.scores(f.residual(None)[0], 0, policy.noise_orders).values())
-        for look in looks
-        for f in look.seen
+        min(f.null_scores(policy.noise_orders).values()) for look in looks for f in look.seen
     )
     rough = []
     for at in places(models[0], lookup("cubic_stiffness")):

@@ -117,6 +117,10 @@ class FilteredRecord:
             found[order] = total + (coefficients + order * rest.shape[1]) * np.log(samples)
         return found
 
+    def null_scores(self, orders: Sequence[int]) -> dict[int, float]:
+        """Return the same of the model as it is, with no force added."""
+        return self.scores(self.residual(None)[0], 0, orders)
+
 
 def null_score(model: MechanicalModel, prepared: PreparedRecord) -> float:
     """Return the information criterion of a model without more effects, at its best level."""
@@ -125,8 +129,7 @@ def null_score(model: MechanicalModel, prepared: PreparedRecord) -> float:
     scores = []
     for level in policy.null_levels:
         seen = FilteredRecord(model, prepared, record, level, motion)
-        found = seen.scores(seen.residual(None)[0], 0, policy.null_orders)
-        scores.append(min(found.values()))
+        scores.append(min(seen.null_scores(policy.null_orders).values()))
     return float(min(scores))
 
 

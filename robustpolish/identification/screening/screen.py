@@ -115,7 +115,7 @@ def screen(
     nulls = {
         (level, order): score
         for level, f in filtered.items()
-        for order, score in f.scores(f.residual(None)[0], 0, policy.noise_orders).items()
+        for order, score in f.null_scores(policy.noise_orders).items()
     }
     best_level = min(nulls, key=lambda key: nulls[key])[0]
     null = min(nulls.values())
