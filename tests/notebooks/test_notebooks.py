@@ -1,5 +1,8 @@
 """Every notebook runs from end to end, at a small size, without a warning."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import jupytext
@@ -26,6 +29,21 @@ LONG = (
 """Half a minute to a minute each; the documentation executes them as well."""
 
 
+@pytest.fixture(scope="module")
+def fonts(tmp_path_factory):
+    """A list of fonts of our own, made before a notebook draws.
+
+    The one at home may have been written by a Python whose matplotlib is gone, and is believed.
+    """
+    folder = tmp_path_factory.mktemp("matplotlib")
+    subprocess.run(
+        [sys.executable, "-c", "import matplotlib.font_manager"],
+        env={**os.environ, "MPLCONFIGDIR": str(folder)},
+        check=True,
+    )
+    return folder
+
+
 @pytest.fixture(
     scope="module",
     params=[
@@ -34,10 +52,11 @@ LONG = (
     ],
     ids=lambda path: path.stem,
 )
-def executed(request, tmp_path_factory):
+def executed(request, tmp_path_factory, fonts):
     """Run a notebook in an empty folder: it must bring its data with it."""
     patch = pytest.MonkeyPatch()
     patch.setenv("robustpolish_SMALL", "1")
+    patch.setenv("MPLCONFIGDIR", str(fonts))
     patch.setenv("TQDM_DISABLE", "1")  # what is left on standard error is a complaint
     notebook = jupytext.read(request.param)
     folder = tmp_path_factory.mktemp(request.param.stem)
