@@ -85,6 +85,10 @@ class Screening:
         """What makes an input act late: delays and lags."""
         return [c for c in self.candidates if c.effect.definition.timing is not None]
 
+    def shows(self, odds: float) -> bool:
+        """Return whether any effect with physical signs and values has at least such log odds."""
+        return any(c.sensible and c.score >= odds for c in self.candidates)
+
     def score(self, effect: Effect) -> float:
         """Return the log odds of an effect; none if it was no finalist."""
         there = (c.score for c in self.candidates if c.place == (effect.kind, effect.at))

@@ -18,8 +18,8 @@ from robustpolish.identification.discover.conclusion.final_fit import (
 from robustpolish.identification.discover.conclusion.unknown_law import (
     LawFound,
     error_left,
-    less_than_names,
     one_curve,
+    replaces,
     unknown_law,
 )
 from robustpolish.identification.discover.conclusion.verdict import Verdict, verdict_on, wrong_name
@@ -84,7 +84,7 @@ def conclude_with_one_curve(search: Search) -> Diagnosis | None:
     search.say("final fit")
     beside = search.copy()
     names = final_fit(beside)
-    return _with_law(beside, names, law) if less_than_names(law, names) else None
+    return _with_law(beside, names, law) if replaces(law, names) else None
 
 
 def _errors_before(search: Search, calm: bool) -> list[Array]:

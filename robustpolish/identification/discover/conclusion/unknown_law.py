@@ -25,6 +25,8 @@ from robustpolish.identification.laws.learn import (
     learn,
 )
 from robustpolish.identification.numbers.own_numbers import with_other_holds
+from robustpolish.identification.screening.screen import screen
+from robustpolish.models.mechanical import MechanicalModel
 
 
 class LawFound(NamedTuple):
@@ -76,6 +78,10 @@ def unknown_law(
     then something else is missing beside it. The reasons tell of a law that explains and leaves
     less, but not visibly.
 
+    A law that leaves less, if not visibly, is taken where more shows beside the names while nothing
+    does beside it: of a machine whose names are right, but not quite, as of a real drive's dry
+    friction, no curve explains all, and more shows beside that, too.
+
     Parameters
     ----------
     search : Search
@@ -87,7 +93,8 @@ def unknown_law(
         Why they are no names of what is missing.
     """
     more = more_is_left(search, names, verdict)
-    if not more and (search.at_floor(search.stage) or not search.added):
+    hint = search.screening is not None and search.screening.shows(search.policy.least_odds)
+    if not more and not (search.added and (hint or not search.at_floor(search.stage))):
         return None
     partly = verdict.word == "partly_explained"
     failed = more and (
@@ -97,18 +104,18 @@ def unknown_law(
     floor = search.floor_beside(names.fit.model, names.calm)
     curves = KINDS if failed else CURVES if more else ONE_CURVE
     best, far, told = None, -float(np.log(search.policy.far)), []
-    for kinds in _kinds(search, curves, over_time=failed or partly):
+    for kinds in _kinds(search, curves, over_time=failed or partly or hint):
         law = _found(search, floor, kinds)
         if law is None:
             continue
         left = _over_names(law, names)
-        if law.learned.explains and (failed or left < _visibly(search)):
+        if law.learned.explains and (failed or replaces(law, names)):
             return law
         if law.learned.explains and left < -LEARNING.better:
             told.append(
                 f"A {law.learned.what}, learned, was not taken: it leaves {-np.expm1(left):.0%} "
-                "less than the effects that have names, where "
-                f"{search.policy.visible_fall:.0%} are asked for."
+                f"less than the effects that have names. Under {search.policy.visible_fall:.0%} "
+                "they stay, unless more shows beside them and nothing beside the law."
             )
         if left < far and _is_one_curve(law):
             best, far = law, left
@@ -138,14 +145,27 @@ def error_left(law: LawFound, names: Final) -> Array:
     return whole_error(law.learned.model, law.search, names.calm)
 
 
-def less_than_names(law: LawFound, names: Final) -> bool:
-    """Return whether a law leaves visibly less than names."""
-    return _over_names(law, names) < _visibly(law.search)
+def replaces(law: LawFound, names: Final) -> bool:
+    """Return whether a law that explains leaves visibly less than names, or less and nothing shows.
+
+    Nothing that the catalogue holds shows beside the law then, while something does beside names.
+    """
+    left = _over_names(law, names)
+    if left >= -LEARNING.better:
+        return False
+    return left < _visibly(law.search) or (
+        not _more_shows(law.learned.model, law.search) and _more_shows(names.fit.model, law.search)
+    )
 
 
 def _over_names(law: LawFound, names: Final) -> float:
     """Return the mean log of the errors that a law leaves over those that names leave."""
     return float(np.mean(np.log(error_left(law, names) / names.error)))
+
+
+def _more_shows(model: MechanicalModel, search: Search) -> bool:
+    """Return whether any effect is worth a refit beside a model."""
+    return screen(model, search.prepared).shows(search.policy.least_odds)
 
 
 def _is_one_curve(law: LawFound) -> bool:

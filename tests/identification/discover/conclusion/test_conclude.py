@@ -14,7 +14,7 @@ from robustpolish.identification.laws.learn import CURVES, KINDS, ONE_CURVE, OVE
 from robustpolish.identification.observer.kalman import FREE, Level
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
-from robustpolish.identification.screening.screen import ScreenedEffect, Screening
+from robustpolish.identification.screening.screen import ScreenedEffect, Screening, screen
 from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
 from tests.identification.discover.searches import refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
@@ -140,12 +140,33 @@ def test_a_curve_takes_the_place_of_names_only_if_it_leaves_visibly_less(monkeyp
     assert not any("was not taken" in reason for reason in found.reasons)
 
 
-def test_a_law_that_leaves_less_but_not_visibly_is_told(monkeypatch):
-    """Over a small part of it a saturating spring is nearly a softening one."""
-    monkeypatch.setattr(BETTER_SHAPE, lambda *_: None)
-    policy = replace(POLICY, shape_above=0.5)  # a law is asked for in any case
+def hardly_saturating(screened, **policy):
+    """Conclude on a saturating spring that is nearly the cubic one as which it was named.
+
+    The last screening is that of the fit with the cubic spring.
+    """
     cubic = Effect("cubic_stiffness", PLACE, {"stiffness": -10.0})
-    found = concluded(60 * np.tanh(X), cubic, policy=policy)
+    model = rig()
+    search = searched(60 * np.tanh(X), cubic, model=model, policy=replace(POLICY, **policy))
+    if screened:
+        search.screening = screen(search.stage.model, search.prepared)
+    return conclude(search, model)
+
+
+def test_a_law_beside_which_nothing_shows_replaces_names_beside_which_more_does():
+    """Though they leave what may be noise, and it leaves less, but not visibly."""
+    found = hardly_saturating(screened=True)
+    assert found.verdict == "unknown_law"
+    assert [effect.kind for effect in found.effects] == [found.laws[0].effect.kind]
+    named = re.search(r"Not kept, with (\S+) times the error: cubic_stiffness", found.reasons[-1])
+    assert 1.02 < float(named[1]) < 1.25
+    assert hardly_saturating(screened=False).verdict == "missing_effect"  # nothing was hinted at
+
+
+def test_a_law_that_leaves_less_but_not_visibly_is_told(monkeypatch):
+    monkeypatch.setattr(BETTER_SHAPE, lambda *_: None)
+    # a law is asked for in any case, and something shows beside everything
+    found = hardly_saturating(screened=False, shape_above=0.5, least_odds=-np.inf)
     assert [effect.kind for effect in found.effects] == ["cubic_stiffness"]
     told = r"A force over displacement at x, ground, learned, was not taken: it leaves (\d+)% less"
     (share,) = filter(None, (re.match(told, reason) for reason in found.reasons))
