@@ -93,7 +93,7 @@ def unknown_law(
         Why they are no names of what is missing.
     """
     more = more_is_left(search, names, verdict)
-    hint = search.screening is not None and search.screening.shows(search.policy.least_odds)
+    hint = not more and search.added > 0 and _more_shows(names.fit.model, search)
     if not more and not (search.added and (hint or not search.at_floor(search.stage))):
         return None
     partly = verdict.word == "partly_explained"

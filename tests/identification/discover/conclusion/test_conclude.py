@@ -14,7 +14,7 @@ from robustpolish.identification.laws.learn import CURVES, KINDS, ONE_CURVE, OVE
 from robustpolish.identification.observer.kalman import FREE, Level
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
-from robustpolish.identification.screening.screen import ScreenedEffect, Screening, screen
+from robustpolish.identification.screening.screen import ScreenedEffect, Screening
 from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
 from tests.identification.discover.searches import refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
@@ -140,33 +140,33 @@ def test_a_curve_takes_the_place_of_names_only_if_it_leaves_visibly_less(monkeyp
     assert not any("was not taken" in reason for reason in found.reasons)
 
 
-def hardly_saturating(screened, **policy):
-    """Conclude on a saturating spring that is nearly the cubic one as which it was named.
-
-    The last screening is that of the fit with the cubic spring.
-    """
+def hardly_saturating(**policy):
+    """Conclude on a saturating spring that is nearly the cubic one as which it was named."""
     cubic = Effect("cubic_stiffness", PLACE, {"stiffness": -10.0})
-    model = rig()
-    search = searched(60 * np.tanh(X), cubic, model=model, policy=replace(POLICY, **policy))
-    if screened:
-        search.screening = screen(search.stage.model, search.prepared)
-    return conclude(search, model)
+    return concluded(60 * np.tanh(X), cubic, policy=replace(POLICY, **policy))
 
 
 def test_a_law_beside_which_nothing_shows_replaces_names_beside_which_more_does():
     """Though they leave what may be noise, and it leaves less, but not visibly."""
-    found = hardly_saturating(screened=True)
+    found = hardly_saturating()
     assert found.verdict == "unknown_law"
     assert [effect.kind for effect in found.effects] == [found.laws[0].effect.kind]
     named = re.search(r"Not kept, with (\S+) times the error: cubic_stiffness", found.reasons[-1])
     assert 1.02 < float(named[1]) < 1.25
-    assert hardly_saturating(screened=False).verdict == "missing_effect"  # nothing was hinted at
+
+
+def test_no_law_is_asked_for_where_nothing_shows_beside_names(monkeypatch):
+    asked = []
+    monkeypatch.setattr(LEARN, lambda *given: asked.append(given[3]))
+    found = concluded(40 * X**3, Effect("cubic_stiffness", PLACE, {"stiffness": 10.0}))
+    assert found.verdict == "missing_effect"
+    assert not asked
 
 
 def test_a_law_that_leaves_less_but_not_visibly_is_told(monkeypatch):
     monkeypatch.setattr(BETTER_SHAPE, lambda *_: None)
     # a law is asked for in any case, and something shows beside everything
-    found = hardly_saturating(screened=False, shape_above=0.5, least_odds=-np.inf)
+    found = hardly_saturating(shape_above=0.5, least_odds=-np.inf)
     assert [effect.kind for effect in found.effects] == ["cubic_stiffness"]
     told = r"A force over displacement at x, ground, learned, was not taken: it leaves (\d+)% less"
     (share,) = filter(None, (re.match(told, reason) for reason in found.reasons))
@@ -362,16 +362,16 @@ def test_noise_on_inputs_is_no_error_that_an_effect_has_to_explain():
 
 def test_what_three_effects_at_one_place_leave_is_no_noise_on_the_inputs(monkeypatch):
     """One curve may be all three and what they leave: a dead zone was a stop and two others."""
-    asked = []
-    monkeypatch.setattr(LEARN, lambda *given: asked.append(given[3]))
     for named in (THREE[:2], THREE):
+        asked = []
+        monkeypatch.setattr(LEARN, lambda *given, asked=asked: asked.append(given[3]))
         search = searched(CROWDED, *named, model=rig())
         search.screening = Screening((), (), Level(0.0, input_noise=0.03))
         found = conclude(search, rig())
         noise = any("like a noise on the inputs" in reason for reason in found.reasons)
         assert noise == (len(named) < 3)
         # one curve may leave visibly less than what is like a noise on the inputs
-        assert asked.pop() == (ONE_CURVE if noise else CURVES)
+        assert asked[0] == (ONE_CURVE if noise else CURVES)
 
 
 def test_a_kind_whose_numbers_are_left_open_gives_way_to_a_simpler_one():
