@@ -45,7 +45,7 @@ def test_nine_of_ten_are_named_right_and_extrapolate():
     assert sum(calm) >= 0.9 * len(calm), [(row["case"], row["ratio"]) for row, _ in rows]
     assert all(row["right"] for row, case in rows if case.verdict != "missing_effect"), wrong(rows)
     laws = [row for row, case in rows if case.verdict == "unknown_law"]
-    assert len(laws) == 3
+    assert len(laws) == 4
     assert all(map(law_learned, laws)), [(r["case"], r["ratio"], r["curves"]) for r in laws]
 
 
