@@ -401,8 +401,24 @@ def _next(told: Sequence[int], left: list[int], search: Search) -> MechanicalMod
 
 
 def _as_good(without: JudgedFit, search: Search) -> bool:
-    """Return whether a model leaves no output visibly more than that of the search."""
-    return visible_falls(without, search.stage, search.prepared) is None
+    """Return whether a model leaves no output visibly more than the search, and bends no effect."""
+    return not bends_others(search, search.stage.model, without.model) and (
+        visible_falls(without, search.stage, search.prepared) is None
+    )
+
+
+def bends_others(search: Search, model: MechanicalModel, without: MechanicalModel) -> bool:
+    """Return whether effects are absurd in a model that are not in one with more of them.
+
+    What one has to be absurd for is no work that it does as well: beside no drag a friction does
+    it by falling with speed, to nothing.
+    """
+
+    def absurd(one: MechanicalModel) -> set[tuple[str, tuple[str, ...]]]:
+        added = search.added_to(one)
+        return {(e.kind, e.at) for e in added if e.definition.implausible(e.values)}
+
+    return not absurd(without) <= absurd(model)
 
 
 def _does_as_well(search: Search, at: int, other: Effect) -> bool:

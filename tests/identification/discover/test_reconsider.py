@@ -61,6 +61,25 @@ def test_what_the_others_explain_as_well_goes(monkeypatch, left, kept):
     assert kinds(without_the_needless(found, last=True)) == ([] if kept == 1 else kinds(search))
 
 
+@pytest.mark.parametrize(("sliding", "kept"), [(3.0, 1), (0.1, 2)])
+def test_what_another_would_be_absurd_without_stays(monkeypatch, sliding, kept):
+    """A friction that falls with speed, to nothing, leaves as little as one beside a drag."""
+    begun = search_of(rig(), of_rig(noise=1.0))
+    drag = refitted(rig(), "quadratic_damping", PLACE, {"coefficient": 3.0}, 20.0)
+    begun.accept([drag])
+    numbers = {"force": 3.0, "static_force": 4.0, "velocity": 1.0, "width": 0.1}
+    friction = Effect("stribeck_friction", PLACE, numbers)
+    begun.accept([refitted(drag.fitted.model, friction.kind, PLACE, friction.values, 10.0)])
+
+    def fitted_with(self, model, *effects, near=False):
+        alone = rig().with_effect(friction.kind, PLACE, friction.values | {"force": sliding})
+        return judged(alone, 10.2)
+
+    monkeypatch.setattr(Search, "fitted_with", fitted_with)
+    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: None)
+    assert len(kinds(without_the_needless(begun))) == kept
+
+
 @pytest.mark.parametrize(("open_", "kept"), [(True, 1), (False, 2)])
 def test_what_has_no_place_goes_if_the_others_do_as_well_beside_numbers_as_known(
     monkeypatch, open_, kept

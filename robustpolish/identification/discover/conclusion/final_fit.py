@@ -11,6 +11,7 @@ import numpy as np
 from robustpolish.arrays import Array
 from robustpolish.identification.discover.judge import undetermined
 from robustpolish.identification.discover.reconsider import (
+    bends_others,
     closer_kinds,
     gently,
     knows_turn,
@@ -248,12 +249,17 @@ def _rounded(jumping: Fit, at: int, search: Search, calm: bool) -> list[Fit]:
 
 
 def _no_worse(search: Search, instead: JudgedFit | None, final: Final) -> Final | None:
-    """Go on with a model, and return its final fit, if that leaves little more than another."""
+    """Go on with a model, and return its final fit, if that leaves little more than another.
+
+    And if nothing in it had to become absurd for that.
+    """
     if instead is None:
         return None
     fitted = fit_to_all(search, instead, final.calm)
     little = np.log(1 + search.policy.together)
     if not np.mean(np.log(fitted.error / final.error)) < little:
+        return None
+    if bends_others(search, final.fit.model, fitted.fit.model):
         return None
     search.stage = instead
     return fitted

@@ -1,0 +1,43 @@
+"""The final fit lets go what the whole record leaves open, if nothing else bends for it."""
+
+import numpy as np
+import pytest
+
+from robustpolish.effects import Effect
+from robustpolish.identification.discover.conclusion import final_fit as module
+from robustpolish.identification.discover.conclusion.final_fit import Final, final_fit
+from robustpolish.identification.discover.search import Search
+from tests.identification.discover.searches import judged, refitted, search_of
+from tests.identification.oscillators import PLACE, of_rig, rig
+
+NUMBERS = {"force": 3.0, "static_force": 4.0, "velocity": 1.0, "width": 0.1}
+
+
+def with_friction(model, **numbers):
+    return model.with_effect("stribeck_friction", PLACE, NUMBERS | numbers)
+
+
+@pytest.mark.parametrize(("sliding", "kept"), [(3.0, False), (0.1, True)])
+def test_what_is_left_open_stays_if_another_is_absurd_without_it(monkeypatch, sliding, kept):
+    search = search_of(rig(), of_rig(noise=1.0))
+    friction = refitted(rig(), "stribeck_friction", PLACE, NUMBERS, 20.0)
+    search.accept([friction])
+    drag = Effect("quadratic_damping", PLACE, {"coefficient": 3.0})
+    both = with_friction(rig()).with_effect(drag.kind, PLACE, drag.values)
+    stage = judged(both, 10.0, share=0.9)
+    search.accept([refitted(friction.fitted.model, drag.kind, PLACE, drag.values, 10.0)])
+    search.stage = stage
+
+    def fitted_without(self, model, at):
+        return judged(with_friction(rig(), force=sliding), 10.1) if at else None
+
+    def as_it_is(search, stage, calm):
+        return Final(stage.fit, np.atleast_1d(stage.free), calm)
+
+    monkeypatch.setattr(Search, "fitted_without", fitted_without)
+    monkeypatch.setattr(module, "fit_to_all", as_it_is)
+    monkeypatch.setattr(module, "is_calm", lambda search: False)
+    monkeypatch.setattr(module, "simpler", lambda *_: ())
+    monkeypatch.setattr(module, "_gently", lambda search, final: final)
+    found = [effect.kind for effect in final_fit(search).fit.model.effects]
+    assert found == ["stribeck_friction", *["quadratic_damping"] * kept]
