@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import xarray as xr
 
 from robustpolish.arrays import Array
 from robustpolish.effects import Effect
@@ -192,12 +193,15 @@ def _log_left(fall: Array) -> float:
 def undetermined(fitted: Fit, index: int, policy: Policy, every: bool = False) -> str | None:
     """Return the first number of an effect of a fitted model, if the data leave it open.
 
-    With `every`, any of its numbers that the data leave open.
+    With `every`, any of its numbers that the data leave open. One that is at least another says
+    something by what it is more: a friction at rest that may be the sliding one is open, however
+    well both are known.
     """
     effect = fitted.model.effects[index]
     if effect.definition.domain == "input":
         return None
-    errors = errors_from(covariance_of(fitted))
+    covariance = covariance_of(fitted)
+    errors = errors_from(covariance)
     numbers = [p for p in effect.definition.parameters if p.fitted]
     # of a stop, the gap says where it is and the stiffness whether it is there
     sizes = [p for p in numbers if p.counts_force]
@@ -207,7 +211,20 @@ def undetermined(fitted: Fit, index: int, policy: Policy, every: bool = False) -
         size = effect.values[lead.name] - (lead.default if signal else 0.0)  # a gain of 1 is none
         if not error < policy.determined * abs(size):
             return lead.name
+        if every and lead.at_least:
+            more = size - effect.values[lead.at_least]
+            pair = [f"effect[{index}].{name}" for name in (lead.name, lead.at_least)]
+            if not _error_between(covariance, *pair) < policy.determined * more:
+                return lead.name
     return None
+
+
+def _error_between(covariance: xr.DataArray, one: str, other: str) -> float:
+    """Return the standard error of the difference of two numbers, 0 if either was not fitted."""
+    if not {one, other} <= set(covariance["parameter"].values.tolist()):
+        return 0.0
+    both = covariance.sel(parameter=[one, other], other=[one, other]).values
+    return float(np.sqrt(max(both[0, 0] + both[1, 1] - 2 * both[0, 1], 0.0)))
 
 
 def _no_line_from_outside(

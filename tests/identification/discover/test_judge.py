@@ -12,7 +12,9 @@ from robustpolish.identification.discover.judge import (
     line_of_motion,
     objection,
     tolerance,
+    undetermined,
 )
+from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
 from tests.identification.discover.searches import (
     MODEL,
@@ -318,3 +320,12 @@ def test_where_motion_fades_quiet_and_loud_blocks_judge_together(search, held_ou
 def fading(fitted, loud):
     """A fit in a motion that fades, with the error of its louder blocks."""
     return replace(fitted, fades=True, over_fitted=lambda: np.array([loud]))
+
+
+@pytest.mark.parametrize(("share", "open_"), [(0.05, None), (0.15, "static_force")])
+def test_a_friction_at_rest_that_may_be_the_sliding_one_is_open(share, open_):
+    """Each may be well known, and what they differ by is not."""
+    numbers = {"force": 3.0, "static_force": 4.0, "velocity": 1.0, "width": 0.1}
+    fit = judged(MODEL.with_effect("stribeck_friction", PLACE, numbers), 10.0, share=share).fit
+    assert undetermined(fit, 0, POLICY, every=True) == open_
+    assert undetermined(fit, 0, POLICY) is None
