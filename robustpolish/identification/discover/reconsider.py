@@ -408,10 +408,9 @@ def _as_good(without: JudgedFit, search: Search) -> bool:
 
 
 def bends_others(search: Search, model: MechanicalModel, without: MechanicalModel) -> bool:
-    """Return whether effects are absurd in a model that are not in one with more of them.
+    """Return whether effects are absurd without another one that are not in the model with it.
 
-    What one has to be absurd for is no work that it does as well: beside no drag a friction does
-    it by falling with speed, to nothing.
+    They do not do its work then: a friction does that of a drag by falling with speed, to nothing.
     """
 
     def absurd(one: MechanicalModel) -> set[tuple[str, tuple[str, ...]]]:

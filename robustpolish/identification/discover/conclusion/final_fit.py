@@ -251,7 +251,7 @@ def _rounded(jumping: Fit, at: int, search: Search, calm: bool) -> list[Fit]:
 def _no_worse(search: Search, instead: JudgedFit | None, final: Final) -> Final | None:
     """Go on with a model, and return its final fit, if that leaves little more than another.
 
-    And if nothing in it had to become absurd for that.
+    No effect may have become absurd for that.
     """
     if instead is None:
         return None

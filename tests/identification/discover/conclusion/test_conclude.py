@@ -371,7 +371,7 @@ def test_what_three_effects_at_one_place_leave_is_no_noise_on_the_inputs(monkeyp
         noise = any("like a noise on the inputs" in reason for reason in found.reasons)
         assert noise == (len(named) < 3)
         # one curve may leave visibly less than what is like a noise on the inputs
-        assert asked[0] == (ONE_CURVE if noise else CURVES)
+        assert asked == ([ONE_CURVE, OVER_TIME] if noise else [CURVES])
 
 
 def test_a_kind_whose_numbers_are_left_open_gives_way_to_a_simpler_one():
