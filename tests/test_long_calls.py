@@ -4,12 +4,13 @@ import math
 import os
 import subprocess
 import sys
+import threading
 
 import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from robustpolish.long_calls import Budget, same_bits, step_cost
+from robustpolish.long_calls import Budget, on_all_cores, same_bits, step_cost
 
 
 def test_work_ends_a_search_whatever_the_time():
@@ -121,3 +122,20 @@ def test_large_equations_round_alike():
     with threadpool_limits(1, user_api="blas"):
         one = np.linalg.solve(A, B)
     assert (one == two).all()
+
+
+def test_several_threads_run_at_a_time_and_answers_keep_their_order(monkeypatch):
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    both = threading.Barrier(2)
+
+    def waits(item):
+        both.wait(timeout=30)  # one alone would wait in vain
+        return 10 * item
+
+    assert on_all_cores(waits, iter([3, 1, 2, 4])) == [30, 10, 20, 40]
+    assert on_all_cores(waits, []) == []
+
+
+def test_an_error_in_a_thread_is_raised():
+    with pytest.raises(ZeroDivisionError):
+        on_all_cores(lambda item: 1 / item, [1, 0])

@@ -25,14 +25,14 @@ _NEXT_TO_NOTHING = 1e-12
 """A column this much smaller than another is rounding: the sine of a spin that stands still."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _between(q, v, n, x, qs, vs):  # type: ignore[no-untyped-def]  # compiled
     for i in range(qs.size):
         qs[i] = (1 - x) * q[i, n] + x * q[i, n + 1]
         vs[i] = (1 - x) * v[i, n] + x * v[i, n + 1]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _run(law, t, q, v, p, z, f, substeps):  # type: ignore[no-untyped-def]  # compiled
     ports, samples = q.shape
     out = np.empty((ports, samples))

@@ -31,6 +31,7 @@ from robustpolish.identification.fit.reordered import reordered
 from robustpolish.identification.screening.candidates import places, rivals
 from robustpolish.identification.screening.mimicked import mimics
 from robustpolish.identification.screening.screen import ScreenedEffect
+from robustpolish.long_calls import on_all_cores
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.ports import port_rows
 
@@ -355,7 +356,7 @@ def gently(model: MechanicalModel, at: int, search: Search) -> Effect | None:
         turned = replace(model, effects=(*effects[:at], gentle, *effects[at + 1 :]))
         return float(np.mean(np.log(rms_over(turned, prepared, prepared.windows))))
 
-    return min(tried, key=left)
+    return tried[int(np.argmin(on_all_cores(left, tried)))]
 
 
 def knows_turn(fitted: Fit, index: int, search: Search) -> bool:

@@ -20,6 +20,7 @@ from robustpolish.identification.fit.parameters import free_parameters, with_uni
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.reproducibility import reproducibility
 from robustpolish.identification.observer.run import RecordRun, Start, StartedPiece, rest
+from robustpolish.long_calls import on_all_cores
 from robustpolish.models.mechanical import MechanicalModel
 
 
@@ -312,7 +313,7 @@ def _rms(errors: Array) -> Array:
 
 def best_stage(stages: Sequence[Fit], prepared: PreparedRecord) -> JudgedFit:
     """Return the stage that predicts the held-out pieces best."""
-    found = [judged(stage, prepared) for stage in stages[-2:]]
+    found = on_all_cores(lambda stage: judged(stage, prepared), stages[-2:])
     if all(s.reproducible for s in found):
         return min(found, key=lambda s: float(np.sum(np.log(s.free))))
     return min(found, key=lambda s: float(np.sum(np.log(s.short))))

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,6 +13,7 @@ from numpy.typing import NDArray
 from robustpolish.arrays import Array
 from robustpolish.identification.fit.parameters import FreeParameter, joint_priors
 from robustpolish.identification.observer.run import RecordRun, Runner, StartedPiece
+from robustpolish.long_calls import on_all_cores
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.data import share_of_couplings
 
@@ -182,8 +181,7 @@ class Residuals:
                 return self._column(x, starts, errors, j)
             return self._start_column(run, starts, errors, j - p)
 
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            return list(pool.map(column, range(p + n)))
+        return on_all_cores(column, range(p + n))
 
     def _column(self, x: Array, starts: Array, errors: Array, j: int) -> Array:
         h = _STEP * max(abs(x[j]), 1.0)

@@ -9,6 +9,7 @@ import numpy as np
 from robustpolish.arrays import Array
 from robustpolish.identification.observer.run import RecordRun, StartedPiece
 from robustpolish.identification.record import Record
+from robustpolish.long_calls import on_all_cores
 
 _ROUNDS = 8
 _STEP = 1e-7  # as in fits, short enough not to span the small jumps of errors
@@ -41,11 +42,13 @@ def closest(
     for _ in range(1 if run.linear else _ROUNDS):
         if not active:
             break
-        columns = []
-        for j, size in enumerate(sizes):
+
+        def moved(j: int, active: Sequence[int] = active) -> list[Array]:
             ahead = vectors[active]
-            ahead[:, j] += step * size
-            columns.append(errors(ahead, active))
+            ahead[:, j] += step * sizes[j]
+            return errors(ahead, active)
+
+        columns = on_all_cores(moved, range(len(sizes)))
         jacobians = {
             i: np.column_stack([(column[k] - now[i]) / step for column in columns])
             for k, i in enumerate(active)

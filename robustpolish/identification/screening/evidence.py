@@ -9,9 +9,7 @@ models with effects too, and tells which two effects help only together.
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +22,7 @@ from robustpolish.identification.fit.least_squares import Fit, Residuals, fit, n
 from robustpolish.identification.fit.parameters import free_parameters
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.screening.candidates import Columns
+from robustpolish.long_calls import on_all_cores
 
 _TINY = 1e-4
 """Size of a candidate on trial, as a share of the forces."""
@@ -112,8 +111,7 @@ def evidence(
         return known if np.max(np.abs(known)) < _DIVERGED else np.zeros(rest.size)
 
     tasks = [(i, j) for i, entry in enumerate(entries) for j in range(len(entry.shape.columns))]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        raw = np.array(list(pool.map(column, tasks))).reshape(len(tasks), -1).T
+    raw = np.array(on_all_cores(column, tasks)).reshape(len(tasks), -1).T
     C = normal.without_nuisance(raw)
     before, after = np.sum(raw**2, axis=0), np.sum(C**2, axis=0)
     hidden = after < 1e-6 * np.maximum(before, 1e-300)

@@ -82,9 +82,10 @@ class FilteredRecord:
             rest = self.e - self.N.T @ (self.factor @ self.Ne)
             return rest.reshape(self.errors.shape) * self.sigma, np.zeros(0)
         NX = self.N @ X.T
-        projected = X @ X.T - NX.T @ self.factor @ NX
+        gram = X @ X.T
+        projected = gram - NX.T @ self.factor @ NX
         target = X @ self.e - NX.T @ self.factor @ self.Ne
-        size = np.sqrt(np.maximum(np.diag(X @ X.T), 1e-300))
+        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         scaled = projected / np.outer(size, size)
         # hidden behind the model's own parameters, or of a motion that no observer could follow
         if not np.all(np.diag(scaled) >= 1e-4):

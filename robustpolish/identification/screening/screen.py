@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.kalman import FREE, Level
 from robustpolish.identification.screening.candidates import Columns, columns_at, places
 from robustpolish.identification.screening.filtered import FilteredRecord
+from robustpolish.long_calls import on_all_cores
 from robustpolish.models.mechanical import MechanicalModel
 
 
@@ -126,12 +127,13 @@ def screen(
     tried_at = [(e.definition, e.at) for e in allowed or ()]
     if allowed is None:
         tried_at = [(kind, at) for kind in kinds().values() for at in places(model, kind)]
-    entries = [c for kind, at in tried_at for c in columns_at(model, kind, at, motion, record)]
+    at_each = on_all_cores(lambda where: columns_at(model, *where, motion, record), tried_at)
+    entries = [entry for found in at_each for entry in found]
     coarse = dict.fromkeys([best_level, *policy.coarse])
     hardly = dict.fromkeys(policy.hardly_led)
     rough, wide = _Looked(), _Looked()
-    for entry in entries:
-        tried = {level: _try(filtered[level], entry, (0,)) for level in {**coarse, **hardly}}
+    first = {level: filtered[level] for level in {**coarse, **hardly}}
+    for entry, tried in zip(entries, _looked_at(first, entries, (0,)), strict=True):
         rough.add(entry, [(tried[level][0][0], tried[level][1]) for level in coarse])
         wide.add(
             entry, [(tried[level][0][0] - nulls[level, 0], tried[level][1]) for level in hardly]
@@ -141,8 +143,9 @@ def screen(
     _choose(chosen, rough.right, policy.finalists, 2)
     _choose(chosen, wide.right, policy.further_finalists, 1)
     _choose(chosen, rough.wrong, policy.further_finalists, 1)
-    for entry in chosen.values():
-        tried = {level: _try(f, entry, policy.noise_orders) for level, f in filtered.items()}
+    finalists = list(chosen.values())
+    looked = _looked_at(filtered, finalists, policy.noise_orders)
+    for entry, tried in zip(finalists, looked, strict=True):
         right = {level: t for level, t in tried.items() if not _pulls_wrong(entry, t[1])}
         score, level = min(
             (
@@ -157,7 +160,16 @@ def screen(
     found.sort(key=lambda c: (-c.sensible, -c.score))
     shapes = Counter((entry.kind.kind, entry.at) for entry in entries)
     plain = [e for e in entries if id(e) not in chosen and shapes[e.kind.kind, e.at] == 1]
-    return Screening(_best_of_each(found), (*chosen.values(), *plain), best_level)
+    return Screening(_best_of_each(found), (*finalists, *plain), best_level)
+
+
+def _looked_at(
+    filtered: Mapping[Level, FilteredRecord], entries: Sequence[Columns], orders: Sequence[int]
+) -> list[dict[Level, tuple[dict[int, float], Array]]]:
+    """Return for each entry what :func:`_try` finds at some levels."""
+    return on_all_cores(
+        lambda entry: {level: _try(f, entry, orders) for level, f in filtered.items()}, entries
+    )
 
 
 def _try(

@@ -35,6 +35,17 @@ def test_a_missing_spring_is_the_likeliest_of_all_kinds_at_all_places():
     assert len(set(places)) == len(places) > 5
 
 
+def test_the_number_of_processors_changes_no_bit(monkeypatch):
+    case = Case("cubic", one(), [("cubic_stiffness", PLACE, [4e6])], drive=8.0, samples=800)
+    prepared, found = prepared_of(model_of(case), records(case)[0][0]), []
+    for processors in (1, 7):
+        monkeypatch.setattr("os.cpu_count", lambda processors=processors: processors)
+        seen = screen(model_of(case), prepared)
+        found.append([(c.place, c.score, c.fall, c.effect.parameters) for c in seen.candidates])
+    assert found[0] == found[1]
+    assert len(found[0]) > 5
+
+
 def test_odds_are_those_of_the_information_criterion():
     """Two regressions of the error on x and v, one with an offset besides."""
     alone = Policy(screening=(FREE,), coarse=(FREE,), hardly_led=(FREE,), noise_orders=(0,))
