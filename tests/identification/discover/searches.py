@@ -15,6 +15,8 @@ from robustpolish.identification.screening.screen import ScreenedEffect
 from tests.identification.oscillators import PLACE, rig
 
 MODEL = rig()
+STRIBECK = {"force": 3.0, "static_force": 4.0, "velocity": 1.0, "width": 0.1}
+"""Numbers of a friction that are not absurd; with a sliding force near 0 they are."""
 
 
 def prepared_of(model, data, policy=POLICY):

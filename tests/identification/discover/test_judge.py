@@ -18,6 +18,7 @@ from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
 from tests.identification.discover.searches import (
     MODEL,
+    STRIBECK,
     cubic,
     drag,
     judged,
@@ -325,7 +326,6 @@ def fading(fitted, loud):
 @pytest.mark.parametrize(("share", "open_"), [(0.05, None), (0.15, "static_force")])
 def test_a_friction_at_rest_that_may_be_the_sliding_one_is_open(share, open_):
     """Each may be well known, and what they differ by is not."""
-    numbers = {"force": 3.0, "static_force": 4.0, "velocity": 1.0, "width": 0.1}
-    fit = judged(MODEL.with_effect("stribeck_friction", PLACE, numbers), 10.0, share=share).fit
+    fit = judged(MODEL.with_effect("stribeck_friction", PLACE, STRIBECK), 10.0, share=share).fit
     assert undetermined(fit, 0, POLICY, every=True) == open_
     assert undetermined(fit, 0, POLICY) is None

@@ -25,7 +25,7 @@ from robustpolish.identification.screening.screen import ScreenedEffect
 from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
 from robustpolish.simulation import linear_response
 from tests.hidden_effects.cases import Case, model_of, one, records
-from tests.identification.discover.searches import judged, refitted, search_of
+from tests.identification.discover.searches import STRIBECK, judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
 
 CUBIC = ("cubic_stiffness", PLACE, {"stiffness": 3.0})
@@ -67,8 +67,7 @@ def test_what_another_would_be_absurd_without_stays(monkeypatch, sliding, kept):
     begun = search_of(rig(), of_rig(noise=1.0))
     drag = refitted(rig(), "quadratic_damping", PLACE, {"coefficient": 3.0}, 20.0)
     begun.accept([drag])
-    numbers = {"force": 3.0, "static_force": 4.0, "velocity": 1.0, "width": 0.1}
-    friction = Effect("stribeck_friction", PLACE, numbers)
+    friction = Effect("stribeck_friction", PLACE, STRIBECK)
     begun.accept([refitted(drag.fitted.model, friction.kind, PLACE, friction.values, 10.0)])
 
     def fitted_with(self, model, *effects, near=False):

@@ -7,20 +7,18 @@ from robustpolish.effects import Effect
 from robustpolish.identification.discover.conclusion import final_fit as module
 from robustpolish.identification.discover.conclusion.final_fit import Final, final_fit
 from robustpolish.identification.discover.search import Search
-from tests.identification.discover.searches import judged, refitted, search_of
+from tests.identification.discover.searches import STRIBECK, judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
-
-NUMBERS = {"force": 3.0, "static_force": 4.0, "velocity": 1.0, "width": 0.1}
 
 
 def with_friction(model, **numbers):
-    return model.with_effect("stribeck_friction", PLACE, NUMBERS | numbers)
+    return model.with_effect("stribeck_friction", PLACE, STRIBECK | numbers)
 
 
 @pytest.mark.parametrize(("sliding", "kept"), [(3.0, False), (0.1, True)])
 def test_what_is_left_open_stays_if_another_is_absurd_without_it(monkeypatch, sliding, kept):
     search = search_of(rig(), of_rig(noise=1.0))
-    friction = refitted(rig(), "stribeck_friction", PLACE, NUMBERS, 20.0)
+    friction = refitted(rig(), "stribeck_friction", PLACE, STRIBECK, 20.0)
     search.accept([friction])
     drag = Effect("quadratic_damping", PLACE, {"coefficient": 3.0})
     both = with_friction(rig()).with_effect(drag.kind, PLACE, drag.values)
