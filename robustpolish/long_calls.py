@@ -1,4 +1,6 @@
-"""What long calls share: a budget of work, a clock, threads for what is independent, a bar.
+"""What long calls share: a budget of work, a clock, the cores, a bar.
+
+Linear algebra runs on one thread, what is independent on all cores.
 
 Work is counted, so that every machine gives the same answer; seconds are a safety net only. They
 leave out those in which functions are compiled, once per user and version: what a call finds must

@@ -12,6 +12,8 @@ _SWEEPS = 20
 # Share of its limit to which frictions that hold each other are found, and below which speed, as a
 # share of what friction does in a step, a body rests.
 _HELD = 1e-6
+# Rows that processors add at once: those of a step come in whole vectors, zeros behind.
+_VECTOR = 4
 
 
 @njit(cache=True, error_model="numpy")
@@ -100,9 +102,8 @@ def _impulses(m, layout, dry, n, ports):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _hold_at_start(ahead, layout, dry, out, x, ports, by_push, ends, slow, held):  # type: ignore[no-untyped-def]
+def _hold_at_start(ahead, layout, dry, out, x, n, ports, by_push, ends, slow, held):  # type: ignore[no-untyped-def]
     """Set below which speeds bodies rest, and what holds those that rest at first."""
-    n = len(out) - 6 * ports
     for d in range(len(dry)):
         slow[d] = _HELD * by_push[d, d] * (ends[1][d] - ends[0][d])
         column = n + ports + layout[dry[d], 0]
@@ -154,7 +155,10 @@ def run_steps(m, output, laws, layout, p, W, E, Y, K, s0, z0, t0, dt, substeps, 
     C, D, H = output
     samples, signals, ny = W.shape[0], W.shape[1], C.shape[0]
     n, ports, nz = s0.size, H.shape[1], z0.size
-    known, rows, motions = n + 2 * signals, ahead.shape[1], 2 * ports
+    known, motions = n + 2 * signals, 2 * ports
+    rows = -(-ahead.shape[1] // _VECTOR) * _VECTOR
+    wide = np.zeros((known, rows))
+    wide[:, : ahead.shape[1]] = ahead
     feedback = np.any(K != 0.0)
     predicted = np.empty((samples, ny))
     kept = np.empty((samples if keep else 0, n))
@@ -184,12 +188,14 @@ def run_steps(m, output, laws, layout, p, W, E, Y, K, s0, z0, t0, dt, substeps, 
                     out[r] = 0.0
                 for c in range(known):
                     for r in range(rows):
-                        out[r] += ahead[c, r] * x[c]
+                        out[r] += wide[c, r] * x[c]
                 _forces(laws, layout, p, t, out, n, ports, z, f0, d0)
                 if any_dry:
                     if k == 0 and j == 0 and turn == 0:
                         _limits(laws, layout, p, t, out, n, ports, z, fa, da, dry, *ends)
-                        _hold_at_start(ahead, layout, dry, out, x, ports, by_push, ends, slow, held)
+                        _hold_at_start(
+                            ahead, layout, dry, out, x, n, ports, by_push, ends, slow, held
+                        )
                         mid[:] = held
                     for d in range(len(dry)):
                         v0[d] = out[n + ports + layout[dry[d], 0]]

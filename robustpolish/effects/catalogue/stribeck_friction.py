@@ -9,9 +9,14 @@ import numpy as np
 from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.effects.shapes import Scan
 
+# Exponent beyond which nothing of an exponential is left beside 1; near its end exp is slow.
+_NOTHING_LEFT = 700.0
+
 
 def _law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-    size = p[0] + (p[1] - p[0]) * np.exp(-((v[0] / p[2]) ** 2))
+    fast = (v[0] / p[2]) ** 2
+    more = np.exp(-fast) if fast < _NOTHING_LEFT else 0.0
+    size = p[0] + (p[1] - p[0]) * more
     width = max(p[3], max(p[0], p[1]) * p[4])
     direction = np.tanh(v[0] / width) if width > 0.0 else np.sign(v[0])
     f[0] = -size * direction

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
@@ -269,7 +270,7 @@ def fit(
     found = residuals.model_at(x), tuple(residuals.started(starts)), cost, errors, sigma
     if normal is None:
         return Fit(*found, np.zeros((len(free), len(free))), tuple(free))
-    return Fit(*found, normal.information(), tuple(free), normal.seen())
+    return Fit(*found, normal.information(), tuple(free), normal.seen)
 
 
 def unfitted(residuals: Residuals) -> Fit:
@@ -281,7 +282,7 @@ def unfitted(residuals: Residuals) -> Fit:
     normal = normal_of(residuals, errors, sigma)
     cost = _cost(residuals, x, errors, sigma)
     found = residuals.model, residuals.pieces, cost, errors, sigma
-    return Fit(*found, normal.information(), tuple(free), normal.seen())
+    return Fit(*found, normal.information(), tuple(free), normal.seen)
 
 
 def _weights(errors: Array, before: Array) -> Array:
@@ -364,8 +365,9 @@ class Normal:
         step[use] = step[use] / scale
         return step, moves / own
 
+    @cached_property
     def seen(self) -> Array:
-        """Return what the errors tell of the parameters that no start could, like `J`."""
+        """What the errors tell of the parameters that no start could, like `J`."""
         return self._without_starts(self.J)
 
     def _without_starts(self, columns: Array) -> Array:
@@ -378,7 +380,7 @@ class Normal:
 
     def without_nuisance(self, columns: Array) -> Array:
         """Return columns less what starts and parameters can do, priors aside."""
-        rest, J = self._without_starts(columns), self.seen()
+        rest, J = self._without_starts(columns), self.seen
         size = np.sqrt(np.sum(J**2, axis=0))
         J = J[:, size > 0] / size[size > 0]
         if J.shape[1]:
@@ -387,7 +389,7 @@ class Normal:
 
     def information(self) -> Array:
         """Return J'J of the parameters, starts eliminated, priors included."""
-        J = self.seen()
+        J = self.seen
         return J.T @ J + self.prior
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 import threading
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +35,8 @@ from robustpolish.validation import described, invalid
 
 # Forces that are so many times those that the motion takes are in other units.
 _OUT_OF_PROPORTION = 1e7
+# Runs that are kept: what was found last is asked for its error, its noise and its calm in turn.
+_KEPT = 4
 
 
 @dataclass
@@ -57,6 +61,15 @@ class Work(Budget):
         """Return whether something more may be tried; that it may not is remembered."""
         self.refused = self.refused or self.exhausted
         return not self.exhausted
+
+
+class _ClosestRuns(NamedTuple):
+    """What :meth:`PreparedRecord.closest_runs` found."""
+
+    model: MechanicalModel
+    pieces: Sequence[StartedPiece]
+    run: RecordRun
+    started: list[StartedPiece]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +118,9 @@ class PreparedRecord:
     repeats: Repeats | None = None
     held: frozenset[str] = frozenset()
     work: Work = field(default_factory=Work)
+    _recent: deque[_ClosestRuns] = field(
+        default_factory=partial(deque, maxlen=_KEPT), init=False, repr=False
+    )
 
     def spans(self, pieces: Sequence[StartedPiece], growth: int = 2) -> list[int]:
         """Return the lengths of windows that grow from a few swings to whole pieces."""
@@ -208,8 +224,13 @@ class PreparedRecord:
         self, model: MechanicalModel, pieces: Sequence[StartedPiece]
     ) -> tuple[RecordRun, list[StartedPiece]]:
         """Return a model ready to run, and the pieces with the starts that suit it best."""
+        for known in tuple(self._recent):
+            if known.model is model and known.pieces is pieces:
+                return known.run, known.started
         run = self.runner(model).run(model)
-        return run, self.with_fitted_starts(run, with_rest(model, pieces))
+        started = self.with_fitted_starts(run, with_rest(model, pieces))
+        self._recent.append(_ClosestRuns(model, pieces, run, started))
+        return run, started
 
     def with_fitted_starts(
         self, run: RecordRun, pieces: Sequence[StartedPiece]

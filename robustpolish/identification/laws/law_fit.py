@@ -61,8 +61,9 @@ class LearnPolicy:
         Of a curve with which its refit may begin: free runs of a steep one may diverge ("saturating
         spring, accelerations").
     rest : float
-        Times the noise above which closer knots are tried: a regression on the smoothed motion
-        does not see corners that a free run feels ("dead zone and friction").
+        Times the noise up to which white noise alone is left. Above it closer knots are tried: a
+        regression on the smoothed motion does not see corners that a free run feels ("dead zone and
+        friction").
     closest : int
         Most coefficients of a curve.
     narrow : float

@@ -25,6 +25,7 @@ from robustpolish.identification.fit.least_squares import Fit, log_odds
 from robustpolish.identification.fit.parameters import chain_keys, connected, driving
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.screening.filtered import null_score
+from robustpolish.long_calls import on_all_cores
 from robustpolish.models.mechanical import MechanicalModel
 from robustpolish.models.mechanical.parts import FORCE
 
@@ -51,7 +52,8 @@ def with_holds(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalMo
     bare = replace(model, effects=tuple(others))
     orders = dict.fromkeys((now, _LINEAR, *policy.hold_orders))
     tried = {o: replace(bare, effects=(*bare.effects, *_holds(names, o))) for o in orders}
-    scores = {order: null_score(candidate, prepared) for order, candidate in tried.items()}
+    found = on_all_cores(lambda candidate: null_score(candidate, prepared), tried.values())
+    scores = dict(zip(tried, found, strict=True))
     best = min(scores, key=lambda order: scores[order])
     if scores[now] - scores[best] <= 2 * policy.hold_odds:
         return model
@@ -117,16 +119,17 @@ def with_other_holds(
     _, fitted = split_holds(model.effects[: len(reference.effects)])
     added = model.effects[len(reference.effects) :]
     spans = prepared.spans(prepared.trial)[-1:]
-    held: dict[float, MechanicalModel] = {}
-    left: dict[float, Fit] = {}
-    for order in sorted({order_now, _LINEAR, *prepared.policy.hold_orders}):
-        holds = _holds(names, order)
-        held[order] = replace(reference, effects=(*bare, *holds))
+    orders = sorted({order_now, _LINEAR, *prepared.policy.hold_orders})
+    held = {o: replace(reference, effects=(*bare, *_holds(names, o))) for o in orders}
+
+    def fits_with(order: float) -> list[Fit]:
         later = 0.5 * prepared.record.dt * ((order == 0.0) - (order_now == 0.0))
-        tried = replace(model, effects=(*fitted, *holds, *(_sooner(e, later) for e in added)))
-        fits = homotopy(tried, prepared, prepared.trial, held[order], spans)
-        if fits:
-            left[order] = fits[-1]
+        effects = (*fitted, *_holds(names, order), *(_sooner(e, later) for e in added))
+        tried = replace(model, effects=effects)
+        return homotopy(tried, prepared, prepared.trial, held[order], spans)
+
+    found = on_all_cores(fits_with, orders)
+    left = {order: fits[-1] for order, fits in zip(orders, found, strict=True) if fits}
     if order_now not in left:
         return None
     now = left[order_now]

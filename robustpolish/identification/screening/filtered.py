@@ -225,6 +225,8 @@ def _effect_columns(
 
 def resonates(a: Array, least: float) -> bool:
     """Return whether a noise model has a mode damped less than `least`: a machine, no sensor."""
+    if a.size < 3:
+        return False  # one root is real
     roots = np.roots(a)
     roots = roots[(np.abs(roots) > 0.3) & (np.abs(roots.imag) > 1e-3)]
     s = np.log(roots.astype(complex))

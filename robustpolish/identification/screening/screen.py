@@ -111,16 +111,17 @@ def screen(
     """
     policy, record = prepared.policy, prepared.screened
     motion = prepared.motion(model, record)
-    filtered = {
-        level: FilteredRecord(model, prepared, record, level, motion) for level in policy.screening
-    }
+    levels = policy.screening
+    seen = on_all_cores(lambda at: FilteredRecord(model, prepared, record, at, motion), levels)
+    filtered = dict(zip(levels, seen, strict=True))
     if not all(np.isfinite(f.errors).all() for f in filtered.values()):
         # along the smoothed motion an effect of the model diverges: nothing can be said beside it
         return Screening((), (), FREE)
+    alone = on_all_cores(lambda f: f.null_scores(policy.noise_orders), seen)
     nulls = {
         (level, order): score
-        for level, f in filtered.items()
-        for order, score in f.null_scores(policy.noise_orders).items()
+        for level, scores in zip(levels, alone, strict=True)
+        for order, score in scores.items()
     }
     best_level = min(nulls, key=lambda key: nulls[key])[0]
     null = min(nulls.values())

@@ -197,7 +197,7 @@ def test_what_is_seen_is_what_no_start_can_do():
     full = dense(normal)
     starts, J = full[:, 2:], full[:, :2]
     expected = J - starts @ np.linalg.lstsq(starts, J, rcond=None)[0]
-    np.testing.assert_allclose(normal.seen(), expected, atol=1e-8 * np.max(np.abs(J)))
+    np.testing.assert_allclose(normal.seen, expected, atol=1e-8 * np.max(np.abs(J)))
     np.testing.assert_allclose(normal.information(), expected.T @ expected, rtol=1e-6)
     e = error[:, None]
     rest_of = e - full @ np.linalg.lstsq(full, e, rcond=None)[0]

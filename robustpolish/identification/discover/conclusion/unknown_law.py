@@ -82,6 +82,8 @@ def unknown_law(
     does beside it: of a machine whose names are right, but not quite, as of a real drive's dry
     friction, no curve explains all, and more shows beside that, too.
 
+    Nothing takes the place of names that leave white noise alone, for nothing leaves less.
+
     Parameters
     ----------
     search : Search
@@ -92,6 +94,8 @@ def unknown_law(
     wrong : str, optional
         Why they are no names of what is missing.
     """
+    if np.all(names.error <= LEARNING.rest * search.prepared.scales.noise):
+        return None
     more = more_is_left(search, names, verdict)
     hint = not more and search.added > 0 and _more_shows(names.fit.model, search)
     if not more and not (search.added and (hint or not search.at_floor(search.stage))):
