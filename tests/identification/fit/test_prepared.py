@@ -239,3 +239,16 @@ def test_every_step_of_a_run_is_counted():
     little.runner(oscillator()).run(oscillator()).all_errors(little.trial)
     assert not little.work.left()
     assert little.work.refused
+
+
+def test_runs_that_were_found_last_are_kept():
+    prepared, model = prepared_of(oscillator(), record(noise=0.01)), oscillator()
+    run, started = prepared.closest_runs(model, prepared.everything)
+    spent = prepared.work.spent
+    again = prepared.closest_runs(model, prepared.everything)
+    assert again[0] is run
+    assert again[1] is started
+    assert prepared.work.spent == spent
+    assert prepared.closest_runs(model, prepared.windows)[1] is not started
+    assert prepared.closest_runs(oscillator(), prepared.everything)[0] is not run
+    assert prepared.work.spent > spent

@@ -67,6 +67,18 @@ def test_a_hold_that_was_believed_beside_a_name_is_asked_again_beside_a_law():
     assert law.search.at_floor(law.learned.fitted)
 
 
+@pytest.mark.parametrize(("times", "looked"), [(1.05, []), (1.15, ["screened"])])
+def test_more_is_looked_for_beside_a_name_that_leaves_more_than_white_noise(
+    monkeypatch, times, looked
+):
+    search, screened = named(TRUE_NAME), []
+    error = times * search.prepared.scales.noise
+    names = final_fit(search)._replace(error=error)
+    monkeypatch.setattr(laws, "_more_shows", lambda *_: screened.append("screened"))
+    assert laws.unknown_law(search, names, Verdict("missing_effect", [], error), None) is None
+    assert screened == looked
+
+
 @pytest.mark.parametrize(
     ("left", "over", "taken"),
     [
