@@ -17,13 +17,23 @@ def run() -> None:
         from robustpolish.cli import main
 
         main(prog_name="robustpolish")
-    except KeyboardInterrupt:
-        codes.append(1)  # as click does
-        sys.exit(1)
     except SystemExit as end:
         if end.code is None or isinstance(end.code, int):
             codes.append(end.code or 0)
         raise
+    except BaseException as error:
+        if not _comes_from_ctrl_c(error):
+            raise
+        codes.append(1)  # as click does
+        sys.exit(1)
+
+
+def _comes_from_ctrl_c(error: BaseException | None) -> bool:
+    # Up to Python 3.11 a class whose making is interrupted (`__set_name__`) raises a RuntimeError
+    # with the interruption as its cause; an import makes thousands of classes.
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__
+    return error is not None
 
 
 def _leave(codes: list[int]) -> None:

@@ -64,6 +64,25 @@ def test_ctrl_c_ends_without_a_traceback(seconds):
     assert "Traceback" not in said
 
 
+@pytest.mark.parametrize(
+    ("raised", "is_told"), [("KeyboardInterrupt", False), ("ValueError", True)]
+)
+def test_ctrl_c_while_a_class_is_made_ends_without_a_traceback(raised, is_told):
+    """Up to Python 3.11 it arrives as the cause of a RuntimeError; other errors are told."""
+    program = (
+        "import robustpolish.__main__ as command, robustpolish.cli as cli\n"
+        "class Named:\n"
+        f"    def __set_name__(self, owner, name): raise {raised}\n"
+        "cli.main = lambda prog_name: type('Made', (), {'named': Named()})\n"
+        "command.run()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], check=False, capture_output=True, text=True
+    )
+    assert done.returncode == 1
+    assert ("Traceback" in done.stderr) == is_told
+
+
 @pytest.mark.parametrize(("option", "code"), [("--version", 0), ("--nonsense", 2)])
 def test_the_end_is_short_and_leaves_nothing_undone(option, code):
     """Modules are not taken apart, but what was to be done at the end is, and the code is right."""
