@@ -16,9 +16,9 @@ from scipy.integrate import solve_ivp
 
 import robustpolish as rp
 from benchmarks.row import Row, milliseconds, once
-from robustpolish.brush.physical import disc_motion as disc
-from robustpolish.brush.physical import rim_contact as rim
-from robustpolish.brush.physical.run import (
+from robustpolish.polishing import contact as disc
+from robustpolish.polishing import contact as rim
+from robustpolish.polishing.brush import (
     PhysicalRun,
     contact_constants,
     impulse_difference,
@@ -31,7 +31,9 @@ RATE = 20e3
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 
 
-def runge_kutta(parameters: rp.BrushParameters, first: np.ndarray, time: np.ndarray, rtol: float):
+def runge_kutta(
+    parameters: rp.polishing.BrushParameters, first: np.ndarray, time: np.ndarray, rtol: float
+):
     """Return the states at the samples by scipy's RK45."""
     contact, motion = contact_constants(parameters), motion_constants(parameters, False)
     nodes = rim.rim_nodes(rim_points(parameters))
@@ -49,7 +51,9 @@ def runge_kutta(parameters: rp.BrushParameters, first: np.ndarray, time: np.ndar
     return answer.y.T
 
 
-def _error(run: PhysicalRun, measure: np.ndarray, parameters: rp.BrushParameters) -> float:
+def _error(
+    run: PhysicalRun, measure: np.ndarray, parameters: rp.polishing.BrushParameters
+) -> float:
     """Return the largest difference of impulses over 10 ms, relative to the polishing force's."""
     return impulse_difference(run, replace(run, track=measure), parameters.polishing_force)
 
@@ -59,7 +63,7 @@ def rows(quick: bool) -> Iterator[Row]:
     seconds = 0.05 if quick else 0.5
     time = np.arange(round(seconds * RATE) + 1) / RATE
     for stiffness in (1e4, 1e6):
-        parameters = rp.BrushParameters(contact_stiffness=stiffness)
+        parameters = rp.polishing.BrushParameters(contact_stiffness=stiffness)
         ours = milliseconds(3, integrate, parameters, time, 0)
         run, exact = integrate(parameters, time, 0), integrate(parameters, time, 2)
         nodes = _error(run, exact.track, parameters)

@@ -17,7 +17,7 @@ import numpy as np
 import robustpolish as rp
 from benchmarks.plain_lmi import plain_lmi_cvxpy, plain_lmi_picos
 from robustpolish.synthesis.backends.slycot_backend import synthesise
-from robustpolish.synthesis.lmi.limited import run_limited
+from robustpolish.synthesis.lmi.program import run_limited
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT.parent / "shared" / "data" / "compleib" / "compleib24.npz"

@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 
 import robustpolish as rp
 from benchmarks.row import Row, once
-from robustpolish.effects import unregister
+from robustpolish.machines.effects.effect import unregister
 
 RATE, STIFFNESS, DAMPING, CUBIC = 500.0, 400.0, 1.0, 4e5
 SCRIPT = Path(__file__).with_name("pysindy_residual.py")

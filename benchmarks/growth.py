@@ -65,7 +65,7 @@ CHECKS: dict[Norm, tuple[str, Callable[[control.StateSpace], float]]] = {
 
 def rows(quick: bool) -> Iterator[Row]:
     """Time ours at every size, and the peers as far as they get; then the proofs alone."""
-    designs: dict[Norm, rp.Design] = {}
+    designs: dict[Norm, rp.results.Design] = {}
     for norm in PEERS:
         rp.output_feedback(flexible_structure(12), norm)  # compiles
         silent: dict[str, str] = {}
@@ -83,7 +83,7 @@ def _against(
     norm: Norm,
     plant: rp.GeneralizedPlant,
     ours: float,
-    design: rp.Design,
+    design: rp.results.Design,
     silent: dict[str, str],
 ) -> Row:
     """Return the line of a design and a peer; `silent` are peers that gave up, and why."""
@@ -101,7 +101,7 @@ def _against(
     )  # fmt: skip
 
 
-def above(design: rp.Design) -> str:
+def above(design: rp.results.Design) -> str:
     """Say how far a norm lies above what no controller falls below, as far as that is known."""
     known, estimate = design.lower_bound, design.details["estimated_infimum"]
     if not (known or estimate):
@@ -111,7 +111,7 @@ def above(design: rp.Design) -> str:
     return f"{max(above, 0.0):.1%} above {what}"
 
 
-def certified(norm: Norm, design: rp.Design) -> Row:
+def certified(norm: Norm, design: rp.results.Design) -> Row:
     """Return the line of the certificate of a loop, and of a routine that computes its norm."""
     spent, proof = once(rp.certify, design.plant, design.controller, norm)
     peer, routine = CHECKS[norm]

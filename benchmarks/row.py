@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from robustpolish.synthesis.lmi.limited import run_limited
+from robustpolish.synthesis.lmi.program import run_limited
 
 
 @dataclass(frozen=True)

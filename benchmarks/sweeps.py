@@ -24,7 +24,7 @@ import xarray as xr
 import robustpolish as rp
 from benchmarks.closed_loop import RATE, forces
 from benchmarks.row import Row
-from robustpolish.sweeps.work import cores
+from robustpolish.base.sweep import cores
 
 LOOPS, SECONDS = 2000, 5.0
 QUICK = (100, 0.5)
@@ -47,7 +47,7 @@ def largest_deviation(
     number: int, seconds: float, gain: np.ndarray, rng: np.random.Generator
 ) -> float:
     """Return the largest deviation of the tool of one machine, in m."""
-    nominal = rp.AirBearingParameters()
+    nominal = rp.polishing.AirBearingParameters()
     drawn = {n: getattr(nominal, n) * rng.uniform(1 - SPREAD, 1 + SPREAD) for n in VARIED}
     loop = rp.air_bearing(replace(nominal, **drawn)).state_feedback_loop(gain)
     found = rp.simulate(loop, _pushes(seconds))

@@ -17,13 +17,17 @@ import validation_moulds
 import validation_rotors
 
 import robustpolish as rp
-from robustpolish.analysis import modes
-from robustpolish.closed_loop import (
+from robustpolish.linear.modes import modes
+from robustpolish.polishing.thesis.comparison import (
     PUBLISHED_DEVIATIONS,
     thesis_comparison,
     thesis_structures,
 )
-from robustpolish.synthesis import PUBLISHED_CONTROLLERS, PUBLISHED_NORMS, published_gain
+from robustpolish.polishing.thesis.published_controllers import (
+    PUBLISHED_CONTROLLERS,
+    PUBLISHED_NORMS,
+    published_gain,
+)
 
 PAGE = Path(__file__).with_name("validation.md")
 
@@ -32,7 +36,7 @@ Row = tuple[str, float, float, str]
 
 def machine() -> Iterable[Row]:
     """Section 8.5 and table 9.1."""
-    p = rp.AirBearingParameters.as_published()
+    p = rp.polishing.AirBearingParameters.as_published()
     found = {round(mode.frequency_hz): mode for mode in modes(rp.air_bearing(p).open_loop)}
     reading = "bearing 1.337 kg (table 9.1: 0.337), inertia of listing D.2, k_t from (8.18)"
     yield "upper mode in x and y [Hz]", 2069.6, found[2070].frequency_hz, reading
@@ -53,7 +57,9 @@ def machine() -> Iterable[Row]:
         found[2825].damping_ratio,
         "the printed exponent is a misprint for -5, so the argument for c_Z in section 8.5 falls",
     )
-    printed = rp.AirBearingParameters.as_printed().natural_frequencies()["x"][0] / (2 * math.pi)
+    printed = rp.polishing.AirBearingParameters.as_printed().natural_frequencies()["x"][0] / (
+        2 * math.pi
+    )
     yield "upper mode in x, table 9.1 to the letter [Hz]", 2069.6, printed, "0.337 kg instead"
 
 
@@ -119,7 +125,7 @@ def structures(actuation: Literal["force", "displacement"]) -> str:
     return under_the_brush(thesis_structures(actuation))
 
 
-def under_the_brush(designs: Mapping[str, rp.Design]) -> str:
+def under_the_brush(designs: Mapping[str, rp.results.Design]) -> str:
     """Tabulate the largest deviations under runs 1 and 4 of the well-posed brush."""
     lines = [
         "| controller | norm [m/N] | run 1: x | y | z | run 4: x | y | z |",
@@ -168,7 +174,7 @@ def steady_force() -> str:
     """Return the norm that displacement actuation reaches, and the limit."""
     plant = rp.air_bearing(actuation="displacement", measured="displacement")
     found = rp.output_feedback(plant).certificate.achieved
-    limit = math.sqrt(2) / rp.AirBearingParameters.as_published().k_A
+    limit = math.sqrt(2) / rp.polishing.AirBearingParameters.as_published().k_A
     return f"{found:.5g} m/N, and the limit is {limit:.5g} m/N"
 
 

@@ -5,17 +5,17 @@ Run with ``python docs/measure_singularity.py``.
 
 import numpy as np
 
-from robustpolish.models import air_bearing
-from robustpolish.synthesis.lmi.mixed.output import (
+from robustpolish.polishing.air_bearing import air_bearing
+from robustpolish.synthesis.lmi.mixed import (
     Specification,
     mixed_program,
     mixed_start,
     reconstructed,
 )
-from robustpolish.synthesis.nonsmooth import HinfMeasure, Loop, augmented
-from robustpolish.synthesis.problem.decoupling import decoupled_parts
+from robustpolish.synthesis.nonsmooth import Loop, augmented
+from robustpolish.synthesis.nonsmooth.measures import HinfMeasure
 from robustpolish.synthesis.problem.preflight import noisy, priced
-from robustpolish.synthesis.problem.scaling import scale_plant
+from robustpolish.synthesis.problem.scaling import decoupled_parts, scale_plant
 
 
 def norm_of(plant, K):

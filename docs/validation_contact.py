@@ -12,16 +12,16 @@ import numpy as np
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.brush.physical import disc_motion
-from robustpolish.brush.physical.rim_contact import rim_nodes
-from robustpolish.brush.physical.run import contact_constants, motion_constants
+from robustpolish.polishing import contact as disc_motion
+from robustpolish.polishing.brush import contact_constants, motion_constants
+from robustpolish.polishing.contact import rim_nodes
 
 STUDY_SECONDS = 0.1
 
 
 def force_study() -> str:
     """Change one thing at a time in the listing, in runs 1 and 4."""
-    studies = {run: rp.force_study(run, STUDY_SECONDS).table for run in (1, 4)}
+    studies = {run: rp.polishing.force_study(run, STUDY_SECONDS).table for run in (1, 4)}
     lines = [
         "| changed | suspect |"
         + "".join(f" run {run}: peak [N] | factor | 10 ms |" for run in studies),
@@ -67,10 +67,10 @@ def coupled() -> str:
         "|---:|---:|---:|---:|---:|",
     ]
     for damping in (50.0, 1.0):
-        parameters = rp.BrushParameters(contact_damping=damping)
+        parameters = rp.polishing.BrushParameters(contact_damping=damping)
         brush = rp.simulate_brush(duration=0.1, parameters=parameters, tolerance=5e-3)
         for stiffness in (1e4, 1e5, 1e6, 1e7, 1e8):
-            found = rp.compare_coupled(critical_springs(stiffness), brush)
+            found = rp.polishing.compare_coupled(critical_springs(stiffness), brush)
             lines.append(
                 f"| {damping:g} | {stiffness:.0e} | {found.stiffness_ratio:.3g} | "
                 f"{1 / found.loop_gain:.3g} | {100 * found.largest_share:.2g} % |"
@@ -89,8 +89,8 @@ def with_brush() -> str:
     for name, loop in loops.items():
         cells = [name]
         for run in (1, 2, 3, 4):
-            parameters = rp.BrushParameters.for_run(run)
-            poles = rp.linearize_with_brush(loop, parameters).system.poles()
+            parameters = rp.polishing.BrushParameters.for_run(run)
+            poles = rp.polishing.linearize_with_brush(loop, parameters).system.poles()
             pole = poles[np.argmax(poles.real)]
             hertz = abs(pole.imag) / (2.0 * math.pi)
             cells.append(f"{pole.real:+.3g} 1/s at {hertz:.3g} Hz")
@@ -107,7 +107,7 @@ def audits() -> str:
         {name: ("time", brush[name].to_numpy() / 1e3, {"units": "kN"}) for name in names},
         {"time": brush["time"]},
     )
-    load = rp.measured_forces(kilo, names, steady={"F_p": 10.0}, sample_rate=20e3)
+    load = rp.signals.measured_forces(kilo, names, steady={"F_p": 10.0}, sample_rate=20e3)
     first = round(40e3 * load.attrs["began"])
     direct = brush.isel(time=slice(first, None, 2)).isel(time=slice(0, load.sizes["time"]))
     direct = direct.assign_coords(time=load["time"])
@@ -125,7 +125,7 @@ def audits() -> str:
 
 def free_disc() -> tuple[float, float]:
     """Follow the disc of both models without a moment; relative drift of energy and momentum."""
-    parameters = rp.BrushParameters()
+    parameters = rp.polishing.BrushParameters()
     drifts = []
     for three_angles in (False, True):
         motion = motion_constants(replace(parameters, spindle_damping=1e-300), three_angles)

@@ -28,7 +28,7 @@ def _bend(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return 1 / 0.05 - 3e-4 / 0.009**2 * np.sin(x / 0.009) * np.cos(y / 0.011)
 
 
-def _from_mesh() -> rp.Mould:
+def _from_mesh() -> rp.polishing.Mould:
     """Return the mould of an STL file with corners 1 mm apart."""
     import trimesh
 
@@ -41,7 +41,7 @@ def _from_mesh() -> rp.Mould:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "mould.stl"
         trimesh.Trimesh(corners, faces, process=False).export(file)
-        return rp.Mould.from_stl(file, unit="mm")
+        return rp.polishing.Mould.from_stl(file, unit="mm")
 
 
 def geometry() -> str:
@@ -53,7 +53,7 @@ def geometry() -> str:
     ]
     ways = {
         "an STL mesh, corners 1 mm apart": _from_mesh(),
-        "the formula": rp.Mould.from_formula(_FORMULA, x=_SIDE, y=_SIDE),
+        "the formula": rp.polishing.Mould.from_formula(_FORMULA, x=_SIDE, y=_SIDE),
     }
     for name, mould in ways.items():
         height = np.abs(mould.height(x, y) - _height(x, y)).max()
@@ -65,8 +65,8 @@ def geometry() -> str:
 
 def trough() -> str:
     """Return how far forces on a mould of the trough are from those on the trough."""
-    bends = rp.Surface().curvatures
-    mould = rp.Mould.from_formula(
+    bends = rp.polishing.Surface().curvatures
+    mould = rp.polishing.Mould.from_formula(
         "0.5*a*x**2 + 0.5*b*y**2",
         x=(-0.01, 0.05),
         y=(-0.02, 0.02),
@@ -84,7 +84,7 @@ def trough() -> str:
 def spiral() -> str:
     """Return what five seconds along a spiral on an STL mesh cost and take off."""
     mould = _from_mesh()
-    path = rp.ToolPath.spiral((0.0, 0.0), 0.016, 0.0025, speed=0.04, over=mould)
+    path = rp.polishing.ToolPath.spiral((0.0, 0.0), 0.016, 0.0025, speed=0.04, over=mould)
     rp.simulate_brush(duration=0.001, surface=mould, path=path)  # compiled code is loaded
     lines = [
         "| run | CPU time of 5 s [s] | mean F_z [N] | passes agree within "
@@ -95,7 +95,7 @@ def spiral() -> str:
         start = time.process_time()
         signals = rp.simulate_brush(run=run, duration=5.0, surface=mould, path=path)
         spent = time.process_time() - start
-        volume = 1e9 * float(rp.removal_map(signals, mould).sum()) * 5e-4**2
+        volume = 1e9 * float(rp.polishing.removal_map(signals, mould).sum()) * 5e-4**2
         way = float(signals["contact_force"].sum("point").mean()) * 5.0 * 100 * np.pi * 0.010
         lines.append(
             f"| {run} | {spent:.1f} | {float(signals['F_z'].mean()):.4f} "
@@ -106,21 +106,21 @@ def spiral() -> str:
 
 def force_control() -> str:
     """Return what ways to control the force make of a mould that is not where it should be."""
-    mould = rp.Mould.from_formula(_FORMULA, x=_SIDE, y=_SIDE)
-    clamped = rp.Mould.from_formula(
+    mould = rp.polishing.Mould.from_formula(_FORMULA, x=_SIDE, y=_SIDE)
+    clamped = rp.polishing.Mould.from_formula(
         f"{_FORMULA} + slope*x + wave*sin(y/0.0015)",
         x=_SIDE,
         y=_SIDE,
         parameters={"slope": np.tan(np.radians(0.5)), "wave": 1e-4},
     )
-    path = rp.ToolPath.spiral((0.0, 0.0), 0.016, 0.0025, speed=0.04, over=mould)
+    path = rp.polishing.ToolPath.spiral((0.0, 0.0), 0.016, 0.0025, speed=0.04, over=mould)
     moments = np.arange(0.0, 6.0, 1 / 2000)
-    axis = rp.PolishingAxis()
+    axis = rp.polishing.PolishingAxis()
     ways = [
-        rp.passive_stiffness(axis),
-        rp.impedance_control(axis),
-        rp.admittance_control(axis),
-        rp.hinf_force_control(axis),
+        rp.polishing.passive_stiffness(axis),
+        rp.polishing.impedance_control(axis),
+        rp.polishing.admittance_control(axis),
+        rp.polishing.hinf_force_control(axis),
     ]
     lines = [
         "| control | force error, mould clamped askew | removal error | force error, mould unknown "
@@ -128,8 +128,8 @@ def force_control() -> str:
         "|---|---:|---:|---:|---:|",
     ]
     tables = [
-        rp.compare_force_control(
-            ways, path, rp.height_deviation(clamped, told, path, moments), moments
+        rp.polishing.compare_force_control(
+            ways, path, rp.polishing.height_deviation(clamped, told, path, moments), moments
         ).table
         for told in (mould, None)
     ]

@@ -8,21 +8,21 @@ from collections.abc import Iterator
 import numpy as np
 
 import robustpolish as rp
-from robustpolish.effects import Effect
-from robustpolish.models.rotor.published import DAMPED, DAMPED_HZ, FAST, IN_RAD
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.rotor.rotor import DAMPED, DAMPED_HZ, FAST, IN_RAD
 
-CLAMP = rp.RotorBearing(0.0, math.inf, tilting_stiffness=math.inf)
+CLAMP = rp.rotor.RotorBearing(0.0, math.inf, tilting_stiffness=math.inf)
 ROOTS = {
     "clamped": ([CLAMP], [1.87510407, 4.69409113, 7.85475744]),
     "simply supported": (
-        [rp.RotorBearing(at, math.inf) for at in (0.0, 1.0)],
+        [rp.rotor.RotorBearing(at, math.inf) for at in (0.0, 1.0)],
         [math.pi, 2 * math.pi, 3 * math.pi],
     ),
     "free": ([], [4.73004074, 7.85320462, 10.99560784]),
 }
 
 
-def _lowest(rotor: rp.RotorModel, speed: float = 0.0) -> np.ndarray:
+def _lowest(rotor: rp.rotor.RotorModel, speed: float = 0.0) -> np.ndarray:
     return 2 * np.pi * rotor.modes(speed, count=6).frequencies_hz
 
 
@@ -36,26 +36,26 @@ def closed_forms() -> str:
         "| beam of 20 elements | three lowest, closed form [rad/s] | largest gap |",
         "|---|---|---:|",
     ]
-    slender = rp.ShaftSegment(1.0, 0.004, elements=20)
+    slender = rp.rotor.ShaftSegment(1.0, 0.004, elements=20)
     unit = math.sqrt(slender.bending_stiffness / (slender.density * slender.area))
     for name, (bearings, roots) in ROOTS.items():
         expected = unit * np.square(roots)
         for theory in ("euler", "timoshenko"):
-            found = _lowest(rp.RotorModel([slender], bearings=bearings, theory=theory))[::2]
+            found = _lowest(rp.rotor.RotorModel([slender], bearings=bearings, theory=theory))[::2]
             shown = ", ".join(f"{value:.5g}" for value in expected)
             lines.append(f"| {name}, l/d = 250, {theory} | {shown} | {_percent(found, expected)} |")
     for slenderness in (12.5, 10.0):
-        rod = rp.ShaftSegment(1.0, 1.0 / slenderness, elements=20)
+        rod = rp.rotor.ShaftSegment(1.0, 1.0 / slenderness, elements=20)
         expected = np.array([_timoshenko(rod, n * math.pi) for n in (1, 2, 3)])
         pins = ROOTS["simply supported"][0]
-        found = _lowest(rp.RotorModel([rod], bearings=pins))[::2]
+        found = _lowest(rp.rotor.RotorModel([rod], bearings=pins))[::2]
         shown = ", ".join(f"{value:.5g}" for value in expected)
         gap = _percent(found, expected)
         lines.append(f"| simply supported, l/d = {slenderness:g}, timoshenko | {shown} | {gap} |")
     return "\n".join(lines)
 
 
-def _timoshenko(rod: rp.ShaftSegment, b: float) -> float:
+def _timoshenko(rod: rp.rotor.ShaftSegment, b: float) -> float:
     """Return the lower root of E I b^4 - (A + I b^2 (1 + E/kG)) rho w^2 + rho^2 I w^4 / kG."""
     soft = 1 / (rod.shear_coefficient * rod.shear_modulus)
     turning = rod.density * rod.area_moment
@@ -108,7 +108,7 @@ def spindle() -> str:
     lines = ["| spindle, at rest | 1st [Hz] | 2nd [Hz] | 3rd [Hz] |", "|---|---:|---:|---:|"]
     for name, step in steps.items():
         given |= step
-        found = rp.spindle_rotor(**given).modes(count=6).frequencies_hz[::2]
+        found = rp.polishing.spindle_rotor(**given).modes(count=6).frequencies_hz[::2]
         cells = [f"{value:.2f}" for value in found] + ["–"] * (3 - len(found))
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
@@ -116,17 +116,21 @@ def spindle() -> str:
 
 def spinning() -> str:
     """Return what the spin does, and what the reduced plant loses."""
-    rotor = rp.spindle_rotor()
+    rotor = rp.polishing.spindle_rotor()
     backward, forward = rotor.modes(314.0, count=2)
-    p = rp.AirBearingParameters()
+    p = rp.polishing.AirBearingParameters()
     ports = [-p.bearing_height / 2, p.rod_length + p.brush_height / 2]
     lost = rotor.reduced(2, ports, speed=314.0).error(band_hz=2000.0)
-    states = rp.rotating_beam(speed=314.0).nx, rp.rotating_beam(speed=314.0, modes=None).nx
+    states = (
+        rp.polishing.rotating_beam(speed=314.0).nx,
+        rp.polishing.rotating_beam(speed=314.0, modes=None).nx,
+    )
     return (
         f"At 3000 rev/min the lowest mode is {backward.frequency_hz:.2f} Hz against the spin and "
         f"{forward.frequency_hz:.2f} Hz with it, with the damping ratios "
         f"{backward.damping_ratio:.3g} and {forward.damping_ratio:.3g}. The first critical speed "
-        f"is {rotor.critical_speeds()[0] * 30 / math.pi:.0f} rev/min. `rp.rotating_beam` has "
+        f"is {rotor.critical_speeds()[0] * 30 / math.pi:.0f} rev/min. `rp.polishing.rotating_beam` "
+        "has "
         f"{states[0]} states where the whole beam has {states[1]}, and loses at most "
         f"{lost.response:.1e} of the response below 2 kHz"
     )
@@ -146,7 +150,7 @@ def damping() -> str:
     }
     lines = ["| loss per cycle | closed form [J] | integrated [J] | gap |", "|---|---:|---:|---:|"]
     for name, (kind, values, closed) in cases.items():
-        found = rp.energy_per_cycle(Effect(kind, ("x", "ground"), values), A, w)
+        found = rp.effects.energy_per_cycle(Effect(kind, ("x", "ground"), values), A, w)
         lines.append(f"| {name} | {closed:.6g} | {found:.6g} | {abs(found / closed - 1):.1e} |")
     return "\n".join(lines)
 

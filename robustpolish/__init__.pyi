@@ -1,449 +1,337 @@
-from . import datasets as datasets
-from .analysis import (
-    DelayedSystem,
-    DelayLine,
-    DelayStability,
-    Feasibility,
-    H2Norm,
-    HinfNorm,
-    Modes,
-    PbhTest,
-    Prescaled,
-    Scaling,
-    Stability,
-    controllability,
-    delay_stability,
-    h2_norm,
-    hinf_norm,
-    is_detectable,
-    is_stabilizable,
-    modes,
-    observability,
-    prescale,
-    scale_system,
-    singular_values,
-    stability,
+from . import (
+    datasets as datasets,
 )
-from .brush import (
-    BrushFit,
-    BrushParameters,
-    ContactComparison,
-    ForceStudy,
-    Mould,
-    Surface,
-    ToolPath,
-    check_brush_fit,
-    compare_contact_laws,
-    force_study,
-    plot_polishing,
-    removal_map,
-    removal_of_force,
-    resultant_forces,
-    simulate_brush,
+from . import (
+    effects as effects,
 )
-from .closed_loop import (
-    BrushDesign,
-    BuildableBrushDesign,
-    ControllerComparison,
-    CoupledComparison,
-    ForceComparison,
-    ForceControl,
-    PolishingAxis,
-    RobustnessCheck,
-    SampledLoops,
-    admittance_control,
-    check_robustness,
-    compare_controllers,
-    compare_coupled,
-    compare_force_control,
-    design_against_brush,
-    height_deviation,
-    hinf_force_control,
-    impedance_control,
-    linearize_with_brush,
-    monte_carlo,
-    passive_stiffness,
-    simulate,
-    simulate_coupled,
+from . import (
+    errors as errors,
 )
-from .effects import (
-    LearnedLaw,
-    energy_per_cycle,
-    equivalent_damping,
-    loss_damping,
-    share_damping,
+from . import (
+    implementation as implementation,
 )
-from .effects.own import effect
+from . import (
+    linear as linear,
+)
+from . import (
+    plots as plots,
+)
+from . import (
+    polishing as polishing,
+)
+from . import (
+    results as results,
+)
+from . import (
+    rotor as rotor,
+)
+from . import (
+    signals as signals,
+)
+from . import (
+    simulation as simulation,
+)
+from . import (
+    tunable as tunable,
+)
+from . import (
+    uncertain as uncertain,
+)
+from .app.machine_design import (
+    design_machine as design_machine,
+)
+from .app.machine_design import (
+    read_design_task as read_design_task,
+)
+from .base.sweep import (
+    sweep as sweep,
+)
+from .base.versions import (
+    show_versions as show_versions,
+)
+from .closed_loop.monte_carlo import (
+    monte_carlo as monte_carlo,
+)
+from .closed_loop.simulate import (
+    compare_controllers as compare_controllers,
+)
+from .closed_loop.simulate import (
+    simulate as simulate,
+)
 from .errors import (
-    InfeasibleError,
-    InvalidInputError,
-    MissingDependencyError,
-    RobustPolishError,
-    RobustPolishWarning,
-    SolverError,
-    StorageError,
+    InfeasibleError as InfeasibleError,
 )
-from .identification import (
-    AmplitudeDependence,
-    Comparison,
-    Diagnosis,
-    ForceMap,
-    FrequencyComparison,
-    Ledger,
-    Refit,
-    ResidualAnalysis,
-    StepRun,
-    ToldApart,
-    amplitude_dependence,
-    compare,
-    diagnose,
-    effect_sector,
-    refit,
-    residual_analysis,
-    step_runs,
-    tell_apart,
+from .errors import (
+    InvalidInputError as InvalidInputError,
 )
-from .implementation import (
-    SampledCertificate,
-    SampledDesign,
-    certify_sampled,
-    plant_at_samples,
+from .errors import (
+    RobustPolishError as RobustPolishError,
 )
-from .loading import load
-from .loops import (
-    LoopAnalysis,
-    LoopRequirements,
-    MeasuredLoopAnalysis,
-    loop_analysis,
+from .errors import (
+    RobustPolishWarning as RobustPolishWarning,
 )
-from .machine_design import (
-    DesignTask,
-    MachineDesign,
-    design_machine,
-    read_design_task,
+from .errors import (
+    SolverError as SolverError,
 )
-from .measurements import (
-    decimate,
-    estimate_frequency_response,
-    measured_forces,
-    read_frequency_response,
-    read_measurement,
-    split_blocks,
+from .identification.compare import (
+    compare as compare,
 )
-from .models import (
-    AirBearingParameters,
-    Campbell,
-    CoupledInertia,
-    Cover,
-    Damper,
-    Dof,
-    Ellipsoid,
-    GeneralizedPlant,
-    Input,
-    Linearization,
-    MechanicalModel,
-    Output,
-    PolishingHardware,
-    ReducedRotor,
-    ReductionError,
-    RotorBearing,
-    RotorDisc,
-    RotorModel,
-    RotorModes,
-    ShaftSegment,
-    Spring,
-    UncertainSystem,
-    WhirlMode,
-    air_bearing,
-    append,
-    cover,
-    feedback,
-    lft,
-    linearize,
-    mixed_sensitivity,
-    parallel,
-    polishing_plant,
-    rotating_beam,
-    series,
-    spindle_rotor,
-    uncertain_complex,
-    uncertain_dynamics,
-    uncertain_ellipsoid,
-    uncertain_real,
-    uncertain_system,
-    weight,
+from .identification.diagnose import (
+    diagnose as diagnose,
 )
-from .robust import (
-    RobustPerformance,
-    RobustStability,
-    SectorStability,
-    StructuredSingularValue,
-    WorstCaseGain,
-    robust_performance,
-    robust_sector,
-    robust_stability,
-    structured_singular_value,
-    worst_case_gain,
+from .identification.experiments.tell_apart import (
+    tell_apart as tell_apart,
 )
-from .sweeps import sweep
-from .synthesis import (
-    Certificate,
-    Design,
-    Disk,
-    HalfPlane,
-    MethodComparison,
-    MethodResult,
-    PassiveElement,
-    RobustDesign,
-    RobustStateFeedback,
-    ScheduledDesign,
-    Sector,
-    TradeOff,
-    Tunable,
-    TunableBlock,
-    TunedBlock,
-    TunedNumber,
-    certify,
-    channel,
-    compare_methods,
-    fixed_order,
-    given_controller,
-    largest_period,
-    lead_lag,
-    loop_shaping,
-    low_pass,
-    mixed_output_feedback,
-    mixed_state_feedback,
-    ncf_margin,
-    notch,
-    nu_gap,
-    observer_controller,
-    observer_feedback,
-    output_feedback,
-    passive_feedback,
-    pid,
-    robust_output_feedback,
-    robust_state_feedback,
-    scheduled_feedback,
-    state_feedback,
-    static_gain,
-    static_output_feedback,
-    structured_output_feedback,
-    trade_off,
-    tunable,
+from .identification.refit import (
+    refit as refit,
 )
-from .versions import show_versions
+from .identification.residuals.analysis import (
+    residual_analysis as residual_analysis,
+)
+from .linear.controllability import (
+    controllability as controllability,
+)
+from .linear.controllability import (
+    observability as observability,
+)
+from .linear.modes import (
+    modes as modes,
+)
+from .linear.norms.h2 import (
+    h2_norm as h2_norm,
+)
+from .linear.norms.hinf import (
+    hinf_norm as hinf_norm,
+)
+from .linear.norms.singular_values import (
+    singular_values as singular_values,
+)
+from .loading import (
+    load as load,
+)
+from .loops.analysis import (
+    loop_analysis as loop_analysis,
+)
+from .loops.requirements import (
+    LoopRequirements as LoopRequirements,
+)
+from .machines.effects.user_defined import (
+    effect as effect,
+)
+from .machines.mechanical.model import (
+    MechanicalModel as MechanicalModel,
+)
+from .machines.mechanical.parts import (
+    CoupledInertia as CoupledInertia,
+)
+from .machines.mechanical.parts import (
+    Damper as Damper,
+)
+from .machines.mechanical.parts import (
+    Dof as Dof,
+)
+from .machines.mechanical.parts import (
+    Input as Input,
+)
+from .machines.mechanical.parts import (
+    Output as Output,
+)
+from .machines.mechanical.parts import (
+    Spring as Spring,
+)
+from .plants.linearization import (
+    linearize as linearize,
+)
+from .plants.plant import (
+    GeneralizedPlant as GeneralizedPlant,
+)
+from .plants.uncertain.build import (
+    feedback as feedback,
+)
+from .plants.weights import (
+    mixed_sensitivity as mixed_sensitivity,
+)
+from .plants.weights import (
+    weight as weight,
+)
+from .polishing.air_bearing import (
+    air_bearing as air_bearing,
+)
+from .polishing.design import (
+    design_against_brush as design_against_brush,
+)
+from .polishing.simulate import (
+    simulate_brush as simulate_brush,
+)
+from .robust.questions import (
+    robust_performance as robust_performance,
+)
+from .robust.questions import (
+    robust_stability as robust_stability,
+)
+from .robust.questions import (
+    worst_case_gain as worst_case_gain,
+)
+from .robust.sector import (
+    robust_sector as robust_sector,
+)
+from .robust.structured_singular_value import (
+    structured_singular_value as structured_singular_value,
+)
+from .signals.frequency_response import (
+    estimate_frequency_response as estimate_frequency_response,
+)
+from .signals.frequency_response import (
+    read_frequency_response as read_frequency_response,
+)
+from .signals.read import (
+    read_measurement as read_measurement,
+)
+from .synthesis.certificate import (
+    certify as certify,
+)
+from .synthesis.compare import (
+    compare_methods as compare_methods,
+)
+from .synthesis.compare import (
+    trade_off as trade_off,
+)
+from .synthesis.given import (
+    given_controller as given_controller,
+)
+from .synthesis.loop_shaping.loop_shaping import (
+    loop_shaping as loop_shaping,
+)
+from .synthesis.output_feedback.output_feedback import (
+    output_feedback as output_feedback,
+)
+from .synthesis.problem.matrices import (
+    channel as channel,
+)
+from .synthesis.problem.pole_regions import (
+    Disk as Disk,
+)
+from .synthesis.problem.pole_regions import (
+    HalfPlane as HalfPlane,
+)
+from .synthesis.problem.pole_regions import (
+    Sector as Sector,
+)
+from .synthesis.scheduled.robust_state_feedback import (
+    robust_state_feedback as robust_state_feedback,
+)
+from .synthesis.scheduled.scheduled_feedback import (
+    scheduled_feedback as scheduled_feedback,
+)
+from .synthesis.state_feedback.state_feedback import (
+    state_feedback as state_feedback,
+)
+from .synthesis.structured.methods import (
+    observer_feedback as observer_feedback,
+)
+from .synthesis.structured.methods import (
+    passive_feedback as passive_feedback,
+)
+from .synthesis.structured.methods import (
+    static_output_feedback as static_output_feedback,
+)
+from .synthesis.structured.methods import (
+    structured_output_feedback as structured_output_feedback,
+)
+from .synthesis.structured.mixed import (
+    mixed_output_feedback as mixed_output_feedback,
+)
+from .synthesis.structured.mixed import (
+    mixed_state_feedback as mixed_state_feedback,
+)
+from .synthesis.uncertain.robust_output_feedback import (
+    robust_output_feedback as robust_output_feedback,
+)
 
 __version__: str
 
 __all__ = [
-    "AirBearingParameters",
-    "AmplitudeDependence",
-    "BrushDesign",
-    "BrushFit",
-    "BrushParameters",
-    "BuildableBrushDesign",
-    "Campbell",
-    "Certificate",
-    "Comparison",
-    "ContactComparison",
-    "ControllerComparison",
-    "CoupledComparison",
     "CoupledInertia",
-    "Cover",
     "Damper",
-    "DelayLine",
-    "DelayStability",
-    "DelayedSystem",
-    "Design",
-    "DesignTask",
-    "Diagnosis",
     "Disk",
     "Dof",
-    "Ellipsoid",
-    "Feasibility",
-    "ForceComparison",
-    "ForceControl",
-    "ForceMap",
-    "ForceStudy",
-    "FrequencyComparison",
     "GeneralizedPlant",
-    "H2Norm",
     "HalfPlane",
-    "HinfNorm",
     "InfeasibleError",
     "Input",
     "InvalidInputError",
-    "LearnedLaw",
-    "Ledger",
-    "Linearization",
-    "LoopAnalysis",
     "LoopRequirements",
-    "MachineDesign",
-    "MeasuredLoopAnalysis",
     "MechanicalModel",
-    "MethodComparison",
-    "MethodResult",
-    "MissingDependencyError",
-    "Modes",
-    "Mould",
     "Output",
-    "PassiveElement",
-    "PbhTest",
-    "PolishingAxis",
-    "PolishingHardware",
-    "Prescaled",
-    "ReducedRotor",
-    "ReductionError",
-    "Refit",
-    "ResidualAnalysis",
-    "RobustDesign",
-    "RobustPerformance",
     "RobustPolishError",
     "RobustPolishWarning",
-    "RobustStability",
-    "RobustStateFeedback",
-    "RobustnessCheck",
-    "RotorBearing",
-    "RotorDisc",
-    "RotorModel",
-    "RotorModes",
-    "SampledCertificate",
-    "SampledDesign",
-    "SampledLoops",
-    "Scaling",
-    "ScheduledDesign",
     "Sector",
-    "SectorStability",
-    "ShaftSegment",
     "SolverError",
     "Spring",
-    "Stability",
-    "StepRun",
-    "StorageError",
-    "StructuredSingularValue",
-    "Surface",
-    "ToldApart",
-    "ToolPath",
-    "TradeOff",
-    "Tunable",
-    "TunableBlock",
-    "TunedBlock",
-    "TunedNumber",
-    "UncertainSystem",
-    "WhirlMode",
-    "WorstCaseGain",
-    "admittance_control",
     "air_bearing",
-    "amplitude_dependence",
-    "append",
     "certify",
-    "certify_sampled",
     "channel",
-    "check_brush_fit",
-    "check_robustness",
     "compare",
-    "compare_contact_laws",
     "compare_controllers",
-    "compare_coupled",
-    "compare_force_control",
     "compare_methods",
     "controllability",
-    "cover",
     "datasets",
-    "decimate",
-    "delay_stability",
     "design_against_brush",
     "design_machine",
     "diagnose",
     "effect",
-    "effect_sector",
-    "energy_per_cycle",
-    "equivalent_damping",
+    "effects",
+    "errors",
     "estimate_frequency_response",
     "feedback",
-    "fixed_order",
-    "force_study",
     "given_controller",
     "h2_norm",
-    "height_deviation",
-    "hinf_force_control",
     "hinf_norm",
-    "impedance_control",
-    "is_detectable",
-    "is_stabilizable",
-    "largest_period",
-    "lead_lag",
-    "lft",
+    "implementation",
+    "linear",
     "linearize",
-    "linearize_with_brush",
     "load",
     "loop_analysis",
     "loop_shaping",
-    "loss_damping",
-    "low_pass",
-    "measured_forces",
     "mixed_output_feedback",
     "mixed_sensitivity",
     "mixed_state_feedback",
     "modes",
     "monte_carlo",
-    "ncf_margin",
-    "notch",
-    "nu_gap",
     "observability",
-    "observer_controller",
     "observer_feedback",
     "output_feedback",
-    "parallel",
     "passive_feedback",
-    "passive_stiffness",
-    "pid",
-    "plant_at_samples",
-    "plot_polishing",
-    "polishing_plant",
-    "prescale",
+    "plots",
+    "polishing",
     "read_design_task",
     "read_frequency_response",
     "read_measurement",
     "refit",
-    "removal_map",
-    "removal_of_force",
     "residual_analysis",
-    "resultant_forces",
+    "results",
     "robust_output_feedback",
     "robust_performance",
     "robust_sector",
     "robust_stability",
     "robust_state_feedback",
-    "rotating_beam",
-    "scale_system",
+    "rotor",
     "scheduled_feedback",
-    "series",
-    "share_damping",
     "show_versions",
+    "signals",
     "simulate",
     "simulate_brush",
-    "simulate_coupled",
+    "simulation",
     "singular_values",
-    "spindle_rotor",
-    "split_blocks",
-    "stability",
     "state_feedback",
-    "static_gain",
     "static_output_feedback",
-    "step_runs",
     "structured_output_feedback",
     "structured_singular_value",
     "sweep",
     "tell_apart",
     "trade_off",
     "tunable",
-    "uncertain_complex",
-    "uncertain_dynamics",
-    "uncertain_ellipsoid",
-    "uncertain_real",
-    "uncertain_system",
+    "uncertain",
     "weight",
     "worst_case_gain",
 ]

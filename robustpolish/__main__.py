@@ -14,7 +14,7 @@ def run() -> None:
     codes: list[int] = []
     atexit.register(_leave, codes)  # the first that is registered runs last
     try:
-        from robustpolish.cli import main
+        from robustpolish.app.cli.main import main
 
         main(prog_name="robustpolish")
     except SystemExit as end:

@@ -1,7 +1,7 @@
 """The errors and the warning that robustpolish raises, and nothing else does.
 
 Every message names the argument, the value that came, what was expected and
-what to do next; :func:`robustpolish.validation.invalid` builds such messages.
+what to do next; :func:`robustpolish.base.checks.invalid` builds such messages.
 """
 
 from __future__ import annotations

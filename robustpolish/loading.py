@@ -7,15 +7,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from robustpolish.identification.findings.diagnosis import Diagnosis, diagnosis_from
-from robustpolish.implementation import SampledDesign
-from robustpolish.implementation.discretization.sampled_design import sampled_from
-from robustpolish.models import GeneralizedPlant, MechanicalModel
-from robustpolish.models.plant.plant import plant_from
-from robustpolish.saved_file import Fields, read_saved
-from robustpolish.synthesis import Design
-from robustpolish.synthesis.design.design import design_from
-from robustpolish.validation import described, invalid
+from robustpolish.base.checks import described, invalid
+from robustpolish.base.saved import Fields, read_saved
+from robustpolish.identification.diagnosis.result import Diagnosis, diagnosis_from
+from robustpolish.implementation.sampled_design import SampledDesign, sampled_from
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.plants.plant import GeneralizedPlant, plant_from
+from robustpolish.synthesis.design import Design, design_from
 
 _READERS: Mapping[str, Callable[[Fields], Any]] = {
     "design": design_from,

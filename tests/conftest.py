@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 import robustpolish as rp
-from robustpolish.closed_loop import BuildableBrushDesign, limits_of_hardware
+from robustpolish.polishing import buildable as limits_of_hardware
+from robustpolish.polishing.buildable import BuildableBrushDesign
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 

@@ -4,17 +4,18 @@ import numpy as np
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.closed_loop import BrushDesign
-from robustpolish.effects import Effect
-from robustpolish.identification import Diagnosis
-from robustpolish.identification.findings.findings import (
+from robustpolish.identification.diagnosis.findings import (
     Confusion,
     FoundEffect,
+    Ledger,
     RankedCandidate,
     Value,
 )
-from robustpolish.identification.findings.ledger import Ledger
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+from robustpolish.identification.diagnosis.result import Diagnosis
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
+from robustpolish.polishing.ideal import BrushDesign
 
 PLACE = ("x", "ground")
 
@@ -74,7 +75,7 @@ def brush_design() -> BrushDesign:
     )
     return BrushDesign(
         plant=plant,
-        parameters=rp.AirBearingParameters(),
+        parameters=rp.polishing.AirBearingParameters(),
         disturbance=load,
         design=controller,
         control_weight=None,

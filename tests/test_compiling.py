@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import robustpolish
-from robustpolish.compiling import checksum, njit
-from robustpolish.long_calls import Budget
+from robustpolish.base.budget import Budget
+from robustpolish.base.jit import checksum, njit
 
 PACKAGE = Path(robustpolish.__file__).parent
 
@@ -72,7 +72,7 @@ def test_an_edited_callee_is_seen(tmp_path):
 
 
 def test_the_checksum_is_that_of_what_a_function_sees():
-    from robustpolish.simulation import kernel
+    from robustpolish.machines.simulation import stepper as kernel
 
     function = next(f.py_func for f in vars(kernel).values() if hasattr(f, "py_func"))
     assert checksum(function) == checksum(function)
@@ -97,7 +97,7 @@ def test_all_compiled_functions_are_kept_that_way():
     found = 0
     for file in PACKAGE.rglob("*.py"):
         text = file.read_text()
-        found += "robustpolish.compiling import" in text
+        found += "robustpolish.base.jit import" in text
         if "numba" in text and file.name != "compiling.py":
             for node in ast.walk(ast.parse(text)):
                 named = isinstance(node, ast.ImportFrom) and node.module == "numba"

@@ -6,9 +6,15 @@ import time
 import pytest
 
 import robustpolish as rp
-from robustpolish import deadline
-from robustpolish.deadline import OutOfTimeError, ends_with, for_a_part, look_at_the_clock
-from robustpolish.long_calls import Budget, clock_stands
+from robustpolish.base import budget as deadline
+from robustpolish.base.budget import (
+    Budget,
+    OutOfTimeError,
+    clock_stands,
+    ends_with,
+    for_a_part,
+    look_at_the_clock,
+)
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from robustpolish.display import (
+from robustpolish.base.results import (
     Card,
     Displayed,
     Table,

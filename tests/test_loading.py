@@ -53,7 +53,7 @@ def test_what_is_no_file_of_ours_is_refused(tmp_path):
         rp.load(tmp_path / "none.json")
     with pytest.raises(rp.InvalidInputError, match=r"got a plant in p\.json, expected a design"):
         plant().save(tmp_path / "p.json")
-        rp.Design.load(tmp_path / "p.json")
+        rp.results.Design.load(tmp_path / "p.json")
     with pytest.raises(rp.InvalidInputError, match=r"\.json"):
         plant().save(tmp_path / "p.pkl")
 
@@ -80,7 +80,7 @@ def test_a_diagnosis_comes_back(tmp_path):
         else:
             assert other == one, field.name
     assert again.explain() == told.explain()
-    assert rp.Diagnosis.load(tmp_path / "diagnosis.json").to_dict() == told.to_dict()
+    assert rp.results.Diagnosis.load(tmp_path / "diagnosis.json").to_dict() == told.to_dict()
 
 
 @pytest.mark.parametrize(

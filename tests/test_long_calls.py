@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from robustpolish.long_calls import Budget, on_all_cores, same_bits, step_cost
+from robustpolish.base.budget import Budget, on_all_cores, same_bits, step_cost
 
 
 def test_work_ends_a_search_whatever_the_time():

@@ -9,7 +9,7 @@ import nbclient
 import nbformat
 import pytest
 
-from robustpolish import long_calls
+from robustpolish.base import budget as long_calls
 
 
 class Terminal(io.StringIO):

@@ -10,7 +10,7 @@ import re
 import pytest
 
 import robustpolish as rp
-from robustpolish.display import Displayed
+from robustpolish.base.results import Displayed
 
 ROOMS = sorted(
     module.name
@@ -24,7 +24,7 @@ INHERITED = (dict, tuple, Exception, enum.Enum)
 def public_names():
     """Yield (name, object) for what robustpolish and its rooms offer, each object once."""
     seen = set()
-    for room in ("robustpolish", *ROOMS, "robustpolish.plotting"):
+    for room in ("robustpolish", *ROOMS, "robustpolish.plots"):
         module = importlib.import_module(room)
         names = getattr(module, "__all__", None) or [n for n in vars(module) if n[0] != "_"]
         for name in names:
@@ -87,7 +87,7 @@ def test_parameters_are_documented(name):
 
 # Keywords that name fields or parameters of another object, which refuses what it does not know.
 FORWARDED = (
-    "robustpolish.BrushParameters.for_run",
+    "robustpolish.polishing.BrushParameters.for_run",
     "robustpolish.GeneralizedPlant.replace",
     "robustpolish.design_machine",
     "robustpolish.read_design_task",
@@ -119,7 +119,7 @@ def test_unknown_keywords_are_refused(name):
 
 def test_forwarded_keywords_are_refused_too():
     with pytest.raises(TypeError, match="no_such_keyword"):
-        rp.BrushParameters.for_run(1, no_such_keyword=1)
+        rp.polishing.BrushParameters.for_run(1, no_such_keyword=1)
     with pytest.raises(TypeError, match="no_such_keyword"):
         rp.air_bearing().replace(no_such_keyword=1)
     with pytest.raises(TypeError, match="no_such_keyword"):
@@ -193,19 +193,19 @@ def test_every_result_draws_itself(name):
         rp.CoupledInertia(("x", "y"), 0.1),
         rp.Input("F", ("x", "ground")),
         rp.Output("x", ("x", "ground")),
-        rp.DelayLine("x", 1e-3),
+        rp.simulation.DelayLine("x", 1e-3),
         rp.HalfPlane(-1.0),
         rp.Disk(-2.0, 1.0),
         rp.Sector(0.3),
-        rp.Surface(0.1, 2.5),
-        rp.BrushParameters.for_run(3, spin=200.0),
+        rp.polishing.Surface(0.1, 2.5),
+        rp.polishing.BrushParameters.for_run(3, spin=200.0),
         rp.LoopRequirements(modulus=0.6),
-        rp.PolishingAxis(),
-        rp.ShaftSegment(0.1, 0.02),
-        rp.RotorDisc(0.05, 1.0, 1e-3, 2e-3),
-        rp.RotorBearing(0.0, 1e6),
-        rp.PassiveElement("spring", ("x", "ground"), 5.0, "N/m"),
-        rp.tunable("k", 10.0, low=0.0, high=1e4),
+        rp.polishing.PolishingAxis(),
+        rp.rotor.ShaftSegment(0.1, 0.02),
+        rp.rotor.RotorDisc(0.05, 1.0, 1e-3, 2e-3),
+        rp.rotor.RotorBearing(0.0, 1e6),
+        rp.results.PassiveElement("spring", ("x", "ground"), 5.0, "N/m"),
+        rp.tunable.tunable("k", 10.0, low=0.0, high=1e4),
     ],
     ids=lambda value: type(value).__name__,
 )

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from robustpolish.base.saved import FORMAT, Fields, plain, read_saved, write_saved
+from robustpolish.base.versions import __version__
 from robustpolish.errors import InvalidInputError
-from robustpolish.saved_file import FORMAT, Fields, plain, read_saved, write_saved
-from robustpolish.versions import __version__
 
 CONTENT = {
     "third": 1 / 3, "big": np.inf, "unknown": np.nan, "matrix": np.array([[1.0, -np.inf]]),

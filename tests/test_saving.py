@@ -5,9 +5,9 @@ import threading
 
 import pytest
 
-from robustpolish.drafts import renames
+from robustpolish.base import atomic_writes as renames
+from robustpolish.base.atomic_writes import check_new_file, new_file, new_folder, write_file
 from robustpolish.errors import InvalidInputError
-from robustpolish.saving import check_new_file, new_file, new_folder, write_file
 
 
 def test_a_folder_appears_at_the_end(tmp_path):

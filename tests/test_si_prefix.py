@@ -5,7 +5,7 @@ import math
 import pytest
 from matplotlib.ticker import EngFormatter
 
-from robustpolish.si_prefix import bears_prefix, prefix_power, prefixed
+from robustpolish.base.results import bears_prefix, prefix_power, prefixed
 
 
 @pytest.mark.parametrize(

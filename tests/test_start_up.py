@@ -29,13 +29,15 @@ def test_import_loads_nothing_heavy():
 
 
 def test_the_command_loads_nothing_heavy():
-    found = loaded_by("from robustpolish.cli import main; main(['--help'], standalone_mode=False)")
+    found = loaded_by(
+        "from robustpolish.app.cli.main import main; main(['--help'], standalone_mode=False)"
+    )
     assert "click" in found
     assert not found & HEAVY
 
 
 def test_a_name_loads_what_it_needs_and_no_more():
-    found = loaded_by("import robustpolish as rp; rp.HinfNorm")
+    found = loaded_by("import robustpolish as rp; rp.results.HinfNorm")
     assert "control" in found
     assert not found & {"cvxpy", "numba"}
 
@@ -70,7 +72,7 @@ def test_ctrl_c_ends_without_a_traceback(seconds):
 def test_ctrl_c_while_a_class_is_made_ends_without_a_traceback(raised, is_told):
     """Up to Python 3.11 it arrives as the cause of a RuntimeError; other errors are told."""
     program = (
-        "import robustpolish.__main__ as command, robustpolish.cli as cli\n"
+        "import robustpolish.__main__ as command, robustpolish.app.cli.main as cli\n"
         "class Named:\n"
         f"    def __set_name__(self, owner, name): raise {raised}\n"
         "cli.main = lambda prog_name: type('Made', (), {'named': Named()})\n"

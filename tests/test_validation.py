@@ -4,8 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.errors import InvalidInputError
-from robustpolish.validation import (
+from robustpolish.base.checks import (
     described,
     inside,
     invalid,
@@ -17,6 +16,7 @@ from robustpolish.validation import (
     spelled,
     state_space,
 )
+from robustpolish.errors import InvalidInputError
 
 
 def test_a_complaint_names_argument_value_expectation_and_remedy():

@@ -8,7 +8,7 @@ from pathlib import Path
 from click.shell_completion import BashComplete
 
 import robustpolish as rp
-from robustpolish.cli import main
+from robustpolish.app.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -15,7 +15,9 @@ from matplotlib.figure import Figure
 from sphinx.application import Sphinx
 from sphinx.config import Config
 
-from robustpolish.effects import EffectKind, Motion, kinds, shapes_along
+from robustpolish.machines.effects.effect import kinds
+from robustpolish.machines.effects.evaluate import shapes_along
+from robustpolish.machines.effects.kind import EffectKind, Motion
 
 FOLDER = "effects"
 PLACES = {

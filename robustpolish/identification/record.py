@@ -7,27 +7,203 @@ observer or the derivative of an input, begins anew with each of them.
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import accumulate, pairwise
+from itertools import accumulate, combinations, pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
-from robustpolish.arrays import Array
+from robustpolish.base.arrays import Array
+from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.joined import joined, named_records, of_one_step
-from robustpolish.measurements import (
-    check_sampling,
-    holds_frequency_response,
-    read_measurement,
-    same_kind,
-)
-from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.parts import Input, Output
-from robustpolish.simulation.between import Lines
-from robustpolish.simulation.signals import lines, raw_outputs, signals
-from robustpolish.validation import described, invalid
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Input, Output
+from robustpolish.machines.simulation.run import Lines, lines, raw_outputs, signals
+from robustpolish.signals.filtering import decimate
+from robustpolish.signals.frequency_response import holds_frequency_response
+from robustpolish.signals.headers import same_kind
+from robustpolish.signals.quality import check_sampling, sampling_time
+from robustpolish.signals.read import read_measurement
+
+# Several records in one dataset: one behind the other, each with its name and its own time.
+#
+# The time of the joined dataset runs on, so that it can be drawn and cut as any other. Its
+# coordinates say to which record a sample belongs, and when it was on that record's own clock.
+
+_RECORD, _OWN_TIME = "record", "own_time"
+
+_SAME_RATE = 1e-4
+"""Relative difference of sampling rates that the rounding of times may make."""
+
+
+def named_records(data: Any) -> dict[str, Any]:
+    """Return the records that a user gave, by name.
+
+    Parameters
+    ----------
+    data : xarray.Dataset, path or pandas.DataFrame, or a sequence or mapping of them
+        In a sequence files go by their names, all others are called "record 1" and so on. A
+        joined dataset is taken apart.
+
+    Returns
+    -------
+    dict
+        In the order given.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no record at all, or something that is none.
+    """
+    if isinstance(data, xr.Dataset):
+        return taken_apart(data)
+    if isinstance(data, Mapping):
+        found = {str(name): record for name, record in data.items()}
+    elif isinstance(data, list | tuple):
+        found = dict(zip(_names(data), data, strict=True))
+    else:
+        return {_name(0): data}
+    if not found:
+        remedy = "Pass a record, or a list of them."
+        raise invalid("data", described("no record at all"), "one or more", remedy)
+    for name, record in found.items():
+        if holds_frequency_response(record):
+            shown = described(f"frequency responses as {name!r}")
+            remedy = "Pass frequency responses alone, all pairs in one array."
+            raise invalid("data", shown, "records over time", remedy)
+        if not isinstance(record, xr.Dataset | pd.DataFrame | str | Path):
+            shown = described(f"{type(record).__name__} as {name!r}")
+            raise invalid("data", shown, "datasets, tables or paths", "Read it first.")
+    return found
+
+
+def _names(records: list[Any] | tuple[Any, ...]) -> list[str]:
+    numbered = [_name(i) for i in range(len(records))]
+    told = [
+        Path(record).stem if isinstance(record, str | Path) else number
+        for record, number in zip(records, numbered, strict=True)
+    ]
+    return told if len(set(told)) == len(told) else numbered
+
+
+def _name(index: int) -> str:
+    return f"record {index + 1}"
+
+
+def taken_apart(data: xr.Dataset) -> dict[str, xr.Dataset]:
+    """Return the records of a joined dataset by name, each over its own time again.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        A dataset that is not joined is one record.
+
+    Returns
+    -------
+    dict of str to xarray.Dataset
+    """
+    if not {_RECORD, _OWN_TIME} <= set(data.coords) or data[_RECORD].dims != ("time",):
+        return {_name(0): data}
+    labels = data[_RECORD].values
+    begins = np.flatnonzero(np.append(True, labels[1:] != labels[:-1]))
+    found = {}
+    for begin, end in zip(begins, [*begins[1:], labels.size], strict=True):
+        part = data.isel(time=slice(int(begin), int(end)))
+        time = ("time", part[_OWN_TIME].values, dict(data["time"].attrs))
+        found[str(labels[begin])] = part.drop_vars([_RECORD, _OWN_TIME]).assign_coords(time=time)
+    return found
+
+
+def joined(records: Mapping[str, xr.Dataset]) -> xr.Dataset:
+    """Return records one behind the other.
+
+    Parameters
+    ----------
+    records : mapping of str to xarray.Dataset
+        Over uniform ``time``, of one sampling step.
+
+    Returns
+    -------
+    xarray.Dataset
+        The only record as it is. Of several the channels that all have, over a ``time`` that runs
+        on, with the coordinates ``record`` (name) and ``own_time``.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> small = xr.Dataset({"x": ("time", [0.0, 1.0])}, {"time": [0.0, 0.1]})
+    >>> both = joined({"small": small, "large": 5 * small})
+    >>> both["x"].values.tolist(), both["record"].values.tolist()
+    ([0.0, 1.0, 0.0, 5.0], ['small', 'small', 'large', 'large'])
+    >>> taken_apart(both)["large"]["time"].values.tolist()
+    [0.0, 0.1]
+    """
+    first, *others = records.values()
+    if not others:
+        return first
+    shared = [
+        name
+        for name, channel in first.data_vars.items()
+        if channel.dims == ("time",) and all(name in other for other in others)
+    ]
+    step, begin = sampling_time(first), float(first["time"].values[0])
+    sizes = [data.sizes["time"] for data in records.values()]
+    time = begin + step * np.arange(sum(sizes))
+    own = np.concatenate([np.asarray(d["time"].values, dtype=float) for d in records.values()])
+    coordinates = {
+        "time": ("time", time, {"units": "s"}),
+        _RECORD: ("time", np.repeat(list(records), sizes)),
+        _OWN_TIME: ("time", own, {"units": "s"}),
+    }
+    channels = {
+        name: (
+            "time",
+            np.concatenate([data[name].values for data in records.values()]),
+            first[name].attrs,
+        )
+        for name in shared
+    }
+    notes = [f"{name}: {note}" for name, d in records.items() for note in d.attrs.get("notes", ())]
+    return xr.Dataset(channels, coordinates, {**first.attrs, "notes": notes})
+
+
+def of_one_step(records: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
+    """Return the records sampled alike, at the step of the slowest.
+
+    Parameters
+    ----------
+    records : mapping of str to xarray.Dataset
+
+    Returns
+    -------
+    dict of str to xarray.Dataset
+        Faster ones are decimated, with a note.
+
+    Raises
+    ------
+    InvalidInputError
+        If a rate is no whole multiple of the lowest.
+    """
+    steps = {name: sampling_time(data) for name, data in records.items()}
+    slowest = max(steps, key=lambda name: steps[name])
+    found = {}
+    for name, data in records.items():
+        times = steps[slowest] / steps[name]
+        if abs(times / round(times) - 1) > _SAME_RATE:
+            rate, least = 1 / steps[name], 1 / steps[slowest]
+            raise invalid(
+                "data",
+                described(f"{name!r} sampled at {rate:.6g} Hz, {slowest!r} at {least:.6g} Hz"),
+                "one sampling rate, or whole multiples of the lowest",
+                "Resample one of them, or use the records apart.",
+            )
+        found[name] = data if round(times) == 1 else decimate(data, 1 / steps[slowest])
+    return found
+
 
 _REPEATS = 0.98
 """Correlation of inputs with themselves, a period later, from which they repeat."""
@@ -45,7 +221,7 @@ class Record:
     names : tuple of str
         Of the records.
     data : xarray.Dataset
-        All of them, one behind the other, see :func:`robustpolish.identification.joined.joined`.
+        All of them, one behind the other, see :func:`robustpolish.identification.record.joined`.
     times : ndarray
         Their times in s, each on its own clock.
     dt : float
@@ -119,14 +295,14 @@ class Record:
     def signals(self, model: MechanicalModel) -> Array:
         """Return a model's input signals over all records, shape (samples, signals).
 
-        See :func:`robustpolish.simulation.signals.signals`; those of this part are ``own`` of it.
+        See `machines.simulation.run.signals`; those of this part are ``own`` of it.
         """
         return np.concatenate([signals(model, data) for data in self.sets])
 
     def lines(self, model: MechanicalModel) -> Lines | None:
         """Return what a model's signals do between the samples, None if all are linear.
 
-        See :func:`robustpolish.simulation.signals.lines`; over all records, as `signals`.
+        See :func:`robustpolish.machines.simulation.run.lines`; over all records, as `signals`.
         """
         each = [found for data in self.sets if (found := lines(model, data)) is not None]
         return Lines(*(np.concatenate(side) for side in zip(*each, strict=True))) if each else None
@@ -329,7 +505,7 @@ def checked_data(model: MechanicalModel, data: Any, outputs: bool = True) -> xr.
     ----------
     model : MechanicalModel
     data : xarray.Dataset, path or pandas.DataFrame
-        Anything but a dataset is read with :func:`robustpolish.measurements.read_measurement`.
+        Anything but a dataset is read with :func:`robustpolish.read_measurement`.
     outputs : bool, optional
         Whether the outputs have to be there, or the inputs only.
 
@@ -415,3 +591,123 @@ def frequencies(model: MechanicalModel) -> list[float]:
         return []
     poles = np.linalg.eigvals(model.matrices.first_order()[0])
     return [abs(float(pole.imag)) / (2 * np.pi) for pole in poles]
+
+
+# The noise of sensors, from records that repeat each other.
+#
+# Where the same inputs made the same motion, records differ by noise alone: its variance is half
+# the mean square of their difference, whatever its colour, and no model is asked.
+
+
+@dataclass(frozen=True)
+class _Alike:
+    """From where on two records are no repeats.
+
+    Attributes
+    ----------
+    least : int
+        Samples below which nothing can be said.
+    inputs : float
+        Difference of the inputs over their size: measured ones have noise too.
+    outputs : float
+        Half the mean square of the difference over that of the motion: records without an input,
+        of which any two would have the same, show the same motion or not.
+    motion : float
+        Share of the difference that follows from the motion by a short filter: other amplitudes,
+        a shift in time. Of short records with slow noise 15 % do by chance; as much again makes
+        the noise 20 % too large.
+    lags : int
+        Of that filter, to either side.
+    visible : float
+        Share of the largest below which the singular values of such a filter's signals are noise.
+    blocks : int
+        In which the difference is looked at.
+    unsteady : float
+        Times the median of the blocks that one of them may be: a start that was not the same dies
+        out, noise stays. Blocks of slow noise scatter by a factor of two.
+    """
+
+    least: int = 200
+    inputs: float = 0.02
+    outputs: float = 0.25
+    motion: float = 0.3
+    lags: int = 4
+    visible: float = 0.03
+    blocks: int = 5
+    unsteady: float = 4.0
+
+
+_ALIKE = _Alike()
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """Noise that records show which repeat each other.
+
+    Attributes
+    ----------
+    noise : ndarray, shape (ny,)
+        Standard deviation, in the outputs' units.
+    pairs : tuple of (str, str)
+        Names of the records.
+    """
+
+    noise: Array
+    pairs: tuple[tuple[str, str], ...]
+
+    @property
+    def names(self) -> str:
+        """The records, in words."""
+        found = list(dict.fromkeys(name for pair in self.pairs for name in pair))
+        return f"{', '.join(found[:-1])} and {found[-1]}"
+
+
+def repeats(model: MechanicalModel, record: Record) -> Repeats | None:
+    """Return the noise that repeated records show, None if no two of them are alike.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    record : Record
+        Several records; they have to begin with the same sample of the motion.
+
+    Returns
+    -------
+    Repeats or None
+    """
+    inputs = record.signals(model)
+    parts = [(part, part.own(inputs)) for part in record.parts]
+    found, pairs = [], []
+    for (one, u), (other, w) in combinations(parts, 2):
+        n = min(one.samples, other.samples)
+        if n < _ALIKE.least or not _same(u[:n], w[:n]):
+            continue
+        difference = (one.Y[:n] - other.Y[:n]) / np.sqrt(2)
+        motion = (one.Y[:n] + other.Y[:n]) / 2
+        if all(_noise_alone(d, m) for d, m in zip(difference.T, motion.T, strict=True)):
+            found.append(np.mean(difference**2, axis=0))
+            pairs.append((one.name, other.name))
+    if not found or np.any(np.mean(found, axis=0) == 0):
+        return None  # copies of one record, or a record without noise
+    return Repeats(np.sqrt(np.mean(found, axis=0)), tuple(pairs))
+
+
+def _same(one: Array, other: Array) -> bool:
+    """Return whether two inputs are the same but for noise."""
+    size = np.sqrt(np.mean(one**2 + other**2, axis=0) / 2)
+    return bool(np.all(np.std(one - other, axis=0) <= _ALIKE.inputs * size))
+
+
+def _noise_alone(difference: Array, motion: Array) -> bool:
+    """Return whether the difference of two outputs is small, steady and not made by the motion."""
+    power = float(np.mean(difference**2))
+    if power > _ALIKE.outputs * float(np.var(motion)):
+        return False
+    blocks = [float(np.mean(block**2)) for block in np.array_split(difference, _ALIKE.blocks)]
+    if max(blocks) > _ALIKE.unsteady * float(np.median(blocks)):
+        return False
+    k, n = _ALIKE.lags, len(motion)
+    near = np.column_stack([motion[k + lag : n - k + lag] for lag in range(-k, k + 1)])
+    near, inner = near - near.mean(axis=0), difference[k : n - k] - np.mean(difference[k : n - k])
+    left = inner - near @ np.linalg.lstsq(near, inner, rcond=_ALIKE.visible)[0]
+    return float(left @ left) >= (1 - _ALIKE.motion) * float(inner @ inner)

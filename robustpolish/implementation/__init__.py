@@ -1,15 +1,6 @@
 """From a controller on paper to one that can be built: reduced, sampled, coded."""
 
-from robustpolish.implementation.discretization.at_samples import plant_at_samples
-from robustpolish.implementation.discretization.certify_sampled import certify_sampled
-from robustpolish.implementation.discretization.emulation import emulated
-from robustpolish.implementation.discretization.sampled_design import SampledDesign
-from robustpolish.implementation.sampled.certificate import SampledCertificate
+import lazy_loader
 
-__all__ = [
-    "SampledCertificate",
-    "SampledDesign",
-    "certify_sampled",
-    "emulated",
-    "plant_at_samples",
-]
+# The names stand in __init__.pyi; each is imported when it is first asked for.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

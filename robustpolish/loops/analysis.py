@@ -11,16 +11,21 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from robustpolish.display import Card, Displayed, Table
-from robustpolish.long_calls import same_bits
-from robustpolish.loops.bandwidth import bandwidths
-from robustpolish.loops.effort import disturbance_effort, given_effort, noise_effort
-from robustpolish.loops.figures import LoopFigures
-from robustpolish.loops.given_loop import given_controller, loop_of, measured_plant
-from robustpolish.loops.loop import PLACES, Loop, Place
-from robustpolish.loops.margins.all_loops import Where, margins_at_once
-from robustpolish.loops.margins.one_loop import LoopMargins, margins_of
-from robustpolish.loops.measured.analysis import MeasuredLoopAnalysis, measured_analysis
+from robustpolish.base.budget import same_bits
+from robustpolish.base.checks import described, instance_of, invalid, one_of
+from robustpolish.base.results import Card, Displayed, Table
+from robustpolish.loops.loop import PLACES, Loop, Place, given_controller, loop_of, measured_plant
+from robustpolish.loops.margins import LoopMargins, Where, margins_at_once, margins_of
+from robustpolish.loops.measured import MeasuredLoopAnalysis, measured_analysis
+from robustpolish.loops.performance import (
+    bandwidths,
+    disturbance_effort,
+    from_to,
+    given_effort,
+    noise_effort,
+    sample_rate,
+    sensitivities,
+)
 from robustpolish.loops.pictures import (
     plot_loop_bode,
     plot_loop_nichols,
@@ -28,15 +33,11 @@ from robustpolish.loops.pictures import (
     plot_sigma,
     plot_steps,
 )
+from robustpolish.loops.report import LoopFigures, explain, problems, tables_of
 from robustpolish.loops.requirements import LoopRequirements
-from robustpolish.loops.sampling import sample_rate
-from robustpolish.loops.sensitivities import from_to, sensitivities
-from robustpolish.loops.tables import tables_of
-from robustpolish.loops.words import explain, problems
-from robustpolish.models import GeneralizedPlant
-from robustpolish.models.plant.given_controller import GivenController
-from robustpolish.synthesis import Design
-from robustpolish.validation import described, instance_of, invalid, one_of
+from robustpolish.plants.controllers import GivenController
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.design import Design
 
 Kind = Literal["bode", "sigma", "nyquist", "nichols", "step"]
 

@@ -11,17 +11,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from robustpolish.analysis.norms.frequency_grid import frequency_grid
-from robustpolish.arrays import AnyVector, Vector
+from robustpolish.base.arrays import AnyVector, Vector
+from robustpolish.linear.norms.singular_values import frequency_grid
+from robustpolish.linear.response import linear_response
 from robustpolish.loops.response import Response
-from robustpolish.plotting import (
-    plot_bode,
-    plot_gains,
-    plot_nichols,
-    plot_nyquist_disks,
-    plot_time_series,
-)
-from robustpolish.simulation import linear_response
+from robustpolish.plots.frequency import plot_bode, plot_gains, plot_nichols, plot_nyquist_disks
+from robustpolish.plots.time import plot_time_series
 
 _STEPS = 2000
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-from robustpolish.validation import invalid, positive
+from robustpolish.base.checks import invalid, positive
 
 
 @dataclass(frozen=True)

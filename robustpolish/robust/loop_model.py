@@ -3,19 +3,402 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Literal
 
 import flint
 import numpy as np
 
-from robustpolish.arrays import AnyMatrix, Matrix
-from robustpolish.exact.balls import precision
-from robustpolish.exact.realisation import Realisation, typical_rate
-from robustpolish.models.uncertain.system import UncertainSystem
-from robustpolish.robust.structure import DeltaBlock, Structure, structure_of
-from robustpolish.robust.units.canonical import BITS, Balls, canonical
+from robustpolish.base.arrays import AnyArray, AnyMatrix, Matrix, Vector
+from robustpolish.base.checks import described, invalid
+from robustpolish.linear.arithmetic.balls import ball, identity, midpoint, precision
+from robustpolish.linear.arithmetic.realisation import Realisation, power_of_two, size, typical_rate
+from robustpolish.plants.uncertain.elements import Block, RealElement
+from robustpolish.plants.uncertain.system import UncertainSystem
+
+# The structure of an uncertain matrix Delta: which blocks lie on its diagonal.
+
+Kind = Literal["real", "complex", "full"]
+
+_FORMS = '"real", "complex", ("real", copies), ("complex", copies), ("full", (rows, columns))'
+
+
+@dataclass(frozen=True)
+class DeltaBlock:
+    """A block of Delta: so many equal copies of a number or of a full matrix.
+
+    Attributes
+    ----------
+    kind : {"real", "complex", "full"}
+        A real number, a complex number, or a full complex matrix.
+    copies : int
+    rows, columns : int
+        Of one copy.
+    name : str
+    group : str
+        Real numbers of one group, if it is not empty, have squares whose sum is at most 1; each
+        counts once, however often it is repeated.
+    """
+
+    kind: Kind
+    copies: int = 1
+    rows: int = 1
+    columns: int = 1
+    name: str = ""
+    group: str = ""
+
+    @property
+    def is_scalar(self) -> bool:
+        """Whether one copy is a number."""
+        return self.rows == self.columns == 1
+
+
+@dataclass(frozen=True)
+class Structure:
+    """The blocks of Delta in their order, and the signals of each.
+
+    Attributes
+    ----------
+    blocks : tuple of DeltaBlock
+    """
+
+    blocks: tuple[DeltaBlock, ...]
+
+    @cached_property
+    def outputs(self) -> tuple[slice, ...]:
+        """Of each block, where its outputs w are: rows of Delta, columns of M."""
+        return _slices([block.copies * block.rows for block in self.blocks])
+
+    @cached_property
+    def inputs(self) -> tuple[slice, ...]:
+        """Of each block, where its inputs z are: columns of Delta, rows of M."""
+        return _slices([block.copies * block.columns for block in self.blocks])
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Shape of M: inputs z by outputs w."""
+        return (
+            sum(block.copies * block.columns for block in self.blocks),
+            sum(block.copies * block.rows for block in self.blocks),
+        )
+
+    @cached_property
+    def together(self) -> tuple[tuple[int, ...], ...]:
+        """Positions of the blocks whose sizes count as one, the root of the sum of squares."""
+        names = dict.fromkeys(block.group for block in self.blocks if block.group)
+        return tuple(
+            tuple(k for k, block in enumerate(self.blocks) if block.group == name) for name in names
+        )
+
+    def sizes(self, norms: Sequence[float]) -> list[float]:
+        """Return the norms of the blocks, with that of its group for each that has one."""
+        found = list(norms)
+        for group in self.together:
+            size = math.hypot(*(norms[k] for k in group))
+            for k in group:
+                found[k] = size
+        return found
+
+    def only(self, keep: Sequence[int]) -> Structure:
+        """Return the structure of some of the blocks."""
+        return Structure(tuple(self.blocks[i] for i in keep))
+
+
+def structure_of(blocks: Iterable[Block]) -> Structure:
+    """Return the structure of an uncertain system: dynamics are full blocks, or complex numbers."""
+    found = []
+    for block in blocks:
+        element = block.element
+        rows, columns = element.shape
+        kind: Kind = "real" if element.kind == "real" else "complex"
+        if element.kind == "dynamic" and (rows, columns) != (1, 1):
+            kind = "full"
+        group = element.group if isinstance(element, RealElement) else ""
+        found.append(DeltaBlock(kind, block.copies, rows, columns, element.name, group))
+    return Structure(tuple(found))
+
+
+def read_structure(blocks: Any) -> Structure:
+    """Return the structure that a user wrote.
+
+    Parameters
+    ----------
+    blocks : sequence
+        Of ``"real"``, ``("complex", copies)``, ``("full", (rows, columns))``, of pairs of numbers
+        as MATLAB's ``mussv`` takes them, or of an uncertain system's blocks.
+
+    Returns
+    -------
+    Structure
+    """
+    if isinstance(blocks, str) or not hasattr(blocks, "__iter__"):
+        raise invalid("blocks", blocks, "a list of blocks", f"Write a list of {_FORMS}.")
+    items = list(blocks)
+    if not items:
+        raise invalid("blocks", items, "at least one block", f"Write a list of {_FORMS}.")
+    if all(isinstance(item, Block) for item in items):
+        return structure_of(items)
+    return Structure(tuple(_block(i, item) for i, item in enumerate(items)))
+
+
+def _block(i: int, item: Any) -> DeltaBlock:
+    where = ("blocks", i)
+    if isinstance(item, DeltaBlock):
+        return item
+    if isinstance(item, str):
+        item = (item, 1)
+    if not hasattr(item, "__len__") or len(item) != 2:
+        raise invalid(where, item, f"one of {_FORMS}", "Write the block in one of these forms.")
+    first, second = item[0], item[1]
+    if first in ("real", "complex") and isinstance(first, str):
+        return DeltaBlock(first, _whole(where, second), name=f"{first}_{i}")  # type: ignore
+    if isinstance(first, str) and first == "full":
+        sizes = (second, second) if isinstance(second, int | np.integer) else second
+        if not hasattr(sizes, "__len__") or len(sizes) != 2:
+            raise invalid(where, item, '("full", (rows, columns))', "Give both sizes.")
+        rows, columns = (_whole(where, size) for size in sizes)
+        return _full(rows, columns, i)
+    if isinstance(first, str):
+        raise invalid(where, first, '"real", "complex" or "full"', "Choose one of these.")
+    rows, columns = _any_whole(where, first), _any_whole(where, second)
+    if rows < 0 and columns in (0, 1):
+        return DeltaBlock("real", -rows, name=f"real_{i}")
+    if rows > 0 and columns == 0:
+        return DeltaBlock("complex", rows, name=f"complex_{i}")
+    if rows > 0 and columns > 0:
+        return _full(rows, columns, i)
+    remedy = "Write [-r, 0] for r copies of a real, [r, 0] of a complex number, [r, c] for a full."
+    raise invalid(where, item, f"one of {_FORMS}", remedy)
+
+
+def _full(rows: int, columns: int, i: int) -> DeltaBlock:
+    kind: Kind = "complex" if rows == columns == 1 else "full"
+    return DeltaBlock(kind, 1, rows, columns, f"{kind}_{i}")
+
+
+def _whole(where: tuple[str, int], value: Any) -> int:
+    number = _any_whole(where, value)
+    if number < 1:
+        raise invalid(where, value, "a whole number above 0", "Give its number of copies or size.")
+    return number
+
+
+def _any_whole(where: tuple[str, int], value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer | float):
+        raise invalid(where, value, "a whole number", f"Write {_FORMS}.")
+    if float(value) != int(value):
+        raise invalid(where, value, "a whole number", f"Write {_FORMS}.")
+    return int(value)
+
+
+def positions(places: Sequence[slice], blocks: Iterable[int]) -> list[int]:
+    """Return the signals of some blocks one by one, of `outputs` or `inputs` of a structure."""
+    return [i for k in blocks for i in range(places[k].start, places[k].stop)]
+
+
+def _slices(sizes: Sequence[int]) -> tuple[slice, ...]:
+    ends = np.cumsum([0, *sizes]).tolist()
+    return tuple(slice(a, b) for a, b in pairwise(ends))
+
+
+def fitting(M_shape: tuple[int, int], structure: Structure) -> None:
+    """Refuse a matrix of another shape than the blocks need."""
+    if M_shape != structure.shape:
+        shown = described(f"blocks for M of shape {structure.shape}, and M of {M_shape}")
+        remedy = "A block of r rows and c columns takes c rows and r columns of M."
+        raise invalid("blocks", shown, "blocks that fit M", remedy)
+
+
+# Units of nodes of a network that make what each does to others like what others do to it.
+#
+# They follow from the network: whatever units its nodes came in, the numbers are the same in the
+# end, but for rounding. Powers of two would not be: a thousand is none.
+
+# A node that acts one way only would get smaller for ever: by a factor of e in each two steps.
+_STEPS = 28
+_SETTLED = 1e-13
+# Directions that matter less than this, relative, are left as the first guess has them.
+_FLAT = 1e-12
+
+
+def evened(sizes: Matrix) -> Vector:
+    """Return units d that make rows and columns of ``sizes_ij d_j / d_i`` equal in norm.
+
+    Parameters
+    ----------
+    sizes : ndarray, shape (n, n)
+        How much node j does to node i, at least 0. What is on the diagonal does not matter.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        With a geometric mean of 1.
+
+    Notes
+    -----
+    Osborne's units [1]_ make the sum of squares off the diagonal least, which is a convex problem
+    in their logarithms: Newton's method solves it, from units that make logarithms of the entries
+    small [2]_.
+
+    References
+    ----------
+    .. [1] E. E. Osborne, "On pre-conditioning of matrices", Journal of the ACM 7 (1960) 338-345.
+    .. [2] A. R. Curtis, J. K. Reid, "On the automatic scaling of matrices for Gaussian
+       elimination", IMA Journal of Applied Mathematics 10 (1972) 118-124.
+    """
+    n = len(sizes)
+    used = (sizes > 0) & ~np.eye(n, dtype=bool)
+    if not used.any():
+        return np.ones(n)
+    logs = np.log(np.where(used, sizes, 1.0))
+    links = used.astype(float) + used.T
+    pull = logs.sum(axis=1) - logs.sum(axis=0)
+    y = _solved(np.diag(links.sum(axis=1)) - links, pull)
+    value, squares = _squares(logs, used, y)
+    for _ in range(_STEPS):
+        out, into = squares.sum(axis=0), squares.sum(axis=1)
+        curvature = 2 * (np.diag(out + into) - squares - squares.T)
+        step = _solved(curvature, into - out)
+        length, moved = 1.0 / max(1.0, float(np.abs(step).max())), False
+        while length > 1e-6 and not moved:
+            after, trial = _squares(logs, used, y + length * step)
+            moved = after <= value
+            if moved:
+                y, value, squares = y + length * step, after, trial
+            length /= 2
+        if not moved or np.abs(step).max() < _SETTLED:
+            break
+    return np.exp(y - y.mean())
+
+
+def _squares(logs: Matrix, used: AnyArray, y: Vector) -> tuple[float, Matrix]:
+    """Return the logarithm of the sum of squares, and all of them as shares of it."""
+    exponents = np.where(used, 2 * (logs + y - y[:, None]), -np.inf)
+    largest = exponents.max()
+    squares = np.exp(exponents - largest)
+    total = float(squares.sum())
+    return float(largest + np.log(total)), squares / total
+
+
+def _solved(matrix: Matrix, right: Vector) -> Vector:
+    return np.linalg.lstsq(matrix, right, rcond=_FLAT)[0].astype(float)
+
+
+# A loop in units that are its own: doubles for searches, and balls that hold what they round.
+
+BITS = 320
+
+Matrices = tuple[Matrix, Matrix, Matrix, Matrix]
+Balls = tuple[Any, Any, Any, Any]
+"""A, B, C and D as flint.arb_mat; python-flint ships no stubs for them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Canonical:
+    """A continuous model in units that follow from itself.
+
+    Attributes
+    ----------
+    model : Realisation
+        The nearest doubles.
+    balls : tuple of arb_mat
+        A, B, C and D, enclosed: what is proven of them holds for the loop as it was given.
+    time : float
+        Frequencies of `model` times this are those of the given one.
+    gain : float
+        Gains of `model` times this are those of the given one: a power of two.
+    """
+
+    model: Realisation
+    balls: Balls
+    time: float
+    gain: float
+
+
+def canonical(matrices: Matrices, discrete: bool, w: Sequence[int], z: Sequence[int]) -> Canonical:
+    """Return a model in units of states, signals and time that do not depend on those given.
+
+    Parameters
+    ----------
+    matrices : tuple of ndarray
+        A, B, C and D.
+    discrete : bool
+        Whether it is a discrete model, which is mapped by z = (1 + s)/(1 - s).
+    w, z : sequence of int
+        Of each input and output the number of the copy of a block that it belongs to: these share
+        a unit, which Delta does not see.
+
+    Returns
+    -------
+    Canonical
+    """
+    with precision(BITS):
+        given = tuple(ball(M) if M.size else flint.arb_mat(*M.shape) for M in matrices)
+        A, B, C, D = _cayley(given) if discrete and len(matrices[0]) else given
+        rough = tuple(map(midpoint, (A, B, C, D)))
+        time = _rate(rough[0])
+        states, copies, b, c = _units(rough, time, w, z)
+        into, out = copies[list(w)] / b, 1 / (copies[list(z)] * c)
+        left, right = _diagonal(1 / (states * time)), _diagonal(states)
+        balls = (
+            left * A * right,
+            left * B * _diagonal(into),
+            _diagonal(out) * C * right,
+            _diagonal(out) * D * _diagonal(into),
+        )
+        return Canonical(rounded(balls), balls, time, b * c)
+
+
+def rounded(balls: Balls) -> Realisation:
+    """Return the continuous model of the nearest doubles."""
+    A, B, C, D = map(midpoint, balls)
+    return Realisation(A, B, C, D, False)
+
+
+def _cayley(given: tuple[Any, ...]) -> Balls:
+    """Return the continuous model with the same gains."""
+    A, B, C, D = given
+    one, root = identity(A.nrows()), flint.arb(2).sqrt()
+    inverse = (A + one).inv()
+    return inverse * (A - one), inverse * B * root, C * inverse * root, D - C * inverse * B
+
+
+def _diagonal(scales: Vector) -> Any:
+    matrix = flint.arb_mat(len(scales), len(scales))
+    for i, scale in enumerate(scales):
+        matrix[i, i] = float(scale)
+    return matrix
+
+
+def _rate(A: Matrix) -> float:
+    """Return a typical frequency, which does not depend on units of states."""
+    if not len(A):
+        return 1.0
+    states = evened(np.abs(A))
+    return typical_rate(A / states[:, None] * states)
+
+
+def _units(
+    matrices: tuple[Matrix, ...], time: float, w: Sequence[int], z: Sequence[int]
+) -> tuple[Vector, Vector, float, float]:
+    """Return units of states and copies, and powers of two that bring B and C near one."""
+    A, B, C, D = matrices
+    n, count = len(A), max([*w, *z, -1]) + 1
+    nodes_w, nodes_z = [*range(n), *(n + i for i in w)], [*range(n), *(n + i for i in z)]
+    units, b, c = np.ones(n + count), 1.0, 1.0
+    for _ in range(2):  # how large B and C are beside A decides on the units, and they on B and C
+        whole = np.block([[A / time, B / (time * b)], [C / c, D / (b * c)]])
+        sizes = np.zeros((n + count, n + count))
+        np.hypot.at(sizes, np.ix_(nodes_z, nodes_w), np.abs(whole))
+        units = evened(sizes)
+        states, copies = units[:n], units[n:]
+        b *= power_of_two(size(B / (states[:, None] * time * b) * copies[list(w)]))
+        c *= power_of_two(size(C * states / (copies[list(z)][:, None] * c)))
+    return units[:n], units[n:], b, c
+
 
 # Frequencies of this share of the typical rate are rest, but for rounding.
 _AT_REST = 1e-7

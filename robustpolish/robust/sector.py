@@ -10,15 +10,13 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from robustpolish.analysis.norms.hinf_norm import hinf_norm
-from robustpolish.arrays import Vector
-from robustpolish.display import Card, Displayed, quantities
-from robustpolish.long_calls import same_bits
-from robustpolish.models.uncertain.system import UncertainSystem
-from robustpolish.robust.performance import worst_case_gain
-from robustpolish.robust.reached import down
-from robustpolish.robust.stability import checked
-from robustpolish.validation import invalid
+from robustpolish.base.arrays import Vector
+from robustpolish.base.budget import same_bits
+from robustpolish.base.checks import invalid
+from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.plants.uncertain.system import UncertainSystem
+from robustpolish.robust.questions import checked, down, worst_case_gain
 
 # Evaluations of the nominal norm in the search for scalings of several sectors.
 _EVALUATIONS = 60
@@ -45,8 +43,8 @@ class SectorStability(Displayed):
     Examples
     --------
     >>> import robustpolish as rp
-    >>> c = rp.uncertain_real("c", 0.4, percent=25)
-    >>> mass = rp.uncertain_system(
+    >>> c = rp.uncertain.real("c", 0.4, percent=25)
+    >>> mass = rp.uncertain.system(
     ...     [[0, 1], [-1, -c]], [[0], [1]], [[1, 0]], inputs=["spring"], outputs=["spring"])
     >>> found = rp.robust_sector(mass, {"spring": (0.0, 0.5)})
     >>> found.stable, found.proven, round(found.upper, 2)
@@ -125,8 +123,8 @@ def robust_sector(
     0.5 m:
 
     >>> import robustpolish as rp
-    >>> c = rp.uncertain_real("c", 0.4, percent=25)
-    >>> mass = rp.uncertain_system(
+    >>> c = rp.uncertain.real("c", 0.4, percent=25)
+    >>> mass = rp.uncertain.system(
     ...     [[0, 1], [-1, -c]], [[0], [1]], [[1, 0]], inputs=["spring"], outputs=["spring"])
     >>> rp.robust_sector(mass, {"spring": (0.0, 1.0 * 0.5**2)}).stable
     True

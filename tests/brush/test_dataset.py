@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.brush import BrushParameters, Surface
-from robustpolish.brush.dataset import (
+from robustpolish.polishing.dataset import (
     angle_variables,
     force_variables,
     labelled,
@@ -15,6 +14,8 @@ from robustpolish.brush.dataset import (
     path_variables,
     quantity,
 )
+from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.surfaces.surface import Surface
 
 TIME = np.linspace(0.0, 0.3, 31)
 

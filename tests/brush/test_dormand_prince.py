@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.brush.dormand_prince import (
+from robustpolish.polishing.integrator import (
     COUPLING,
     DENSE,
     ERROR,

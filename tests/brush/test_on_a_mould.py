@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.plotting import plot_over_plane
+from robustpolish.plots.charts import plot_over_plane
 from tests.brush import moulds
 
 
 @pytest.mark.parametrize(("run", "tolerance"), [(1, 1e-9), (4, 1e-7)])
 def test_a_mould_of_the_trough_gives_the_trough(run, tolerance):
-    bends = rp.Surface().curvatures
-    trough = rp.Mould.from_formula(
+    bends = rp.polishing.Surface().curvatures
+    trough = rp.polishing.Mould.from_formula(
         "0.5*a*x**2 + 0.5*b*y**2", x=(-0.01, 0.05), y=(-0.02, 0.02),
         parameters={"a": bends[0], "b": bends[1]},
     )  # fmt: skip
@@ -29,8 +29,8 @@ def test_a_mould_of_the_trough_gives_the_trough(run, tolerance):
 
 def test_the_tool_follows_its_path_and_the_mould_carries_the_force():
     side = (-moulds.HALF, moulds.HALF)
-    mould = rp.Mould.from_formula(moulds.FORMULA, x=side, y=side)
-    path = rp.ToolPath.spiral((0.0, 0.0), 0.012, 0.003, speed=0.04, over=mould)
+    mould = rp.polishing.Mould.from_formula(moulds.FORMULA, x=side, y=side)
+    path = rp.polishing.ToolPath.spiral((0.0, 0.0), 0.012, 0.003, speed=0.04, over=mould)
     signals = rp.simulate_brush(duration=0.3, surface=mould, path=path)
     time_ = signals["time"].values
     x, y = path.position(time_)
@@ -46,12 +46,12 @@ def test_the_tool_follows_its_path_and_the_mould_carries_the_force():
 @pytest.mark.parametrize("run", [1, 4])
 def test_five_seconds_along_a_spiral_on_an_stl_take_less_than_ten(tmp_path, run):
     file = moulds.write_stl(tmp_path / "mould.stl", *moulds.triangles(scale=1e3))
-    mould = rp.Mould.from_stl(file, unit="mm")
-    path = rp.ToolPath.spiral((0.0, 0.0), 0.015, 0.0025, speed=0.04, over=mould)
+    mould = rp.polishing.Mould.from_stl(file, unit="mm")
+    path = rp.polishing.ToolPath.spiral((0.0, 0.0), 0.015, 0.0025, speed=0.04, over=mould)
     rp.simulate_brush(duration=0.001, surface=mould, path=path)  # compiles
     start = time.process_time()
     signals = rp.simulate_brush(run=run, duration=5.0, surface=mould, path=path)
-    depth = rp.removal_map(signals, mould)
+    depth = rp.polishing.removal_map(signals, mould)
     plot_over_plane(depth)
     spent = time.process_time() - start
     plt.close("all")

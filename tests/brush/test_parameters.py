@@ -5,8 +5,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from robustpolish.brush import RUN_STIFFNESS, BrushParameters, Surface
 from robustpolish.errors import InvalidInputError
+from robustpolish.polishing.parameters import RUN_STIFFNESS, BrushParameters
+from robustpolish.polishing.surfaces.surface import Surface
 
 
 def test_every_field_tells_its_unit_and_source() -> None:

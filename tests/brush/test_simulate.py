@@ -2,8 +2,11 @@
 
 import pytest
 
-from robustpolish.brush import BrushParameters, ListingDefects, Surface, simulate_brush
 from robustpolish.errors import InvalidInputError
+from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.simulate import simulate_brush
+from robustpolish.polishing.surfaces.surface import Surface
+from robustpolish.polishing.thesis.listing import ListingDefects
 
 SHARED = {
     "theta", "psi", "theta_rate", "psi_rate", "F_x", "F_y", "F_z", "F_p", "contact",

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from robustpolish.brush import BrushParameters, tool_position, tool_velocity
+from robustpolish.polishing.dataset import tool_position, tool_velocity
+from robustpolish.polishing.parameters import BrushParameters
 
 
 def test_velocity_is_the_derivative_of_the_place() -> None:

@@ -2,7 +2,7 @@
 
 from click.testing import CliRunner, Result
 
-from robustpolish.cli import main
+from robustpolish.app.cli.main import main
 
 
 def run(*arguments: str, code: int = 0) -> Result:

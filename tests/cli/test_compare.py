@@ -12,9 +12,9 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robustpolish.cli.compare import compare
-from robustpolish.models import MechanicalModel
-from robustpolish.simulation.run import simulate
+from robustpolish.app.cli.learn import compare
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.simulation.run import simulate_model as simulate
 
 MODEL = """\
 [dof.x]

@@ -49,7 +49,7 @@ def test_by_default_it_designs_what_can_be_built(tmp_path, buildable_job, monkey
         asked.append(options)
         return buildable_job
 
-    module = importlib.import_module("robustpolish.cli.design")
+    module = importlib.import_module("robustpolish.app.cli.design")
     monkeypatch.setattr(module, "design_against_brush", designed)
     out = tmp_path / "results"
     shown = run("design", "--duration", "0.02", "--out", str(out), "--report").stdout
@@ -81,16 +81,18 @@ def test_the_demo_is_a_controller_that_can_be_built(tmp_path):
     # Margins at each input, of the code that was written.
     code = json.loads((out / "controller.json").read_text())
     controller = control.ss(code["A"], code["B"], code["C"], code["D"], code["period"])
-    plant = rp.polishing_plant()
-    loop = rp.loop_analysis(rp.plant_at_samples(plant, 5e-5, 2.5e-5), controller)
+    plant = rp.polishing.polishing_plant()
+    loop = rp.loop_analysis(rp.implementation.plant_at_samples(plant, 5e-5, 2.5e-5), controller)
     inputs = [margins for margins in loop.margins if margins.place == "input"]
     assert len(inputs) == 2
     for margins in inputs:
         assert margins.disk.gain_db >= 6
         assert margins.disk.phase_deg >= 30
     # Actuators 30 % slower, and the bearing's stiffness 5 % off.
-    slow = rp.polishing_plant(rp.PolishingHardware(actuator_bandwidth_hz=1400.0))
-    assert rp.certify_sampled(slow, controller, delay=2.5e-5).valid
+    slow = rp.polishing.polishing_plant(
+        rp.polishing.PolishingHardware(actuator_bandwidth_hz=1400.0)
+    )
+    assert rp.implementation.certify_sampled(slow, controller, delay=2.5e-5).valid
     assert len(built["survived"]) == 3
     assert all(found["valid"] for found in built["survived"].values())
     # The report shows it, the delay of the ideal beside it.

@@ -10,8 +10,7 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robustpolish.cli.compare import compare
-from robustpolish.cli.diagnose import diagnose
+from robustpolish.app.cli.learn import compare, diagnose
 from tests.hidden_effects.cases import Case, model_of, one, records
 
 CASE = Case(

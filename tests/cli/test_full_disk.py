@@ -11,8 +11,8 @@ import pytest
 from click.testing import CliRunner
 
 import robustpolish as rp
-from robustpolish.cli.main import main
-from robustpolish.saving import new_file
+from robustpolish.app.cli.main import main
+from robustpolish.base.atomic_writes import new_file
 from tests.cli.test_compare import CSV, MODEL
 
 MACHINE = (
@@ -134,7 +134,7 @@ def test_a_disk_that_fills_up_keeps_the_old_result(small_disk, files, monkeypatc
     assert "No space left on device" in refused_with_one_line(result)
     assert old[0].read_bytes() == old[1]
     assert names(small_disk) == before
-    with pytest.raises(rp.StorageError, match=r"picture\.png: not written") as told:
+    with pytest.raises(rp.errors.StorageError, match=r"picture\.png: not written") as told:
         _fill(small_disk)
     assert told.value.errno == errno.ENOSPC
 

@@ -4,7 +4,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from robustpolish.cli.machine import READINGS, machine_options
+from robustpolish.app.cli.options import READINGS, machine_options
 
 
 @click.command()

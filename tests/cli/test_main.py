@@ -7,7 +7,7 @@ import click
 import pytest
 
 import robustpolish as rp
-from robustpolish.cli.main import main
+from robustpolish.app.cli.main import main
 from tests.cli.command_line import run
 
 
@@ -42,10 +42,10 @@ def test_only_the_command_that_is_used_is_imported():
 def test_help_imports_no_subcommand():
     """Help stays quick because nothing else is imported for it."""
     program = (
-        "import sys, robustpolish.cli\n"
-        "robustpolish.cli.main(['--help'], standalone_mode=False)\n"
-        "names = {name for name in sys.modules if name.startswith('robustpolish.cli.')}\n"
-        "assert names == {'robustpolish.cli.main'}, names\n"
+        "import sys, robustpolish.app.cli.main\n"
+        "robustpolish.app.cli.main(['--help'], standalone_mode=False)\n"
+        "names = {name for name in sys.modules if name.startswith('robustpolish.app.cli.main.')}\n"
+        "assert names == {'robustpolish.app.cli.main'}, names\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], check=False, capture_output=True, text=True

@@ -35,7 +35,7 @@ def test_a_saved_design_is_enough(saved):
     assert "Margins, one loop at a time" in shown
     assert "This loop" in shown
     found = json.loads(run("margins", "--design", str(saved / "design.json"), "--json").stdout)
-    again = rp.loop_analysis(rp.Design.load(saved / "design.json"))
+    again = rp.loop_analysis(rp.results.Design.load(saved / "design.json"))
     assert found["delay_margin_s"] == pytest.approx(again.delay_margin)
     assert found["margins"][0]["name"] == "u_x"
     assert found["words"] == again.explain()

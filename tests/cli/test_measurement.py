@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.cli.measurement import Reading, load_data, load_records, replaceable
+from robustpolish.app.cli.options import Reading, load_data, load_records, replaceable
 from robustpolish.errors import InvalidInputError
 
 GROUND = ("x", "ground")

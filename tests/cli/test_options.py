@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from robustpolish.cli.options import brush_options, reports_errors, show, to_json
+from robustpolish.app.cli.options import brush_options, reports_errors, show, to_json
 from robustpolish.errors import InfeasibleError, InvalidInputError
 from tests.cli.command_line import run
 

@@ -8,7 +8,7 @@ import sys
 import termios
 import time
 
-from robustpolish.cli.options import stages
+from robustpolish.app.cli.options import stages
 from tests.cli.command_line import run
 
 DRIVER = """

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from robustpolish.cli.compare import compare
-from robustpolish.cli.refit import refit
-from robustpolish.models import MechanicalModel
+from robustpolish.app.cli.learn import compare, refit
+from robustpolish.machines.mechanical.model import MechanicalModel
 from tests.cli.test_compare import CSV, MODEL, table
 
 

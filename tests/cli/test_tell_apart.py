@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect
-from robustpolish.identification.findings.findings import Confusion
+from robustpolish.identification.diagnosis.findings import Confusion
+from robustpolish.machines.effects.effect import Effect
 from tests import made_up
 from tests.cli.command_line import run
 from tests.identification.oscillators import PLACE, oscillator, record

@@ -7,8 +7,8 @@ import sys
 import pytest
 from click.testing import CliRunner
 
-from robustpolish.cli.main import main
-from robustpolish.cli.warm_up.first_calls import CALLS
+from robustpolish.app.cli.main import main
+from robustpolish.app.cli.warm_up import CALLS
 
 WORK = """
 import warnings

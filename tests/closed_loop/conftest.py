@@ -7,7 +7,7 @@ import xarray as xr
 import robustpolish as rp
 
 
-def spring_design(stiffness: float) -> rp.Design:
+def spring_design(stiffness: float) -> rp.results.Design:
     """Six springs of the same stiffness to ground, with some damping."""
     gain = np.kron(np.eye(6), [[-stiffness, -2e-5 * stiffness]])
     return rp.given_controller(rp.air_bearing(actuation="force"), gain)

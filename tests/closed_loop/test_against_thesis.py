@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.closed_loop import thesis_comparison
 from robustpolish.errors import InvalidInputError
+from robustpolish.polishing.thesis.comparison import thesis_comparison
 
 # Largest deviations in y and z [m]: tables 11.1, 11.3, 11.5 and 11.7.
 PRINTED = {

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.loops.given_loop import loop_of
-from robustpolish.loops.margins.disk import disk_of
+from robustpolish.loops.disk_margins import disk_of
+from robustpolish.loops.loop import loop_of
 
 
 @pytest.fixture

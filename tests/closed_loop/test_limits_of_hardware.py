@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.closed_loop.limits_of_hardware import relaxed
+from robustpolish.polishing.buildable import relaxed
 
 
 def test_one_limit_is_relaxed_at_a_time():
-    hardware = rp.PolishingHardware()
+    hardware = rp.polishing.PolishingHardware()
     found = dict(relaxed(hardware))
     assert list(found) == [
         "ideal sensors", "ideal actuators", "no computation delay", "ten times the sampling",
@@ -39,7 +39,7 @@ def test_the_rows_lie_between_no_control_and_the_ideal(buildable_job):
 
 
 def test_a_limit_without_design_is_a_row_of_nothing(buildable_job, monkeypatch):
-    from robustpolish.closed_loop import limits_of_hardware as room
+    from robustpolish.polishing import buildable as room
 
     def refused(*_):
         raise rp.InfeasibleError("hardware: none keeps its margins.")

@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.closed_loop.uncertain_plant import loop_norm
-from robustpolish.models import Damper, Dof, Input, Output, Spring
+from robustpolish.closed_loop.monte_carlo import loop_norm
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 
 AT = ("x", "ground")
 MASS, STIFFNESS = "dof.x.mass", "spring[0].stiffness"
@@ -42,7 +42,7 @@ def design():
 
 
 def test_without_errors_every_machine_is_the_nominal_one(design):
-    check = rp.check_robustness(
+    check = rp.simulation.check_robustness(
         design, machine(), standard_errors={STIFFNESS: 0.0}, plant_of=with_state, samples=3
     )
     assert check.norms == pytest.approx(design.certificate.achieved, rel=1e-5)
@@ -54,15 +54,15 @@ def test_without_errors_every_machine_is_the_nominal_one(design):
 
 def test_threads_give_the_bits_of_one_by_one(design):
     own = {"standard_errors": {STIFFNESS: 80.0, MASS: 0.1}, "plant_of": with_state, "samples": 10}
-    alone = rp.check_robustness(design, machine(), **own)
+    alone = rp.simulation.check_robustness(design, machine(), **own)
     with ThreadPoolExecutor(2) as threads:
-        beside = rp.check_robustness(design, machine(), executor=threads, **own)
+        beside = rp.simulation.check_robustness(design, machine(), executor=threads, **own)
     assert np.array_equal(alone.norms, beside.norms)
     assert np.array_equal(alone.parameters, beside.parameters)
 
 
 def test_each_norm_is_that_of_its_machine(design):
-    check = rp.check_robustness(
+    check = rp.simulation.check_robustness(
         design, machine(), standard_errors={STIFFNESS: 80.0, MASS: 0.1}, plant_of=with_state,
         samples=20, seed=4,
     )  # fmt: skip
@@ -78,7 +78,7 @@ def test_each_norm_is_that_of_its_machine(design):
             [C @ np.linalg.solve(s * np.eye(2) - loop.A, np.asarray(loop.B)) for s in frequency]
         )
         assert found == pytest.approx(np.max(np.linalg.norm(response[:, :, 0], axis=1)), rel=1e-3)
-    again = rp.check_robustness(
+    again = rp.simulation.check_robustness(
         design, machine(), standard_errors={STIFFNESS: 80.0, MASS: 0.1}, plant_of=with_state,
         samples=20, seed=4,
     )  # fmt: skip
@@ -90,7 +90,7 @@ def test_what_the_fit_ties_together_stays_together(design):
     keys = [MASS, STIFFNESS]
     size = np.array([0.2, 80.0])
     tied = Fitted(machine(), covariance(keys, np.outer(size, size)))
-    check = rp.check_robustness(design, tied, plant_of=with_state, samples=30)
+    check = rp.simulation.check_robustness(design, tied, plant_of=with_state, samples=30)
     ratio = check.parameters[:, 1] / check.parameters[:, 0]
     assert ratio == pytest.approx(400.0)
     assert np.std(check.parameters[:, 0]) > 0.1
@@ -102,7 +102,7 @@ def test_unstable_machines_are_counted(design):
     loose = rp.given_controller(
         model.linearize(measured="state").with_full_state(), np.array([[200.0, -1.0]])
     )
-    check = rp.check_robustness(
+    check = rp.simulation.check_robustness(
         loose, model, standard_errors={STIFFNESS: 250.0}, plant_of=with_state, samples=400
     )
     expected = np.mean(check.parameters[:, 0] > 200.0)
@@ -116,14 +116,16 @@ def test_unstable_machines_are_counted(design):
 def test_output_feedback_keeps_its_price_and_noise():
     plant = machine().linearize()
     design = rp.output_feedback(plant, control_weight=1e-3, measurement_noise=1e-4)
-    check = rp.check_robustness(design, machine(), standard_errors={STIFFNESS: 8.0}, samples=10)
+    check = rp.simulation.check_robustness(
+        design, machine(), standard_errors={STIFFNESS: 8.0}, samples=10
+    )
     assert check.median == pytest.approx(design.certificate.achieved, rel=0.1)
     assert check.worst >= check.median
 
 
 def test_h2_norms():
     design = rp.state_feedback(with_state(machine()), "h2", control_weight=1e-3)
-    check = rp.check_robustness(
+    check = rp.simulation.check_robustness(
         design, machine(), standard_errors={STIFFNESS: 8.0}, plant_of=with_state, samples=5
     )
     assert check.norms == pytest.approx(design.certificate.achieved, rel=0.1)
@@ -132,7 +134,7 @@ def test_h2_norms():
 
 def test_numbers_without_a_known_error_are_left_out(design):
     errors = {STIFFNESS: 8.0, MASS: np.inf}
-    check = rp.check_robustness(
+    check = rp.simulation.check_robustness(
         design, machine(), standard_errors=errors, plant_of=with_state, samples=5
     )
     assert check.keys == (STIFFNESS,)
@@ -147,7 +149,7 @@ def test_an_effect_that_was_learnt_counts_by_its_slope():
         return changed.linearize(measured="state", operating_point={"x": 0.01})
 
     design = rp.state_feedback(bent(model), control_weight=1.0)
-    check = rp.check_robustness(
+    check = rp.simulation.check_robustness(
         design, model, standard_errors={"effect[0].stiffness": 2e5}, plant_of=bent, samples=20
     )
     assert np.std(check.norms) > 0.01 * check.median
@@ -156,17 +158,17 @@ def test_an_effect_that_was_learnt_counts_by_its_slope():
 def test_bad_input_is_refused(design):
     other = rp.MechanicalModel([Dof("q", 1.0)], outputs=[Output("x", "q")])
     with pytest.raises(rp.InvalidInputError, match="states q, dq"):
-        rp.check_robustness(design, other, standard_errors={"dof.q.mass": 0.1})
+        rp.simulation.check_robustness(design, other, standard_errors={"dof.q.mass": 0.1})
     with pytest.raises(rp.InvalidInputError, match="mass"):
-        rp.check_robustness(design, machine(), standard_errors={"mass": 0.1})
+        rp.simulation.check_robustness(design, machine(), standard_errors={"mass": 0.1})
     with pytest.raises(rp.InvalidInputError, match="standard_errors"):
-        rp.check_robustness(design, machine())
+        rp.simulation.check_robustness(design, machine())
     with pytest.raises(rp.InvalidInputError, match="samples"):
-        rp.check_robustness(design, machine(), standard_errors={MASS: 0.1}, samples=0)
+        rp.simulation.check_robustness(design, machine(), standard_errors={MASS: 0.1}, samples=0)
     with pytest.raises(rp.InvalidInputError, match="Design"):
-        rp.check_robustness(machine(), machine(), standard_errors={MASS: 0.1})
+        rp.simulation.check_robustness(machine(), machine(), standard_errors={MASS: 0.1})
     with pytest.raises(rp.InvalidInputError, match="as large as its value"):
-        rp.check_robustness(
+        rp.simulation.check_robustness(
             design, machine(), standard_errors={MASS: 1e6, STIFFNESS: 1e9},
             plant_of=with_state, samples=2000,
         )  # fmt: skip

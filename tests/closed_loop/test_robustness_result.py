@@ -9,7 +9,7 @@ import robustpolish as rp
 def check(norms, left_out=()):
     norms = np.array(norms)
     masses = np.arange(1.0, norms.size + 1)[:, None]
-    return rp.RobustnessCheck(
+    return rp.results.RobustnessCheck(
         "hinf", 1.0, norms, ("dof.x.mass",), masses, np.array([1.0]), left_out
     )
 

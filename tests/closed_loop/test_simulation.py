@@ -10,7 +10,7 @@ from robustpolish.errors import InvalidInputError
 
 def test_statics_of_the_open_loop(load):
     """A constant load ends, on average, at force over stiffness."""
-    p = rp.AirBearingParameters()
+    p = rp.polishing.AirBearingParameters()
     response = rp.simulate(rp.air_bearing(p), load)
     swing = response["y"].sel(time=slice(0, 8 / 194.0691))
     assert float(swing.mean()) == pytest.approx(-10 * (1 / p.k_t + 1 / p.k_x), rel=0.02)

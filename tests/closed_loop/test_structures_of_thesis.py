@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.closed_loop import thesis_structures
+from robustpolish.polishing.thesis.comparison import thesis_structures
 
 
 def test_three_axes_have_the_norm_of_all_twelve_states():
@@ -25,7 +25,7 @@ def test_displacement_actuation_cannot_hold_a_steady_force_along_the_spindle():
     """In doubles c_Z is nothing, so that the spring k_A alone carries a steady force."""
     plant = rp.air_bearing(actuation="displacement", measured="displacement")
     design = rp.output_feedback(plant, time_limit=30)
-    stiffness = rp.AirBearingParameters.as_published().k_A
+    stiffness = rp.polishing.AirBearingParameters.as_published().k_A
     assert design.certificate.achieved == pytest.approx(np.sqrt(2) / stiffness, rel=1e-3)
     assert "zeros on the axis, to working accuracy, at 0 rad/s" in design.message
 

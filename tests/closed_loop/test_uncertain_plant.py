@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.closed_loop.uncertain_plant import in_place_of, loop_norm
+from robustpolish.closed_loop.monte_carlo import in_place_of, loop_norm
 from robustpolish.errors import InvalidInputError
 
 AT = ("x", "ground")

@@ -49,7 +49,7 @@ def designs() -> dict[str, Any]:
         ),
         "given": rp.given_controller(discrete, [[-0.1]]),
         "tuned_blocks": rp.structured_output_feedback(
-            weighted, [rp.pid("x", kind="PI", sign=-1)], target=0.6
+            weighted, [rp.tunable.pid("x", kind="PI", sign=-1)], target=0.6
         ),
         "loop_shaping": rp.loop_shaping(200 / ((10 * s + 1) * (0.05 * s + 1) ** 2), W1=(s + 2) / s),
     }

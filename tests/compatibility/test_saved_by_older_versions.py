@@ -22,7 +22,7 @@ def test_it_loads(path):
     assert repr(loaded)
     told = json.loads((path.parent / "told.json").read_text()).get(path.stem)
     if told is not None:
-        assert isinstance(loaded, rp.Design | rp.SampledDesign)
+        assert isinstance(loaded, rp.results.Design | rp.results.SampledDesign)
         assert loaded.certificate.valid
         assert loaded.certificate.achieved == pytest.approx(told["achieved"], rel=1e-6)
         assert loaded.method == told["method"]

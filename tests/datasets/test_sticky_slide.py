@@ -3,7 +3,7 @@
 import numpy as np
 
 import robustpolish as rp
-from robustpolish.simulation.run import simulate
+from robustpolish.machines.simulation.run import simulate_model as simulate
 
 
 def test_the_record_is_the_model_with_friction_and_a_micron_of_noise():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.datasets.stored import dataset, stored
-from robustpolish.measurements import read_measurement
+from robustpolish.datasets import dataset, stored
+from robustpolish.signals.read import read_measurement
 
 TESTS = [(1, 1.5), (0.5, 0.5), (1, 1), (1, 0.5), (0.5, 1)]
 

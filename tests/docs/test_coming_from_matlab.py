@@ -86,9 +86,9 @@ def test_makeweight(order):
 def test_ncfsyn(shaped):
     assert shaped.details["optimal_gamma"] == pytest.approx(2.34, abs=0.005)  # example 9.3
     assert shaped.details["gamma"] <= 1.1001 * shaped.details["optimal_gamma"]
-    assert rp.ncf_margin(shaped.details["shaped_plant"], shaped.details["shaped_controller"]) == (
-        pytest.approx(1 / shaped.details["gamma"], rel=1e-3)
-    )
+    assert rp.uncertain.ncf_margin(
+        shaped.details["shaped_plant"], shaped.details["shaped_controller"]
+    ) == (pytest.approx(1 / shaped.details["gamma"], rel=1e-3))
     near(shaped.controller, (s + 2) / s * control.tf(shaped.details["shaped_controller"]))
 
 
@@ -99,9 +99,9 @@ def test_loopsyn_has_the_other_sign(shaped):
 
 def test_ncfmargin_and_gapmetric():
     # 1/s with unit negative feedback: the norm of [I; K] (I - G K)^-1 [I, G] is root 2
-    assert rp.ncf_margin(1 / s, 1.0, sign=-1) == pytest.approx(1 / np.sqrt(2), rel=1e-6)
+    assert rp.uncertain.ncf_margin(1 / s, 1.0, sign=-1) == pytest.approx(1 / np.sqrt(2), rel=1e-6)
     # Vinnicombe: constants a and b are |a - b| / sqrt((1 + a^2) (1 + b^2)) apart
-    gap = rp.nu_gap(control.tf([1.0], [1.0]), control.tf([2.0], [1.0]))
+    gap = rp.uncertain.nu_gap(control.tf([1.0], [1.0]), control.tf([2.0], [1.0]))
     assert gap == pytest.approx(1 / np.sqrt(10), rel=1e-6)
 
 
@@ -180,9 +180,11 @@ def test_prewarp_is_in_hertz(shaped):
 
 def test_sampled_rows(shaped, tmp_path):
     sampled = shaped.discretize(1e-3, delay=5e-4, anti_aliasing=200.0)
-    again = rp.certify_sampled(shaped.plant, sampled.controller, delay=5e-4, anti_aliasing=200.0)
+    again = rp.implementation.certify_sampled(
+        shaped.plant, sampled.controller, delay=5e-4, anti_aliasing=200.0
+    )
     assert again.bound == pytest.approx(sampled.certificate.bound)
-    assert rp.largest_period(shaped, delay=0.0) > 1e-3
+    assert rp.synthesis.largest_period(shaped, delay=0.0) > 1e-3
     push = xr.Dataset(
         {shaped.plant.disturbance_names[1]: ("time", np.ones(51))},
         {"time": np.linspace(0, 0.5, 51)},
@@ -223,27 +225,27 @@ def test_analysis_rows():
     assert float(rp.h2_norm(system)) == pytest.approx(control.norm(system, 2))
     assert np.isinf(float(rp.h2_norm(control.ss([[-1]], [[1]], [[1]], 1.0))))
     assert rp.modes(system).natural_frequencies_hz[0] == pytest.approx(2 / HERTZ)
-    assert rp.prescale(system, (0.1, 10.0)) is not None
+    assert rp.linear.prescale(system, (0.1, 10.0)) is not None
     plant = rp.GeneralizedPlant.from_loop(control.tf([1], [2, 0, 0], inputs="F", outputs="x"))
     plant = plant.with_actuator("F", bandwidth_hz=2000).with_sensor("x", noise=1e-9)
     plant = plant.with_delay("F", 1e-3)
     assert dict(plant.delays) == {"F": 1e-3}
     loop = plant.delayed_loop(control.ss([[-20.0]], [[20.0]], [[150.0]], -170.0))
-    assert rp.delay_stability(loop)
+    assert rp.linear.delay_stability(loop)
 
 
 def test_rows_of_uncertain_systems():
-    k, m = rp.uncertain_real("k", 10, percent=(-20, 50)), rp.uncertain_real("m", 2, plus_minus=0.5)
+    k, m = rp.uncertain.real("k", 10, percent=(-20, 50)), rp.uncertain.real("m", 2, plus_minus=0.5)
     assert k.elements["k"].low == 8
-    plant = rp.uncertain_system(np.array([[0, 1], [-k / m, -0.4 / m]]), [0, 1 / m], [1, 0])
+    plant = rp.uncertain.system(np.array([[0, 1], [-k / m, -0.4 / m]]), [0, 1 / m], [1, 0])
     assert [block.copies for block in plant.blocks] == [1, 1]
-    error = rp.uncertain_dynamics("d", (1, 1), bound=rp.weight(0.1, 10, 2))
+    error = rp.uncertain.dynamics("d", (1, 1), bound=rp.weight(0.1, 10, 2))
     loop = control.feedback(plant * (1 + error), 0.1)
     assert sorted(loop.elements) == ["d", "k", "m"]
     assert sorted(control.series(control.tf(1, [1, 1]), plant).elements) == ["k", "m"]
     assert sorted(control.parallel(1, plant).elements) == ["k", "m"]
     assert len(loop.sample(3, seed=0)) == 3
     # robustperf of (1 + 0.5 d) / (s + 1): the gain (1 + m / 2) is 1 / m at m = 0.732
-    margin = rp.robust_performance(control.tf(1, [1, 1]) * (1 + rp.uncertain_dynamics("e") * 0.5))
+    margin = rp.robust_performance(control.tf(1, [1, 1]) * (1 + rp.uncertain.dynamics("e") * 0.5))
     assert margin.upper == pytest.approx(np.sqrt(3) - 1, rel=1e-3)
     assert rp.structured_singular_value([[2, 2], [-1, -1]], [[1, 1], [-1, 0]]).upper < 3.001

@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-from robustpolish.drafts import renames
-from robustpolish.drafts.renames import exchange, rename_new
+from robustpolish.base import atomic_writes as renames
+from robustpolish.base.atomic_writes import exchange, rename_new
 
 
 @pytest.fixture(params=["kernel", "without"])

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from robustpolish.drafts import renames
-from robustpolish.drafts.stage import put_instead, stage, sweep
+from robustpolish.base import atomic_writes as renames
+from robustpolish.base.atomic_writes import put_instead, stage, sweep
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="folders cannot be locked")
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from robustpolish.effects import Effect, LearnedLaw
-from robustpolish.effects.learned import learned_name, spline_basis
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.learned_law import LearnedLaw
+from robustpolish.machines.effects.spline_law import learned_name, spline_basis
 
 
 def law_of(curve, low=-1.1, high=1.0, count=25, over="stiffness", share=0.002, seed=0, at="x"):

@@ -3,15 +3,9 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects import (
-    EffectKind,
-    Motion,
-    Parameter,
-    Scan,
-    force_along,
-    lookup,
-    shapes_along,
-)
+from robustpolish.machines.effects.effect import lookup
+from robustpolish.machines.effects.evaluate import force_along, shapes_along
+from robustpolish.machines.effects.kind import EffectKind, Motion, Parameter, Scan
 
 TIME = np.arange(3000) * 1e-3
 Q, V = 1e-3 * np.sin(40 * TIME), 0.04 * np.cos(40 * TIME)

@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.effects import Effect, Motion, force_along, kinds, lookup, shapes_along
-from robustpolish.models import Damper, Dof, MechanicalModel, Output, Spring
-from robustpolish.simulation.run import simulate
+from robustpolish.machines.effects.effect import Effect, kinds, lookup
+from robustpolish.machines.effects.evaluate import force_along, shapes_along
+from robustpolish.machines.effects.kind import Motion
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Output, Spring
+from robustpolish.machines.simulation.run import simulate_model as simulate
 
 NAMED = [
     "coulomb_friction",

@@ -6,9 +6,10 @@ import numba
 import numpy as np
 import pytest
 
-from robustpolish.effects import EffectKind, Parameter, lookup
-from robustpolish.effects.compiled import call_law, compiled_law
-from robustpolish.validation import InvalidInputError
+from robustpolish.errors import InvalidInputError
+from robustpolish.machines.effects.effect import lookup
+from robustpolish.machines.effects.evaluate import call_law, compiled_law
+from robustpolish.machines.effects.kind import EffectKind, Parameter
 
 
 def test_a_law_may_compile_itself():

@@ -6,18 +6,12 @@ import pickle
 import numpy as np
 import pytest
 
-from robustpolish.effects import (
-    Effect,
-    Motion,
-    force_along,
-    lookup,
-    own_kind,
-    register,
-    unregister,
-)
-from robustpolish.effects import effect as catalogue
-from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.errors import InvalidInputError
+from robustpolish.machines.effects import effect as catalogue
+from robustpolish.machines.effects.effect import Effect, lookup, register, unregister
+from robustpolish.machines.effects.evaluate import force_along
+from robustpolish.machines.effects.kind import EffectKind, Motion, Parameter
+from robustpolish.machines.effects.user_defined import own_kind
 
 
 def test_bad_effects_say_what_is_wrong():

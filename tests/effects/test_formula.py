@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects.formula import unit_of_power
+from robustpolish.machines.effects.learned_law import unit_of_power
 from tests.effects.learned_curves import law_of, surface_of
 
 

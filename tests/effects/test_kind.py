@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect, EffectKind, Parameter, lookup, register
-from robustpolish.effects import effect as catalogue
 from robustpolish.errors import InvalidInputError
+from robustpolish.machines.effects import effect as catalogue
+from robustpolish.machines.effects.effect import Effect, lookup, register
+from robustpolish.machines.effects.kind import EffectKind, Parameter
 
 FACTOR = (Parameter("factor", "1", "true over measured", default=1.0),)
 

@@ -8,8 +8,10 @@ import pytest
 from scipy.interpolate import BSpline
 
 import robustpolish as rp
-from robustpolish.effects import Effect, Motion, force_along, kinds, lookup, register, shapes_along
-from robustpolish.effects.learned import (
+from robustpolish.machines.effects.effect import Effect, kinds, lookup, register
+from robustpolish.machines.effects.evaluate import force_along, shapes_along
+from robustpolish.machines.effects.kind import Motion
+from robustpolish.machines.effects.spline_law import (
     bends,
     coefficients_of,
     learned_kind,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.effects import Effect
+from robustpolish.machines.effects.effect import Effect
 from tests.effects.learned_curves import law_of, surface_of
 
 
@@ -20,19 +20,19 @@ def test_the_curve_comes_with_its_band():
 
 def test_what_is_not_known_has_no_band():
     known = law_of(lambda q: q, count=8)
-    bare = rp.LearnedLaw(known.effect)
+    bare = rp.results.LearnedLaw(known.effect)
     assert np.isnan(bare.curve()["stderr"].values).all()
     assert len(bare.plot().collections) == 0
     # one coefficient that no data has seen spoils the band where it counts, and there only
     covariance = np.array(known.covariance)
     covariance[0, 0] = np.inf
-    stderr = rp.LearnedLaw(known.effect, covariance).curve()["stderr"].values
+    stderr = rp.results.LearnedLaw(known.effect, covariance).curve()["stderr"].values
     assert np.isinf(stderr[0])
     assert np.isfinite(stderr[-1])
 
 
 def test_a_torque_over_an_angle_has_its_units():
-    law = rp.LearnedLaw(law_of(lambda q: 5 * q).effect, rotational=True)
+    law = rp.results.LearnedLaw(law_of(lambda q: 5 * q).effect, rotational=True)
     assert law.curve()["force"].attrs["units"] == "N m"
     assert law.plot().get_xlabel().startswith("displacement [")
     assert "rad" in law.plot().get_xlabel()
@@ -73,7 +73,7 @@ def test_what_varies_is_a_curve_over_time(over, quantity, unit):
     assert formula.expression == "a0 + a1*t"
     assert formula.units == {"a0": unit, "a1": f"{unit}/s"}
     assert formula.numbers["a1"] == pytest.approx(40, rel=0.02)
-    turning = rp.LearnedLaw(law.effect, rotational=True)
+    turning = rp.results.LearnedLaw(law.effect, rotational=True)
     assert turning.unit == unit.replace("N", "N m").replace("/m", "/rad")
 
 
@@ -86,4 +86,4 @@ def test_it_shows_itself():
 
 def test_named_effects_are_refused():
     with pytest.raises(rp.InvalidInputError, match="a learned law"):
-        rp.LearnedLaw(Effect("cubic_stiffness", "x", {"stiffness": 1.0}))
+        rp.results.LearnedLaw(Effect("cubic_stiffness", "x", {"stiffness": 1.0}))

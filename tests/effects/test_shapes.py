@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects.shapes import Motion, Scan, Shape
+from robustpolish.machines.effects.kind import Motion, Scan, Shape
 
 TIME = np.arange(1000) * 1e-3
 MOTION = Motion(TIME, np.linspace(-2.0, 2.0, 1000)[None], np.full((1, 1000), -3.0))

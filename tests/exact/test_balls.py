@@ -4,7 +4,7 @@ import flint
 import numpy as np
 import pytest
 
-from robustpolish.exact.balls import (
+from robustpolish.linear.arithmetic.balls import (
     ball,
     block,
     identity,

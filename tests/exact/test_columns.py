@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.exact.balls import ball, midpoint, precision
-from robustpolish.exact.columns import independent_first, part
+from robustpolish.linear.arithmetic.balls import ball, independent_first, midpoint, precision
+from robustpolish.linear.arithmetic.balls import columns_of as part
 
 
 @pytest.mark.parametrize("rank", [0, 1, 2, 3])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import lapack
 
-from robustpolish.exact.even_units import balance, rounded_nothing
-from robustpolish.exact.exponents import nearest_exponent
+from robustpolish.linear.arithmetic.even_units import balance, rounded_nothing
+from robustpolish.linear.arithmetic.powers_of_two import nearest_exponent
 
 
 @pytest.mark.parametrize("seed", range(10))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.exact import exponents
-from robustpolish.exact.exponents import BeyondDoublesError, bracket, scaled
+from robustpolish.linear.arithmetic import powers_of_two as exponents
+from robustpolish.linear.arithmetic.powers_of_two import BeyondDoublesError, bracket, scaled
 
 
 def test_factors_whose_product_no_double_holds():

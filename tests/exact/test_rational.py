@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from flint import fmpq_mat
 
-from robustpolish.exact import rational as kit
-from robustpolish.exact.rational import rational, reachable, to_float
+from robustpolish.linear.arithmetic import rational as kit
+from robustpolish.linear.arithmetic.rational import rational, reachable, to_float
 
 
 def hidden_behind(seed, n, lost, inputs):

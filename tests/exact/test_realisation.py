@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.exact.realisation import (
+from robustpolish.linear.arithmetic.realisation import (
     Realisation,
     power_of_two,
     realisation,

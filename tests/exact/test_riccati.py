@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from robustpolish.exact.balls import ball, midpoint, precision
-from robustpolish.exact.riccati import (
+from robustpolish.linear.arithmetic.balls import ball, midpoint, precision
+from robustpolish.linear.arithmetic.riccati import (
     UndecidedError,
     has_eigenvalue_below,
     is_surely_not_semidefinite,

@@ -19,7 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from robustpolish.drafts import renames
+from robustpolish.base import atomic_writes as renames
 from robustpolish.errors import RobustPolishError
 
 OPERATIONS = {

@@ -16,9 +16,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import robustpolish as rp
-from robustpolish.cli import main
-from robustpolish.saving import new_folder
-from robustpolish.synthesis.lmi.limited import run_limited
+from robustpolish.app.cli.main import main
+from robustpolish.base.atomic_writes import new_folder
+from robustpolish.synthesis.lmi.program import run_limited
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.machine_design.machines import DESIGN, SPINDLE
 
@@ -76,13 +76,13 @@ def jobs() -> dict[str, Job]:
     assert drawn is not None, "axes that are drawn have a figure"
     drawn.savefig(picture := inputs / "picture.png", dpi=150)
     for name in ("design", "diagnose"):  # faults are for what writes, not for imports
-        import_module(f"robustpolish.cli.{name}")
+        import_module(f"robustpolish.app.cli.main.{name}")
     computed = {
-        "robustpolish.cli.any_machine.design.design_machine": found,
-        "robustpolish.cli.any_machine.design.machine_design_report": None,
-        "robustpolish.cli.any_machine.design.render_html": "<p>" + 100_000 * "words ",
-        "robustpolish.cli.diagnose.diagnose_model": diagnosis,
-        "robustpolish.machine_design.MachineDesign.plot": _Drawn(picture.read_bytes()),
+        "robustpolish.app.machine_design.design_machine": found,
+        "robustpolish.app.report.documents.machine_design_report": None,
+        "robustpolish.app.report.html.render_html": "<p>" + 100_000 * "words ",
+        "robustpolish.identification.diagnose.diagnose": diagnosis,
+        "robustpolish.app.machine_design.MachineDesign.plot": _Drawn(picture.read_bytes()),
     }
 
     def design(at: Path, force: bool) -> None:

@@ -7,8 +7,8 @@ import time
 
 import pytest
 
-from robustpolish.saving import new_file, new_folder
-from robustpolish.synthesis.lmi.limited import run_limited
+from robustpolish.base.atomic_writes import new_file, new_folder
+from robustpolish.synthesis.lmi.program import run_limited
 from tests.faults import kills
 from tests.faults.injector import Fault
 from tests.faults.jobs import Job
@@ -62,7 +62,7 @@ def test_the_injector_sees_halves_and_leftovers(monkeypatch):
 def test_the_injector_sees_who_lives_on(monkeypatch):
     monkeypatch.setattr(kills, "GRACE", 0.1)
     # The worker's own watch is taken away.
-    monkeypatch.setattr("robustpolish.synthesis.lmi.limited.end_with", lambda *_: None)
+    monkeypatch.setattr("robustpolish.synthesis.backends.parent_watch.end_with", lambda *_: None)
     job = Job(lambda at, force: run_limited(lambda: time.sleep(2), 9.0), ())
     assert "live on" in seen(monkeypatch, job, Fault("time", 1000))[0]
 

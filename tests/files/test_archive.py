@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.files import Wanted, members, opened
+from robustpolish.base.input_files import Wanted, members, opened
 
 WANTED = Wanted("path", "a file", "Check the path.", 10_000)
 

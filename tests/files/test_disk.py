@@ -5,9 +5,9 @@ import pickle
 
 import pytest
 
+from robustpolish.base.atomic_writes import new_file, new_folder
+from robustpolish.base.input_files import is_refusal, refusal, told_of_disk
 from robustpolish.errors import InvalidInputError, StorageError
-from robustpolish.files import is_refusal, refusal, told_of_disk
-from robustpolish.saving import new_file, new_folder
 
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EIO, errno.ENAMETOOLONG])

@@ -9,17 +9,17 @@ import pytest
 import scipy.io
 
 import robustpolish as rp
-from robustpolish.files import Wanted, content, opened, size_of, text
-from robustpolish.measurements import holds_frequency_response
+from robustpolish.base.input_files import Wanted, content, opened, size_of, text
+from robustpolish.signals.frequency_response import holds_frequency_response
 
 WANTED = Wanted("path", "a file", "Check the path.", 100)
 
 READERS = {
     "load": (rp.load, ".json"),
     "load a model": (rp.load, ".toml"),
-    "Design.load": (rp.Design.load, ".json"),
-    "Diagnosis.load": (rp.Diagnosis.load, ".json"),
-    "SampledDesign.load": (rp.SampledDesign.load, ".json"),
+    "Design.load": (rp.results.Design.load, ".json"),
+    "Diagnosis.load": (rp.results.Diagnosis.load, ".json"),
+    "SampledDesign.load": (rp.results.SampledDesign.load, ".json"),
     "GeneralizedPlant.load": (rp.GeneralizedPlant.load, ".json"),
     "from_toml": (rp.MechanicalModel.from_toml, ".toml"),
     "task": (rp.read_design_task, ".toml"),
@@ -27,9 +27,12 @@ READERS = {
        for suffix in (".csv", ".lvm", ".mat", ".h5", ".npz", ".wav", ".tdms", ".uff")},
     "response.csv": (rp.read_frequency_response, ".csv"),
     "response.uff": (rp.read_frequency_response, ".uff"),
-    "mould.csv": (rp.Mould.from_csv, ".csv"),
-    "mould.stl": (lambda path, **more: rp.Mould.from_stl(path, unit="mm", **more), ".stl"),
-    "path": (lambda path, **more: rp.ToolPath.from_csv(path, speed=0.1, **more), ".csv"),
+    "mould.csv": (rp.polishing.Mould.from_csv, ".csv"),
+    "mould.stl": (
+        lambda path, **more: rp.polishing.Mould.from_stl(path, unit="mm", **more),
+        ".stl",
+    ),
+    "path": (lambda path, **more: rp.polishing.ToolPath.from_csv(path, speed=0.1, **more), ".csv"),
 }  # fmt: skip
 
 

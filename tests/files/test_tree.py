@@ -2,8 +2,8 @@
 
 import pytest
 
+from robustpolish.base.input_files import check_tree
 from robustpolish.errors import InvalidInputError
-from robustpolish.files import check_tree
 
 
 def nested(depth):

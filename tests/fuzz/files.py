@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import robustpolish as rp
-from robustpolish.measurements import holds_frequency_response
+from robustpolish.signals.frequency_response import holds_frequency_response
 from tests.fuzz.files_corpus import Corpus, corpus
 from tests.fuzz.files_mutations import mutated
 
@@ -53,13 +53,13 @@ def _response(path: Path) -> object:
 
 def _mould(path: Path) -> object:
     if path.suffix == ".csv":
-        return rp.Mould.from_csv(path, unit="mm")
-    return rp.Mould.from_stl(path, unit="mm")
+        return rp.polishing.Mould.from_csv(path, unit="mm")
+    return rp.polishing.Mould.from_stl(path, unit="mm")
 
 
 def _path(path: Path) -> object:
     timed = b"t" in path.read_bytes()[:20]
-    return rp.ToolPath.from_csv(path, unit="mm", speed=None if timed else 0.02)
+    return rp.polishing.ToolPath.from_csv(path, unit="mm", speed=None if timed else 0.02)
 
 
 READERS: dict[str, Callable[[Path], Any]] = {

@@ -2,6 +2,7 @@
 
 import inspect
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -77,15 +78,15 @@ class Given:
 
     def uncertain(self):
         """The plant with an uncertain gain of its inputs."""
-        k = rp.uncertain_real("k", 1.0, percent=float(self.random.integers(1, 60)))
-        return rp.series(k * np.eye(self.system.ninputs), self.system)
+        k = rp.uncertain.real("k", 1.0, percent=float(self.random.integers(1, 60)))
+        return rp.uncertain.series(k * np.eye(self.system.ninputs), self.system)
 
     def uncertain_loop(self):
         """A feedback around an uncertain gain, with a dynamic error."""
         G = self.square()
-        error = rp.uncertain_dynamics("error", G.ninputs, bound=0.1)
-        k = rp.uncertain_real("k", 1.0, percent=30.0)
-        L = rp.series(k * np.eye(G.ninputs), G) * (np.eye(G.ninputs) + error)
+        error = rp.uncertain.dynamics("error", G.ninputs, bound=0.1)
+        k = rp.uncertain.real("k", 1.0, percent=30.0)
+        L = rp.uncertain.series(k * np.eye(G.ninputs), G) * (np.eye(G.ninputs) + error)
         return rp.feedback(L, -1e-2 * np.eye(G.ninputs))
 
 
@@ -114,9 +115,9 @@ def _simulate(g):
 
 def _delayed(g):
     n = min(g.system.ninputs, g.system.noutputs)
-    line = rp.DelayLine("x", float(10.0 ** g.random.uniform(-3, 1)))
+    line = rp.simulation.DelayLine("x", float(10.0 ** g.random.uniform(-3, 1)))
     lines = (line,) if n else ()
-    return rp.delay_stability(rp.DelayedSystem(g.system, lines))
+    return rp.linear.delay_stability(rp.simulation.DelayedSystem(g.system, lines))
 
 
 def _passive(g):
@@ -129,7 +130,7 @@ def _design(g):
 
 
 CHEAP = {
-    "append": lambda g: rp.append(g.system, g.uncertain()),
+    "uncertain.append": lambda g: rp.uncertain.append(g.system, g.uncertain()),
     "certify": lambda g: rp.certify(g.plant, g.gain(), _norm(g)),
     "channel": lambda g: rp.channel(
         g.plant, g.plant.disturbance_names[:1], g.plant.performance_names[:1]
@@ -140,44 +141,50 @@ CHEAP = {
     "given_controller": lambda g: rp.given_controller(g.plant, g.gain(), _norm(g)),
     "h2_norm": lambda g: rp.h2_norm(g.system),
     "hinf_norm": lambda g: rp.hinf_norm(g.system, exact=g.random.random() < 0.8),
-    "is_detectable": lambda g: rp.is_detectable(g.system),
-    "is_stabilizable": lambda g: rp.is_stabilizable(g.system),
-    "lft": lambda g: rp.lft(g.system, g.gain()),
+    "linear.is_detectable": lambda g: rp.linear.is_detectable(g.system),
+    "linear.is_stabilizable": lambda g: rp.linear.is_stabilizable(g.system),
+    "uncertain.lft": lambda g: rp.uncertain.lft(g.system, g.gain()),
     "mixed_sensitivity": lambda g: rp.mixed_sensitivity(
         g.square(), performance=rp.weight(1e3, 0.5, 0.5), effort=0.05
     ),
     "modes": lambda g: rp.modes(g.system),
-    "ncf_margin": lambda g: rp.ncf_margin(g.square(), np.zeros((g.square().ninputs,) * 2)),
-    "nu_gap": lambda g: rp.nu_gap(g.square(), g.square(1.1)),
+    "uncertain.ncf_margin": lambda g: rp.uncertain.ncf_margin(
+        g.square(), np.zeros((g.square().ninputs,) * 2)
+    ),
+    "uncertain.nu_gap": lambda g: rp.uncertain.nu_gap(g.square(), g.square(1.1)),
     "observability": lambda g: rp.observability(g.system),
-    "observer_controller": lambda g: rp.observer_controller(
+    "synthesis.observer_controller": lambda g: rp.synthesis.observer_controller(
         g.plant, np.zeros((g.plant.nu, g.plant.nx)), np.zeros((g.plant.nx, g.plant.ny))
     ),
-    "parallel": lambda g: rp.parallel(g.system, g.uncertain()),
-    "plant_at_samples": lambda g: rp.plant_at_samples(
+    "uncertain.parallel": lambda g: rp.uncertain.parallel(g.system, g.uncertain()),
+    "implementation.plant_at_samples": lambda g: rp.implementation.plant_at_samples(
         g.plant, float(10.0 ** g.random.uniform(-4, 1)), delay=g.either(0.0, 1e-4)
     ),
-    "prescale": lambda g: rp.prescale(g.system),
+    "linear.prescale": lambda g: rp.linear.prescale(g.system),
     "read_design_task": lambda g: rp.read_design_task(g.plant, control_weight=0.1),
-    "scale_system": lambda g: rp.scale_system(g.system),
-    "series": lambda g: rp.series(g.uncertain(), np.eye(g.system.noutputs)),
+    "linear.scale_system": lambda g: rp.linear.scale_system(g.system),
+    "uncertain.series": lambda g: rp.uncertain.series(g.uncertain(), np.eye(g.system.noutputs)),
     "simulate": _simulate,
     "singular_values": lambda g: rp.singular_values(g.system),
-    "stability": lambda g: rp.stability(g.system),
-    "uncertain_system": lambda g: rp.uncertain_system(g.plant.A, g.plant.B2, g.plant.C2),
+    "linear.stability": lambda g: rp.linear.stability(g.system),
+    "uncertain_system": lambda g: rp.uncertain.system(g.plant.A, g.plant.B2, g.plant.C2),
 }
 """Calls that take a tenth of a second at most on ordinary plants."""
 
 DEAR = {
-    "certify_sampled": lambda g: rp.certify_sampled(g.plant, g.gain() * 0.1, period=0.01),
+    "implementation.certify_sampled": lambda g: rp.implementation.certify_sampled(
+        g.plant, g.gain() * 0.1, period=0.01
+    ),
     "compare_methods": lambda g: rp.compare_methods(
         g.plant, ("riccati",), norm=_norm(g), time_limit=TIME_LIMIT
     ),
-    "cover": lambda g: rp.cover([g.square(), g.square(1.2), g.square(0.9)], order=1),
+    "uncertain.cover": lambda g: rp.uncertain.cover(
+        [g.square(), g.square(1.2), g.square(0.9)], order=1
+    ),
     "design_machine": lambda g: rp.design_machine(
         g.plant, control_weight=0.1, measurement_noise=0.1
     ),
-    "largest_period": lambda g: rp.largest_period(_design(g)),
+    "synthesis.largest_period": lambda g: rp.synthesis.largest_period(_design(g)),
     "loop_analysis": lambda g: rp.loop_analysis(g.plant, g.gain()),
     "loop_shaping": lambda g: rp.loop_shaping(g.square()),
     "mixed_output_feedback": lambda g: rp.mixed_output_feedback(
@@ -218,7 +225,7 @@ DEAR = {
         g.plant, _norm(g), **_priced(g), time_limit=TIME_LIMIT
     ),
     "structured_output_feedback": lambda g: rp.structured_output_feedback(
-        g.plant, [rp.static_gain()], _norm(g), **_priced(g), time_limit=TIME_LIMIT
+        g.plant, [rp.tunable.static_gain()], _norm(g), **_priced(g), time_limit=TIME_LIMIT
     ),
     "structured_singular_value": lambda g: rp.structured_singular_value(
         g.square(), g.either("full", [("real", 1)] * g.square().ninputs)
@@ -227,5 +234,7 @@ DEAR = {
 }
 """Calls that take longer; a plant meets one of them now and then."""
 
-LIMITED = {name for name in DEAR if "time_limit" in inspect.signature(getattr(rp, name)).parameters}
+LIMITED = {
+    name for name in DEAR if "time_limit" in inspect.signature(attrgetter(name)(rp)).parameters
+}
 """Those with a time limit."""

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import robustpolish as rp
-from robustpolish.long_calls import now
+from robustpolish.base.budget import now
 
 from .drawn_plants import drawn_plant
 from .plant_calls import CHEAP, DEAR, LIMITED, TIME_LIMIT, Given
@@ -33,7 +33,7 @@ LATE = 1.0
 # Where nothing else ends a call, this does.
 HANGS = 120.0
 # What holds a certificate, and the word for one that sixty digits looked at and found true.
-CERTIFIED = (rp.Certificate, rp.Design)
+CERTIFIED = (rp.results.Certificate, rp.results.Design)
 CERTIFICATE = "proven certificate"
 
 

@@ -154,15 +154,15 @@ def checked(name, found, given):
     FalsehoodError
         If they refute it, or a number of it is nan.
     """
-    if isinstance(found, rp.HinfNorm):
+    if isinstance(found, rp.results.HinfNorm):
         return _hinf(found, given.system)
-    if isinstance(found, rp.H2Norm):
+    if isinstance(found, rp.results.H2Norm):
         return _h2(found, given.system)
-    if isinstance(found, rp.Stability):
+    if isinstance(found, rp.results.Stability):
         return _stability(found, given.system)
-    if isinstance(found, rp.Certificate):
+    if isinstance(found, rp.results.Certificate):
         return certificate(found, given.plant, given.controller)
-    if isinstance(found, rp.Design):
+    if isinstance(found, rp.results.Design):
         return design(found)
     return "result"
 

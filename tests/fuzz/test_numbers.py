@@ -18,24 +18,24 @@ LAG = rp.GeneralizedPlant.from_matrices([[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1
 
 SCALARS = {
     "disk": lambda a, b, c: rp.Disk(a, b),
-    "delay line": lambda a, b, c: rp.DelayLine("x", a),
+    "delay line": lambda a, b, c: rp.simulation.DelayLine("x", a),
     "half plane": lambda a, b, c: rp.HalfPlane(a),
     "sector": lambda a, b, c: rp.Sector(a),
     "certify": lambda a, b, c: rp.certify(LAG, [[a]], claimed=b, tolerance=c),
-    "lead_lag": lambda a, b, c: rp.lead_lag("y1", gain=a, zero_hz=b, pole_hz=c),
-    "loss_damping": rp.loss_damping,
-    "low_pass": lambda a, b, c: rp.low_pass("y1", frequency_hz=a, damping=b),
-    "notch": lambda a, b, c: rp.notch("y1", frequency_hz=a, depth=b, width=c),
-    "pid": lambda a, b, c: rp.pid("y1", Kp=a, Ki=b, Kd=c),
-    "plant_at_samples": lambda a, b, c: rp.plant_at_samples(LAG, a, b),
-    "resultant_forces": lambda a, b, c: rp.resultant_forces(ahead=a, behind=b, side=c),
-    "share_damping": rp.share_damping,
-    "static_gain": lambda a, b, c: rp.static_gain(gain=[[a]]),
-    "tunable": lambda a, b, c: rp.tunable("k", a, b, c),
-    "uncertain_complex": lambda a, b, c: rp.uncertain_complex("k", a, radius=b),
-    "uncertain_dynamics": lambda a, b, c: rp.uncertain_dynamics("k", bound=a),
-    "uncertain_real": lambda a, b, c: rp.uncertain_real("k", a, range=(b, c)),
-    "uncertain_real in percent": lambda a, b, c: rp.uncertain_real("k", a, percent=b),
+    "lead_lag": lambda a, b, c: rp.tunable.lead_lag("y1", gain=a, zero_hz=b, pole_hz=c),
+    "loss_damping": rp.effects.loss_damping,
+    "low_pass": lambda a, b, c: rp.tunable.low_pass("y1", frequency_hz=a, damping=b),
+    "notch": lambda a, b, c: rp.tunable.notch("y1", frequency_hz=a, depth=b, width=c),
+    "pid": lambda a, b, c: rp.tunable.pid("y1", Kp=a, Ki=b, Kd=c),
+    "plant_at_samples": lambda a, b, c: rp.implementation.plant_at_samples(LAG, a, b),
+    "resultant_forces": lambda a, b, c: rp.polishing.resultant_forces(ahead=a, behind=b, side=c),
+    "share_damping": rp.effects.share_damping,
+    "static_gain": lambda a, b, c: rp.tunable.static_gain(gain=[[a]]),
+    "tunable": lambda a, b, c: rp.tunable.tunable("k", a, b, c),
+    "uncertain_complex": lambda a, b, c: rp.uncertain.complex("k", a, radius=b),
+    "uncertain_dynamics": lambda a, b, c: rp.uncertain.dynamics("k", bound=a),
+    "uncertain_real": lambda a, b, c: rp.uncertain.real("k", a, range=(b, c)),
+    "uncertain_real in percent": lambda a, b, c: rp.uncertain.real("k", a, percent=b),
     "weight": rp.weight,
 }
 
@@ -72,12 +72,12 @@ def test_systems_of_two_states(n):
         [[n[0], n[1]], [n[2], n[3]]], [[n[4]], [n[5]]], [[n[6], n[7]]], [[n[8]]], 0,
         remove_useless_states=False,
     )  # fmt: skip
-    for function in (rp.hinf_norm, rp.h2_norm, rp.stability, rp.modes, rp.controllability):
+    for function in (rp.hinf_norm, rp.h2_norm, rp.linear.stability, rp.modes, rp.controllability):
         try:
             found = function(system)
         except rp.RobustPolishError:
             continue
-        if isinstance(found, rp.HinfNorm | rp.H2Norm):
+        if isinstance(found, rp.results.HinfNorm | rp.results.H2Norm):
             assert found.lower <= found.value <= found.upper
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 from scipy.signal import lfilter
 
-import robustpolish.models.mechanical.parts as parts
-from robustpolish.models import MechanicalModel
+from robustpolish.machines.mechanical import parts as parts
+from robustpolish.machines.mechanical.model import MechanicalModel
 
 from .motion import motion, output_name, shown
 

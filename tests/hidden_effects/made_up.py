@@ -3,8 +3,8 @@
 from concurrent.futures import Future
 from types import SimpleNamespace
 
-from robustpolish.effects import Effect
-from robustpolish.identification.findings.findings import Confusion, FoundEffect, Value
+from robustpolish.identification.diagnosis.findings import Confusion, FoundEffect, Value
+from robustpolish.machines.effects.effect import Effect
 from tests.hidden_effects.cases import model_of
 from tests.hidden_effects.rows import empty_row
 

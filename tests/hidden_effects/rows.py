@@ -4,7 +4,8 @@ import time
 
 import numpy as np
 
-from robustpolish.identification import compare, diagnose
+from robustpolish.identification.compare import compare
+from robustpolish.identification.diagnose import diagnose
 
 from .cases import model_of, records
 from .curves import curve_shares

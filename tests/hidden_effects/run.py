@@ -14,7 +14,7 @@ import argparse
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
-from robustpolish.sweeps.work import cores
+from robustpolish.base.sweep import cores
 
 from .catalogue import all_cases
 from .drawn import JUDGED_SEED, drawn_cases

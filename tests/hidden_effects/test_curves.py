@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect, LearnedLaw
-from robustpolish.effects.learned import spline_basis
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.learned_law import LearnedLaw
+from robustpolish.machines.effects.spline_law import spline_basis
 from tests.hidden_effects.cases import Case, model_of, one, two
 from tests.hidden_effects.curves import curve_shares, static_force
 from tests.hidden_effects.made_up import diagnosis_of

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect
-from robustpolish.identification.findings.findings import Value
-from robustpolish.simulation import simulate_model
+from robustpolish.identification.diagnosis.findings import Value
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.simulation.run import simulate_model
 from tests.hidden_effects.cases import Case, axes, model_of, one, records, two
 from tests.hidden_effects.drawn import AXES, DOF, PAIR, SIGNAL
 from tests.hidden_effects.intervals import TRUTH, Stated, effect_numbers, floor_ratios, own_numbers

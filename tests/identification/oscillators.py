@@ -6,7 +6,8 @@ import numpy as np
 import xarray as xr
 from scipy.integrate import solve_ivp
 
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 
 PLACE = ("x", "ground")
 RATE = 500.0

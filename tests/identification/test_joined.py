@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.joined import joined, named_records, of_one_step, taken_apart
+from robustpolish.identification.record import joined, named_records, of_one_step, taken_apart
 
 
 def made(samples=50, begin=0.0, step=0.01, **channels):

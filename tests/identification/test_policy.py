@@ -3,7 +3,7 @@ from dataclasses import FrozenInstanceError, fields
 import pytest
 
 import robustpolish as rp
-from robustpolish.identification.discover.diagnose import diagnose
+from robustpolish.identification.diagnose import diagnose
 from robustpolish.identification.policy import POLICY, Policy
 
 

@@ -14,7 +14,7 @@ from robustpolish.identification.record import (
     record_of,
     repetition,
 )
-from robustpolish.models import Dof, Input, Output, Spring
+from robustpolish.machines.mechanical.parts import Dof, Input, Output, Spring
 from tests.identification.oscillators import PLACE, RATE, of_rig, oscillator, record, rig
 
 

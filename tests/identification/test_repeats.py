@@ -5,8 +5,7 @@ import pytest
 import xarray as xr
 from scipy.signal import lfilter
 
-from robustpolish.identification.record import record_of
-from robustpolish.identification.repeats import repeats
+from robustpolish.identification.record import record_of, repeats
 from tests.identification.oscillators import oscillator, record
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.saved_file import plain
+from robustpolish.base.saved import plain
 from tests.loops.loops_for_tests import SATELLITE, TEXTBOOK, delayed_poles
 
 

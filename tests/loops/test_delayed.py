@@ -58,7 +58,7 @@ def test_a_model_too_coarse_is_told():
     # Stable up to (pi - arctan(sqrt(8)))/sqrt(8) = 0.6755 s.
     for tau in (0.6, 0.67, 0.9):
         found = rp.loop_analysis(plant.with_delay("u", tau, order=1), -1)
-        exact = rp.delay_stability(plant.with_delay("u", tau).delayed_loop([[-1.0]]))
+        exact = rp.linear.delay_stability(plant.with_delay("u", tau).delayed_loop([[-1.0]]))
         verdicts[tau] = (bool(exact), found.stable)
         if exact and not found.stable:
             assert "higher order=" in found.explain()

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.loops.figures import LoopFigures
+from robustpolish.loops.report import LoopFigures
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.loops.given_loop import loop_of, measured_plant
-from robustpolish.loops.loop import Loop
+from robustpolish.loops.loop import Loop, loop_of, measured_plant
 from tests.loops.loops_for_tests import SATELLITE, TEXTBOOK, s
 
 

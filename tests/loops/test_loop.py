@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.loops.given_loop import loop_of
+from robustpolish.loops.loop import loop_of
 from tests.loops.loops_for_tests import TEXTBOOK, random_loop
 
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.loops.given_loop import loop_of
+from robustpolish.loops.loop import loop_of
+from robustpolish.loops.performance import lowest_stable_rate, sampled_poles
 from robustpolish.loops.requirements import LoopRequirements
-from robustpolish.loops.sampling import lowest_stable_rate, sampled_poles
 from tests.loops.loops_for_tests import random_loop
 
 

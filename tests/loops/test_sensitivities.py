@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.loops.given_loop import loop_of
-from robustpolish.loops.sensitivities import from_to, sensitivities
+from robustpolish.loops.loop import loop_of
+from robustpolish.loops.performance import from_to, sensitivities
 from tests.loops.loops_for_tests import random_loop
 
 

@@ -4,7 +4,7 @@ import control
 import numpy as np
 
 import robustpolish as rp
-from robustpolish.loops.tables import tables_of
+from robustpolish.loops.report import tables_of
 from tests.loops.loops_for_tests import TEXTBOOK
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.loops.words import explain, problems
+from robustpolish.loops.report import explain, problems
 from tests.loops.loops_for_tests import CONDITIONAL, SATELLITE, TEXTBOOK
 
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.machine_design import asked_weight
-from robustpolish.machine_design.asked_weights import is_weight
+from robustpolish.app.design_task import asked_weight, is_weight
 
 
 def test_the_forms_of_a_weight():

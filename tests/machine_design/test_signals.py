@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.machine_design import machine_plant
+from robustpolish.app.design_task import machine_plant
 from tests.machine_design.machines import SPINDLE
 
 MODEL = rp.MechanicalModel.from_toml(SPINDLE)

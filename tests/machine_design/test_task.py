@@ -10,7 +10,7 @@ MODEL = rp.MechanicalModel.from_toml(SPINDLE)
 
 
 def test_a_machine_is_wired_as_by_hand():
-    task = rp.DesignTask(
+    task = rp.results.DesignTask(
         MODEL,
         controls=["F"],
         measurements="x",
@@ -31,11 +31,11 @@ def test_a_machine_is_wired_as_by_hand():
 def test_weights_of_mixed_sensitivity_and_of_channels():
     low = {"low": 10.0, "crossover_hz": 5.0, "high": 0.1}
     weights = {"performance": {"x": low}, "effort": 1e-5, "robustness": [None, 0.5]}
-    task = rp.DesignTask(MODEL, controls=["F"], weights=weights)
+    task = rp.results.DesignTask(MODEL, controls=["F"], weights=weights)
     names = task.weighted.performance_names
     assert names == ("performance_measured_x", "effort_F", "robustness_measured_acc")
     own = {"channels": {"F_cut": 3.0, "spindle": low}}
-    channels = rp.DesignTask(MODEL, controls=["F"], weights=own)
+    channels = rp.results.DesignTask(MODEL, controls=["F"], weights=own)
     np.testing.assert_allclose(channels.weighted.B1, 3 * channels.plant.B1[[*range(4), 0]] * [
         [1], [1], [1], [1], [0]])  # fmt: skip
     assert channels.weighted.nx == channels.plant.nx + 1
@@ -48,16 +48,18 @@ def test_which_controller_is_meant():
         "order 2": {"order": 2},
     }
     for kind, extra in kinds.items():
-        assert rp.DesignTask(MODEL, controls=["F"], **extra).kind == kind
-    whole = rp.DesignTask(MODEL, controls=["F"], full_state=True)
+        assert rp.results.DesignTask(MODEL, controls=["F"], **extra).kind == kind
+    whole = rp.results.DesignTask(MODEL, controls=["F"], full_state=True)
     assert (whole.kind, whole.plant.ny) == ("state feedback", 4)
-    heard = rp.DesignTask(MODEL, controls=["F"], measurement_noise=1e-6, **kinds["state feedback"])
+    heard = rp.results.DesignTask(
+        MODEL, controls=["F"], measurement_noise=1e-6, **kinds["state feedback"]
+    )
     assert heard.kind == "output feedback"
 
 
 def test_prices_by_name_and_effects_that_are_linearised():
     model = MODEL.with_effect("cubic_stiffness", ("slide", "ground"), {"stiffness": 1e9})
-    task = rp.DesignTask(model, controls=["F", "slide"], control_weight={"slide": 2.0})
+    task = rp.results.DesignTask(model, controls=["F", "slide"], control_weight={"slide": 2.0})
     assert task.prices is not None
     np.testing.assert_array_equal(task.prices, [0.0, 2.0])
     assert "linearised about the state of rest: cubic_stiffness" in task.notes[0]
@@ -99,11 +101,11 @@ def test_prices_by_name_and_effects_that_are_linearised():
 )
 def test_what_cannot_be_asked_for(extra, says):
     with pytest.raises(rp.InvalidInputError, match=says):
-        rp.DesignTask(MODEL, **{"controls": ["F"], **extra})
+        rp.results.DesignTask(MODEL, **{"controls": ["F"], **extra})
 
 
 def test_no_machine():
     with pytest.raises(rp.InvalidInputError, match="MechanicalModel or a GeneralizedPlant"):
-        rp.DesignTask("machine")  # type: ignore[arg-type]
+        rp.results.DesignTask("machine")  # type: ignore[arg-type]
     with pytest.raises(rp.InvalidInputError, match="Write controls"):
-        rp.read_design_task(rp.DesignTask(MODEL, controls=["F"]), control=["F"])
+        rp.read_design_task(rp.results.DesignTask(MODEL, controls=["F"]), control=["F"])

@@ -7,7 +7,7 @@ import xarray as xr
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.simulation import simulate_model
+from robustpolish.machines.simulation.run import simulate_model
 
 
 def record(rate=50e3, seconds=0.1, offset=0.0):
@@ -24,7 +24,7 @@ def test_a_file_is_replayed_into_a_loop(tmp_path):
     )
     path = tmp_path / "forces.csv"
     frame.to_csv(path, index=False)
-    load = rp.measured_forces(
+    load = rp.signals.measured_forces(
         path, {"F_y": "side", "F_z": "up"}, factors={"F_y": -1}, steady={"F_p": 10.0},
         sample_rate=20e3,
     )  # fmt: skip
@@ -46,13 +46,13 @@ def test_the_same_load_drives_a_model():
         inputs=[rp.Input("F_x", "x")],
         outputs=[rp.Output("x", ("x", "ground"))],
     )
-    load = rp.measured_forces(record(), {"F_x": "Fx"}, sample_rate=20e3)
+    load = rp.signals.measured_forces(record(), {"F_x": "Fx"}, sample_rate=20e3)
     assert np.abs(simulate_model(model, load).outputs).max() > 1e-5
 
 
 def test_rates_up_down_and_in_between():
     for rate in (10e3, 50e3, 60e3, 18e3):
-        load = rp.measured_forces(record(), {"F_x": "Fx"}, sample_rate=rate)
+        load = rp.signals.measured_forces(record(), {"F_x": "Fx"}, sample_rate=rate)
         time = load["time"].to_numpy() + load.attrs["began"]
         np.testing.assert_allclose(np.diff(time), 1 / rate, rtol=1e-6)
         expected = 3.0 + 2.0 * np.sin(2 * np.pi * 190 * time)
@@ -64,7 +64,7 @@ def test_rates_up_down_and_in_between():
 def test_offsets_parts_and_steady_inputs():
     frame = record(offset=7.0)
     frame.loc[:999, "Fx [kN]"] = 7e-3 + 1e-12 * np.arange(1000)
-    load = rp.measured_forces(
+    load = rp.signals.measured_forces(
         frame, {"F_x": "Fx"}, unloaded=(0.0, 0.0199), between=(0.03, 0.08), steady={"F_p": 12}
     )
     assert load.attrs["began"] == pytest.approx(0.03)
@@ -77,21 +77,21 @@ def test_offsets_parts_and_steady_inputs():
 def test_datasets_are_taken_as_they_are():
     time = np.arange(101) / 1e3
     data = xr.Dataset({"F": ("time", np.sin(50 * time), {"units": "N"})}, {"time": time})
-    load = rp.measured_forces(data, {"F_y": "F"}, factors={"F_y": 2.0})
+    load = rp.signals.measured_forces(data, {"F_y": "F"}, factors={"F_y": 2.0})
     np.testing.assert_allclose(load["F_y"], 2 * data["F"])
 
 
 def test_what_is_no_force_is_refused():
     with pytest.raises(InvalidInputError, match=r"forces\['F_z'\].*unit not known"):
-        rp.measured_forces(record(), {"F_z": "Fz"})
-    rp.measured_forces(record(), {"F_z": "Fz"}, units={"Fz": "mN"})
+        rp.signals.measured_forces(record(), {"F_z": "Fz"})
+    rp.signals.measured_forces(record(), {"F_z": "Fz"}, units={"Fz": "mN"})
     with pytest.raises(InvalidInputError, match="unit m"):
-        rp.measured_forces(record(), {"F_z": "Fz"}, units={"Fz": "mm"})
+        rp.signals.measured_forces(record(), {"F_z": "Fz"}, units={"Fz": "mm"})
     with pytest.raises(InvalidInputError, match="factors: got entries for F_q"):
-        rp.measured_forces(record(), {"F_x": "Fx"}, factors={"F_q": 1.0})
+        rp.signals.measured_forces(record(), {"F_x": "Fx"}, factors={"F_q": 1.0})
     with pytest.raises(InvalidInputError, match="steady: got entries for F_x"):
-        rp.measured_forces(record(), {"F_x": "Fx"}, steady={"F_x": 1.0})
+        rp.signals.measured_forces(record(), {"F_x": "Fx"}, steady={"F_x": 1.0})
     with pytest.raises(InvalidInputError, match="unloaded"):
-        rp.measured_forces(record(), {"F_x": "Fx"}, unloaded=(5.0, 6.0))
+        rp.signals.measured_forces(record(), {"F_x": "Fx"}, unloaded=(5.0, 6.0))
     with pytest.raises(InvalidInputError, match="forces"):
-        rp.measured_forces(record(), {})
+        rp.signals.measured_forces(record(), {})

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements.gaps import ends_without_values, fill_gaps, runs
+from robustpolish.signals.quality import ends_without_values, fill_gaps, runs
 
 TIME = np.arange(1000) / 1000
 SIGNAL = np.sin(2 * np.pi * 5 * TIME)

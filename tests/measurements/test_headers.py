@@ -2,7 +2,7 @@
 
 import pytest
 
-from robustpolish.measurements.headers import (
+from robustpolish.signals.headers import (
     is_count,
     is_time,
     line_of_units,

@@ -5,7 +5,7 @@ import pytest
 from scipy import signal
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements.quality import check_not_clipped
+from robustpolish.signals.quality import check_not_clipped
 
 TIME = np.arange(20000) / 1000
 RANDOM = np.random.default_rng(0)

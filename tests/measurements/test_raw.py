@@ -3,7 +3,7 @@
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements.raw import RawTable, unreadable
+from robustpolish.signals.raw import RawTable, unreadable
 
 
 def table(*names):

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements import read_measurement
+from robustpolish.signals.read import read_measurement
 from tests.measurements.records import FORCE, MOTION, TIME, check, csv, uff_record
 
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements.sources import UNIVERSAL, raw_table
+from robustpolish.signals.sources import UNIVERSAL, raw_table
 from tests.measurements.records import csv
 
 

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements import split_blocks
+from robustpolish.signals.filtering import split_blocks
 
 DATA = xr.Dataset({"x": ("time", np.arange(100.0))}, {"time": np.arange(100) * 0.01})
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.measurements.stamps import ClockTimes, clock_times, is_clock_text
+from robustpolish.signals.time_axis import ClockTimes, clock_times, is_clock_text
 
 SECONDS = [0.0, 0.001, 1.5, 3600.0]
 WRITTEN = {

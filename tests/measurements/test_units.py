@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements import same_kind, to_si
+from robustpolish.signals.headers import same_kind, to_si
 
 CASES = [
     ("mm", 1e-3, "m"),

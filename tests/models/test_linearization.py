@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError, SolverError
-from robustpolish.models import linearize
+from robustpolish.plants.linearization import linearize
 
 
 def duffing(q, u):

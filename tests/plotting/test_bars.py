@@ -2,7 +2,7 @@
 
 import xarray as xr
 
-from robustpolish import plotting
+from robustpolish import plots as plotting
 from tests.plotting.legends import names
 
 

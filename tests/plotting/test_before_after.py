@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.plotting import plot_panels
+from robustpolish.plots.time import plot_panels
 from tests.plotting.legends import names
 
 

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.plotting import plot_before_and_after
+from robustpolish.plots.time import plot_before_and_after
 
 TIME = np.arange(100) / 10
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import xarray as xr
 
-from robustpolish.plotting import plot_distribution
+from robustpolish.plots.charts import plot_distribution
 from tests.plotting.legends import names
 
 

@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 
-from robustpolish.plotting import plot_error_bars
+from robustpolish.plots.charts import plot_error_bars
 
 
 def test_values_and_bars_stand_where_they_belong():

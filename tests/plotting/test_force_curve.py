@@ -1,7 +1,7 @@
 import numpy as np
 import xarray as xr
 
-from robustpolish.plotting import plot_force_curve
+from robustpolish.plots.residuals import plot_force_curve
 
 FORCE = xr.DataArray(
     np.linspace(-5.0, 5.0, 11),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish import plotting
+from robustpolish import plots as plotting
 from tests.plotting.legends import names
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from robustpolish.plotting.style import LINE_STYLES, MARKER_STYLES, log_axis, si_axis
+from robustpolish.plots.style import LINE_STYLES, MARKER_STYLES, log_axis, si_axis
 
 
 @pytest.fixture

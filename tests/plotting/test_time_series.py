@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 
-from robustpolish.plotting import plot_time_series
+from robustpolish.plots.time import plot_time_series
 
 
 def test_a_single_peak_survives_the_reduction():

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.plotting import plot_distances, plot_two_machines
+from robustpolish.plots.time import plot_distances, plot_two_machines
 
 TIME = np.arange(100) / 10
 

@@ -30,7 +30,7 @@ SLYCOT = ("AC1", "AC4", "AC12", "AC15", "HE1", "REA4", "DIS5", "BDT1", "UWV", "P
 STATIC = ("AC4", "NN2")
 
 
-def designed(design: rp.Design) -> dict[str, Any]:
+def designed(design: rp.results.Design) -> dict[str, Any]:
     """Return what is known of a design, but not how long it took.
 
     Where the safety net in seconds stopped the search, what it found depends on the machine.
@@ -47,7 +47,9 @@ def designed(design: rp.Design) -> dict[str, Any]:
     return told | {"certificate": proof, "controller": design.controller, "size": size}
 
 
-def solved(plant: rp.GeneralizedPlant, solve: Callable[..., rp.Design], **options: Any) -> Any:
+def solved(
+    plant: rp.GeneralizedPlant, solve: Callable[..., rp.results.Design], **options: Any
+) -> Any:
     return designed(solve(plant, **options))
 
 
@@ -158,8 +160,9 @@ def robust() -> Cases:
 def _coprime() -> Any:
     plant = control.ss([[0, 1], [-16, -0.16]], [[0], [16]], [[1, 0]], 0)
     K = rp.loop_shaping(plant, factor=1.001).controller
-    loop = rp.append(np.eye(1), K) * rp.feedback(
-        rp.append(plant, K) * 0 + np.eye(2), np.array([[0, -1], [-1, 0]]) * rp.append(plant, K)
+    loop = rp.uncertain.append(np.eye(1), K) * rp.feedback(
+        rp.uncertain.append(plant, K) * 0 + np.eye(2),
+        np.array([[0, -1], [-1, 0]]) * rp.uncertain.append(plant, K),
     )
     return margin_of(rp.structured_singular_value(loop.nominal, [("full", (2, 2))]))
 
@@ -186,7 +189,7 @@ NUMBERS["all"] = {key: share for ranges in NUMBERS.values() for key, share in ra
 
 
 @cache
-def _robot_design() -> rp.Design:
+def _robot_design() -> rp.results.Design:
     robot = ex.robot()
     plant = replace(robot, inputs=robot.inputs[:1]).linearize(["arm"], measured="outputs")
     return rp.output_feedback(plant, control_weight=3e-5, measurement_noise=1e-6)
@@ -207,13 +210,15 @@ def _from_data() -> Any:
     """Go the way of notebook 09 from a record to a proof."""
     diagnosis = rp.diagnose(ex.slide(), ex.record(ex.hardening))
     machines = diagnosis.uncertain(0.95, ports=["effect[0]"])
-    low, high = rp.effect_sector(diagnosis, "effect[0]", 4e-3)
+    low, high = rp.uncertain.effect_sector(diagnosis, "effect[0]", 4e-3)
     springs = (*diagnosis.model.springs, rp.Spring(ex.PLACE, (low + high) / 2))
     middle = replace(diagnosis.model, effects=(), springs=springs)
     plant = middle.linearize(["x"], measured="outputs")
     design = rp.output_feedback(plant, control_weight=1e-3, measurement_noise=1e-5)
     around = machines[["x", "effect[0]", "x"], ["F", "effect[0]", "F"]].lft(design.controller)
-    loop = rp.UncertainSystem(around.matrices.names(["F", "effect[0]"], ["x", "effect[0]"]))
+    loop = rp.uncertain.UncertainSystem(
+        around.matrices.names(["F", "effect[0]"], ["x", "effect[0]"])
+    )
     margin = rp.robust_stability(loop)
     still = loop.feedback(np.diag([0.0, (low + high) / 2]))[["x"], ["F"]]
     sector = rp.robust_sector(loop, {"effect[0]": (low, high)})
@@ -247,13 +252,13 @@ def exports() -> Cases:
             yield f"{name}: FMU", partial(_fmu, made)
 
 
-def _certificate(made: Callable[[], rp.SampledDesign]) -> Any:
+def _certificate(made: Callable[[], rp.results.SampledDesign]) -> Any:
     proof = made().certificate
     told = fields(proof, "valid achieved upper spectral_radius")
     return told | {"controller": made().controller}
 
 
-def _c(made: Callable[[], rp.SampledDesign], precision: str) -> Any:
+def _c(made: Callable[[], rp.results.SampledDesign], precision: str) -> Any:
     path = made().export_c(
         "code.c", name="lag", precision=precision, limits=2.0, test_vectors=25, force=True
     )
@@ -263,17 +268,17 @@ def _c(made: Callable[[], rp.SampledDesign], precision: str) -> Any:
             "vectors": numbers, "text of vectors": digest(vectors)}  # fmt: skip
 
 
-def _mat(made: Callable[[], rp.SampledDesign]) -> Any:
+def _mat(made: Callable[[], rp.results.SampledDesign]) -> Any:
     content = loadmat(made().export_mat("code.mat", limits=2.0, force=True))
     return {key: value for key, value in sorted(content.items()) if not key.startswith("__")}
 
 
-def _json(made: Callable[[], rp.SampledDesign]) -> Any:
+def _json(made: Callable[[], rp.results.SampledDesign]) -> Any:
     text = made().export_json("code.json", limits=2.0, force=True).read_text()
     return {"bits": digest(text), "content": json.loads(text)}
 
 
-def _fmu(made: Callable[[], rp.SampledDesign]) -> Any:
+def _fmu(made: Callable[[], rp.results.SampledDesign]) -> Any:
     """Hash the files inside; of what was compiled, only the name."""
     with zipfile.ZipFile(made().export_fmu("code.fmu", limits=2.0, force=True)) as archive:
         return {
@@ -297,11 +302,11 @@ def saved() -> Cases:
 def _loaded(path: Path) -> Any:
     found = rp.load(path)
     told = {"type": type(found).__name__, "repr": _without_seconds(repr(found))}
-    if isinstance(found, rp.Design):
+    if isinstance(found, rp.results.Design):
         told |= designed(found) | {"details": sorted(found.details)}
-    elif isinstance(found, rp.SampledDesign):
+    elif isinstance(found, rp.results.SampledDesign):
         told |= {"controller": found.controller} | fields(found.certificate, "valid achieved upper")
-    elif isinstance(found, rp.Diagnosis):
+    elif isinstance(found, rp.results.Diagnosis):
         numbers = {key: [v.value, v.stderr] for key, v in found.parameters.items()}
         told |= {"verdict": found.verdict, "numbers": numbers}
         told |= {"explained": digest(found.explain())}

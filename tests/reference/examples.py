@@ -39,13 +39,13 @@ def servo_plant() -> rp.GeneralizedPlant:
 
 
 @cache
-def servo_design() -> rp.Design:
+def servo_design() -> rp.results.Design:
     """Return its controller."""
     return rp.output_feedback(servo_plant())
 
 
 @cache
-def two_by_two() -> rp.Design:
+def two_by_two() -> rp.results.Design:
     """Two measurements, two controls, an integrator in the controller."""
     plant = rp.GeneralizedPlant.from_matrices(
         [[-1.0, 0.2], [0.1, -0.5]], np.eye(2), np.eye(2), np.eye(2), np.eye(2)
@@ -56,23 +56,23 @@ def two_by_two() -> rp.Design:
 
 def servo() -> Any:
     """A spring known to 40 %, a gain known to 50 % at any frequency, and a PID."""
-    k = rp.uncertain_real("k", 10, percent=40)
-    plant = rp.uncertain_system([[0, 1], [-k, -1.8]], [[0], [18]], [[1, 0]])
-    plant = plant * (1 + 0.5 * rp.uncertain_dynamics("delta"))
+    k = rp.uncertain.real("k", 10, percent=40)
+    plant = rp.uncertain.system([[0, 1], [-k, -1.8]], [[0], [18]], [[1, 0]])
+    plant = plant * (1 + 0.5 * rp.uncertain.dynamics("delta"))
     return (plant * (2.3 + 3 / s + 0.38 * s / (0.001 * s + 1))).feedback()
 
 
 def damper() -> Any:
     """A mass on a spring, with a damper from none to twice the nominal one."""
-    c = rp.uncertain_real("c", 1, range=(0, 2))
-    return rp.uncertain_system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]])
+    c = rp.uncertain.real("c", 1, range=(0, 2))
+    return rp.uncertain.system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]])
 
 
 def carts() -> Any:
     """Two carts joined by a spring, all known to 20 %, and a controller with three leads."""
-    k, m1, m2 = (rp.uncertain_real(name, 1, percent=20) for name in ("k", "m1", "m2"))
+    k, m1, m2 = (rp.uncertain.real(name, 1, percent=20) for name in ("k", "m1", "m2"))
     A = [[0, 0, 1, 0], [0, 0, 0, 1], [-k / m1, k / m1, 0, 0], [k / m2, -k / m2, 0, 0]]
-    plant = rp.uncertain_system(A, [[0], [0], [1 / m1], [0]], [[0, 1, 0, 0]])
+    plant = rp.uncertain.system(A, [[0], [0], [1 / m1], [0]], [[0, 1, 0, 0]])
     return (plant * (100 * ((s + 1) / (0.001 * s + 1)) ** 3)).feedback()
 
 
@@ -82,7 +82,9 @@ def column() -> Any:
     lag, lead = control.ss(control.tf(1, [75, 1])), control.ss(control.tf([75, 1], [1, 0]))
     K = control.append(lead, lead) * (0.7 * np.linalg.inv(gains))
     error = control.ss(control.tf([1, 0.2], [0.5, 1]))
-    errors = rp.append(*(error * rp.uncertain_dynamics(name) for name in ("first", "second")))
+    errors = rp.uncertain.append(
+        *(error * rp.uncertain.dynamics(name) for name in ("first", "second"))
+    )
     plant = control.ss(gains * control.append(lag, lag)) * (np.eye(2) + errors)
     weight = control.ss(control.tf([0.5, 0.05], [1, 1e-6]))
     return control.append(weight, weight) * rp.feedback(np.eye(2), plant * K)

@@ -287,7 +287,7 @@ def _member(member: Any) -> str:
 
 
 def _kinds() -> Any:
-    from robustpolish import effects
+    from robustpolish.machines import effects
 
     return {
         name: {
@@ -334,7 +334,7 @@ HEAVY = (
 START = {
     "import": "import robustpolish as rp; rp.__all__; dir(rp)",
     "help": "import sys; sys.argv = ['robustpolish', '--help']\n"
-    "from robustpolish.cli import main\nmain(['--help'], standalone_mode=False)",
+    "from robustpolish.app.cli.main import main\nmain(['--help'], standalone_mode=False)",
     "air_bearing": "import robustpolish as rp; rp.air_bearing()",
     "hinf_norm": "import robustpolish as rp; rp.hinf_norm",
     "hinf_norm, called": "import robustpolish as rp; rp.hinf_norm(rp.air_bearing().open_loop)",

@@ -84,7 +84,7 @@ def test_keys_of_json():
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("(a: 'robustpolish.models.plant.Plant | None' = 1.5)", "(a: 'Plant | None' = 1.5)"),
+        ("(a: 'robustpolish.plants.Plant | None' = 1.5)", "(a: 'Plant | None' = 1.5)"),
         ("(f=<function a.b at 0x7f00>, name: str = 'x')", "(f=<function b>, name: str = 'x')"),
     ],
 )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.models.plant.blocks import named_system
+from robustpolish.plants.blocks import named_system
 from tests.fuzz.plants import try_plant
 
 # Plants of the fuzz by seed and number that once broke these functions.
@@ -89,7 +89,8 @@ def test_one_absurd_matrix(name, value):
     shape = {"A": (2, 2), "B1": (2, 1), "B2": (2, 1), "C1": (1, 2), "C2": (1, 2)}.get(name, (1, 1))
     absurd = plant(**{name: np.full(shape, value)})
     whole = absurd.system
-    for function in (rp.hinf_norm, rp.h2_norm, rp.modes, rp.stability, rp.scale_system, rp.prescale,
+    for function in (rp.hinf_norm, rp.h2_norm, rp.modes, rp.linear.stability,
+    rp.linear.scale_system, rp.linear.prescale,
                      rp.controllability, rp.observability, rp.singular_values):  # fmt: skip
         ends_well(function, whole)
     ends_well(rp.certify, absurd, [[-0.1]])
@@ -114,7 +115,7 @@ def test_absurd_units_of_time_are_scaled_away(rate):
     fast = control.ss([[-rate]], [[rate]], [[1.0]], 0)
     norm = rp.hinf_norm(fast)
     assert norm.lower <= 1.0 <= norm.upper <= 1.0 + 1e-8
-    assert rp.stability(fast).verdict == "stable"
+    assert rp.linear.stability(fast).verdict == "stable"
 
 
 def test_gains_that_no_double_holds_are_refused_not_rounded():
@@ -126,9 +127,9 @@ def test_gains_that_no_double_holds_are_refused_not_rounded():
 def test_growth_beyond_doubles_within_a_period():
     fast = plant(A=[[1e6, 0.0], [0.0, -1.0]])
     with pytest.raises(rp.InvalidInputError, match="period: got 1 s"):
-        rp.plant_at_samples(fast, 1.0)
+        rp.implementation.plant_at_samples(fast, 1.0)
     with pytest.raises(rp.InvalidInputError, match="period: got 1 s"):
-        rp.certify_sampled(fast, [[0.0]], 1.0)
+        rp.implementation.certify_sampled(fast, [[0.0]], 1.0)
 
 
 @pytest.mark.parametrize(("seed", "number", "function"), DRAWN)
@@ -149,13 +150,13 @@ def test_signals_that_are_not_there():
     )
     assert rp.certify(unsteered, np.zeros((0, 1))).achieved == 1.0
     empty = named_system(([[-1.0]], np.zeros((1, 0)), [[1.0]], np.zeros((1, 0))), 0, [], ["y"], "x")
-    for function in (rp.ncf_margin, rp.nu_gap):
+    for function in (rp.uncertain.ncf_margin, rp.uncertain.nu_gap):
         with pytest.raises(rp.InvalidInputError, match="at least one of each"):
             function(empty, empty)
     with pytest.raises(rp.InvalidInputError, match="at least one of each"):
-        rp.cover([empty, empty])
-    k = rp.uncertain_real("k", 1.0, percent=10)
-    unseen = rp.series(k, rp.uncertain_system([[-1.0]], [[1.0]], np.zeros((0, 1))))
+        rp.uncertain.cover([empty, empty])
+    k = rp.uncertain.real("k", 1.0, percent=10)
+    unseen = rp.uncertain.series(k, rp.uncertain.system([[-1.0]], [[1.0]], np.zeros((0, 1))))
     with pytest.raises(rp.InvalidInputError, match="at least one of each"):
         rp.worst_case_gain(unseen)
 

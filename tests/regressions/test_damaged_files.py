@@ -142,13 +142,13 @@ def test_meshes_of_impossible_faces_and_sizes(tmp_path):
     }.items():
         assert content != good, what
         with pytest.raises(rp.InvalidInputError):
-            rp.Mould.from_stl(written(tmp_path, "a.obj", content), unit="m")
+            rp.polishing.Mould.from_stl(written(tmp_path, "a.obj", content), unit="m")
 
 
 def test_times_of_a_path_that_are_almost_the_same(tmp_path):
     times = b"t,x,y\n0,0,0\n5e-324,1,0\n2,2,0\n1e308,3,0\n"
     with pytest.raises(rp.InvalidInputError, match="equal distance"):
-        rp.ToolPath.from_csv(written(tmp_path, "a.csv", times))
+        rp.polishing.ToolPath.from_csv(written(tmp_path, "a.csv", times))
 
 
 def test_gains_without_a_square():

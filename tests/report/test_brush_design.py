@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from robustpolish.cli.options import to_json
-from robustpolish.report.brush_design import (
+from robustpolish.app.cli.options import to_json
+from robustpolish.app.report.documents import (
     brush_design_report,
     brush_design_summary,
     save_brush_design,

@@ -6,23 +6,21 @@ import re
 import numpy as np
 import pytest
 
-from robustpolish.cli.options import to_json
-from robustpolish.report import render_html
-from robustpolish.report.brush_design import (
+from robustpolish.app.cli.options import to_json
+from robustpolish.app.report.documents import (
     brush_design_report,
     brush_design_text,
-    save_brush_design,
-)
-from robustpolish.report.can_it_be_built import (
     buildable_summary,
     can_it_be_built,
     effort_of,
     hardware_table,
     sampled_certificate,
+    save_brush_design,
     what_could_go_wrong,
     what_reality_costs,
     why_z_stays,
 )
+from robustpolish.app.report.html import render_html
 
 
 def test_margins_and_the_delay_of_the_ideal_stand_side_by_side(buildable_job):

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.effects import lookup
-from robustpolish.identification import step_runs, tell_apart
+from robustpolish.app.report.documents import diagnosis_report
+from robustpolish.identification.experiments.tell_apart import tell_apart
 from robustpolish.identification.observer.missing_force import Smoothed
-from robustpolish.identification.residuals.force_maps import force_maps
-from robustpolish.report.diagnosis import diagnosis_report
-from robustpolish.simulation.run import simulate
+from robustpolish.identification.residuals.tests import force_maps
+from robustpolish.identification.steps import step_runs
+from robustpolish.machines.effects.effect import lookup
+from robustpolish.machines.simulation.run import simulate_model as simulate
 from tests import made_up
 from tests.identification.findings.learned_diagnosis import unknown_law
 

@@ -5,7 +5,8 @@ import re
 import matplotlib.pyplot as plt
 import pytest
 
-from robustpolish.report import Picture, Report, Section, Table, render_html
+from robustpolish.app.report.html import Picture, Report, Section, render_html
+from robustpolish.base.results import Table
 
 
 @pytest.fixture

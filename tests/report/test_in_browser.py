@@ -5,10 +5,9 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.report import render_html
-from robustpolish.report.brush_design import brush_design_report
-from robustpolish.report.diagnosis import diagnosis_report
-from robustpolish.simulation.run import simulate
+from robustpolish.app.report.documents import brush_design_report, diagnosis_report
+from robustpolish.app.report.html import render_html
+from robustpolish.machines.simulation.run import simulate_model as simulate
 from tests import browser as chromium
 from tests import made_up
 

@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 
 import robustpolish as rp
-from robustpolish.report.html import render_html
-from robustpolish.report.machine_design import machine_design_report, save_machine_design
+from robustpolish.app.report.documents import machine_design_report, save_machine_design
+from robustpolish.app.report.html import render_html
 from tests.machine_design.machines import DESIGN, SPINDLE
 
 
@@ -27,7 +27,7 @@ def test_the_report_answers_whether_it_can_be_built(found):
 
 def test_the_files(found, tmp_path):
     save_machine_design(found, tmp_path)
-    design = rp.Design.load(tmp_path / "design.json")
+    design = rp.results.Design.load(tmp_path / "design.json")
     assert design.certificate.achieved == pytest.approx(found.design.certificate.achieved)
     assert rp.GeneralizedPlant.load(tmp_path / "plant.json").limits["F"] == 200.0
     table = pd.read_csv(tmp_path / "table.csv")

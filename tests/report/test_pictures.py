@@ -5,7 +5,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 
-from robustpolish.report.pictures import WIDTH, panels, picture, whole
+from robustpolish.app.report.html import WIDTH, panels, picture, whole
 
 
 def test_a_picture_is_narrow_with_large_letters_and_leaves_no_trace():

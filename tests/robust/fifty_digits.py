@@ -3,7 +3,7 @@
 import flint
 import numpy as np
 
-from robustpolish.exact.balls import precision
+from robustpolish.linear.arithmetic.balls import precision
 
 BITS = 250
 

@@ -7,36 +7,36 @@ import numpy as np
 from scipy.linalg import block_diag
 
 import robustpolish as rp
-from robustpolish.models.uncertain.elements import (
+from robustpolish.plants.uncertain.elements import (
     Block,
     ComplexElement,
     DynamicElement,
     RealElement,
 )
-from robustpolish.models.uncertain.lft import Lft
+from robustpolish.plants.uncertain.lft import Lft
 
 s = control.tf("s")
 
 
 def servo():
     """A spring known to 40 %, a gain known to 50 % at any frequency, and a PID."""
-    k = rp.uncertain_real("k", 10, percent=40)
-    plant = rp.uncertain_system([[0, 1], [-k, -1.8]], [[0], [18]], [[1, 0]])
-    plant = plant * (1 + 0.5 * rp.uncertain_dynamics("delta"))
+    k = rp.uncertain.real("k", 10, percent=40)
+    plant = rp.uncertain.system([[0, 1], [-k, -1.8]], [[0], [18]], [[1, 0]])
+    plant = plant * (1 + 0.5 * rp.uncertain.dynamics("delta"))
     return (plant * (2.3 + 3 / s + 0.38 * s / (0.001 * s + 1))).feedback()
 
 
 def damper():
     """A mass on a spring, with a damper from none to twice the nominal one."""
-    c = rp.uncertain_real("c", 1, range=(0, 2))
-    return rp.uncertain_system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]])
+    c = rp.uncertain.real("c", 1, range=(0, 2))
+    return rp.uncertain.system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]])
 
 
 def carts():
     """Two carts joined by a spring, all known to 20 %, and a controller with three leads."""
-    k, m1, m2 = (rp.uncertain_real(name, 1, percent=20) for name in ("k", "m1", "m2"))
+    k, m1, m2 = (rp.uncertain.real(name, 1, percent=20) for name in ("k", "m1", "m2"))
     A = [[0, 0, 1, 0], [0, 0, 0, 1], [-k / m1, k / m1, 0, 0], [k / m2, -k / m2, 0, 0]]
-    plant = rp.uncertain_system(A, [[0], [0], [1 / m1], [0]], [[0, 1, 0, 0]])
+    plant = rp.uncertain.system(A, [[0], [0], [1 / m1], [0]], [[0, 1, 0, 0]])
     return (plant * (100 * ((s + 1) / (0.001 * s + 1)) ** 3)).feedback()
 
 
@@ -46,7 +46,9 @@ def column():
     lag, lead = control.ss(control.tf(1, [75, 1])), control.ss(control.tf([75, 1], [1, 0]))
     K = control.append(lead, lead) * (0.7 * np.linalg.inv(gains))
     error = control.ss(control.tf([1, 0.2], [0.5, 1]))
-    errors = rp.append(*(error * rp.uncertain_dynamics(name) for name in ("first", "second")))
+    errors = rp.uncertain.append(
+        *(error * rp.uncertain.dynamics(name) for name in ("first", "second"))
+    )
     plant = control.ss(gains * control.append(lag, lag)) * (np.eye(2) + errors)
     weight = control.ss(control.tf([0.5, 0.05], [1, 1e-6]))
     return control.append(weight, weight) * rp.feedback(np.eye(2), plant * K)
@@ -75,7 +77,7 @@ def random_loop(seed):
     F = np.block([[A, random.standard_normal((n, nw))], [random.standard_normal((nz, n)), D]])
     G, H = np.vstack([np.ones((n, 1)), np.zeros((nz, 1))]), np.ones((1, n + nw))
     states = tuple(f"x{i}" for i in range(n))
-    return rp.UncertainSystem(Lft(F, G, H, np.zeros((1, 1)), states, tuple(blocks), 0))
+    return rp.uncertain.UncertainSystem(Lft(F, G, H, np.zeros((1, 1)), states, tuple(blocks), 0))
 
 
 def singular(loop, margin):
@@ -128,4 +130,4 @@ def in_other_units(loop, seed):
     rows, columns = np.concatenate([states, rows]), np.concatenate([states, columns])
     F, G, H = one.F * rows[:, None] / columns, one.G * rows[:, None], one.H / columns
     F[:n], G[:n] = F[:n] / time, G[:n] / time
-    return rp.UncertainSystem(replace(one, F=F, G=G, H=H)), time
+    return rp.uncertain.UncertainSystem(replace(one, F=F, G=G, H=H)), time

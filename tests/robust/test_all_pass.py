@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.robust.all_pass import all_pass
+from robustpolish.robust.witness import all_pass
 
 
 @pytest.mark.parametrize("step", [0.0, 0.1])
@@ -15,7 +15,7 @@ def test_value_and_norm(shape, step):
     point = np.exp(2j * step) if step else 2j
     np.testing.assert_allclose(np.atleast_2d(system(point)), value, atol=1e-12)
     assert rp.hinf_norm(system).value == pytest.approx(np.linalg.norm(value, 2), rel=1e-9)
-    assert rp.stability(system).verdict == "stable"
+    assert rp.linear.stability(system).verdict == "stable"
 
 
 def test_real_values_need_no_lag():

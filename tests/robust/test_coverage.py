@@ -3,7 +3,7 @@ import pytest
 
 from robustpolish.robust.coverage import POLICY, cover, response
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.scaled.scalings import Space
+from robustpolish.robust.scalings import Space
 from tests.robust.loops import covers, servo
 
 

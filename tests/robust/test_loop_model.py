@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.exact.balls import midpoint
-from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.structure import DeltaBlock
+from robustpolish.linear.arithmetic.balls import midpoint
+from robustpolish.robust.loop_model import DeltaBlock, LoopModel
 from tests.robust.loops import carts, column, in_other_units, random_loop
 
 

@@ -14,9 +14,9 @@ CONTROLLER = 2.3 + 3 / s + 0.38 * s / (0.001 * s + 1)
 
 def pid_loop(percent=40.0, share=0.5):
     """A spring known to some percent, a gain that is off by a share at any frequency, and a PID."""
-    k = rp.uncertain_real("k", 10, percent=percent)
-    plant = rp.uncertain_system([[0, 1], [-k, -1.8]], [[0], [18]], [[1, 0]])
-    plant = plant * (1 + share * rp.uncertain_dynamics("delta"))
+    k = rp.uncertain.real("k", 10, percent=percent)
+    plant = rp.uncertain.system([[0, 1], [-k, -1.8]], [[0], [18]], [[1, 0]])
+    plant = plant * (1 + share * rp.uncertain.dynamics("delta"))
     return (plant * CONTROLLER).feedback()
 
 
@@ -64,9 +64,9 @@ def test_the_machine_at_the_witness_is_on_the_boundary(margin):
 
 
 def test_the_worst_machine_has_the_worst_gain():
-    c = rp.uncertain_real("c", 0.4, percent=50)
-    gain = rp.uncertain_complex("gain", 1.0, radius=0.2)
-    mass = rp.uncertain_system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]]) * gain
+    c = rp.uncertain.real("c", 0.4, percent=50)
+    gain = rp.uncertain.complex("gain", 1.0, radius=0.2)
+    mass = rp.uncertain.system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]]) * gain
     worst = rp.worst_case_gain(mass)
     machine = worst.worst_plant()
     assert float(rp.hinf_norm(machine)) == pytest.approx(worst.lower, rel=1e-6)
@@ -90,12 +90,12 @@ def test_values_of_systems_and_of_matrices():
 
 
 def test_performance_draws_itself_and_without_a_loop_there_is_no_picture():
-    error = rp.uncertain_dynamics("error", bound=0.2)
+    error = rp.uncertain.dynamics("error", bound=0.2)
     loop = rp.feedback(control.ss([[-1.0]], [[2.0]], [[1.0]], 0) * (1 + error))
     found = rp.robust_performance(loop, gamma=1.0)
     assert lines(found.plot())["proven"][1][0] == pytest.approx(found.mu[1])
     assert found.worst_plant().nstates >= 1
-    c = rp.uncertain_real("c", -1.0, percent=10)
-    unstable = rp.robust_stability(rp.uncertain_system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]]))
+    c = rp.uncertain.real("c", -1.0, percent=10)
+    unstable = rp.robust_stability(rp.uncertain.system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]]))
     with pytest.raises(rp.InvalidInputError, match="status"):
         unstable.plot()

@@ -67,7 +67,7 @@ def test_units_of_random_loops_do_not_matter(seed, find):
 
 
 def test_statuses():
-    d = rp.uncertain_dynamics("d", bound=0.5)
+    d = rp.uncertain.dynamics("d", bound=0.5)
     unstable = control.ss([[1.0]], [[1.0]], [[1.0]], 0) * (1 + d)
     assert rp.robust_performance(unstable).status == "unstable"
     assert rp.worst_case_gain(unstable).status == "unstable"
@@ -78,7 +78,7 @@ def test_statuses():
 
 
 def test_statuses_say_why():
-    d = rp.uncertain_dynamics("d", bound=0.5)
+    d = rp.uncertain.dynamics("d", bound=0.5)
     unstable = control.ss([[1.0]], [[1.0]], [[1.0]], 0) * (1 + d)
     marginal = control.ss([[0.0]], [[1.0]], [[1.0]], 0) * (1 + d)
     for question in (rp.robust_performance, rp.worst_case_gain):
@@ -93,8 +93,8 @@ def test_statuses_say_why():
 
 
 def test_uncertainty_that_does_not_matter():
-    k = rp.uncertain_real("k", 1, percent=50)
-    loop = rp.append(control.ss([[-1.0]], [[1.0]], [[1.0]], 0), 0.1 * k)
+    k = rp.uncertain.real("k", 1, percent=50)
+    loop = rp.uncertain.append(control.ss([[-1.0]], [[1.0]], [[1.0]], 0), 0.1 * k)
     worst = rp.worst_case_gain(loop)
     assert worst.lower == pytest.approx(1)
     assert worst.lower <= worst.upper <= 1.002 * worst.lower

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from robustpolish.exact.balls import precision
-from robustpolish.exact.realisation import Realisation
-from robustpolish.robust.proof import ProvenModel, Weights, complex_ball, is_definite, proves
-from robustpolish.robust.scaled.scalings import Inequality, Space
-from robustpolish.robust.structure import read_structure
+from robustpolish.linear.arithmetic.balls import precision
+from robustpolish.linear.arithmetic.realisation import Realisation
+from robustpolish.robust.coverage import ProvenModel, Weights, complex_ball, is_definite, proves
+from robustpolish.robust.loop_model import read_structure
+from robustpolish.robust.scalings import Inequality, Space
 
 LAG = Realisation(np.array([[-1.0]]), np.array([[1.0]]), np.array([[2.0]]), np.zeros((1, 1)), False)
 SPACE = Space(read_structure(["complex"]), (False,))

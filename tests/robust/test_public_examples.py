@@ -79,8 +79,9 @@ def test_coprime_factors():
     # one full block: the norm from errors of the factors, whose least value is 1.98835
     plant = control.ss([[0, 1], [-16, -0.16]], [[0], [16]], [[1, 0]], 0)
     K = rp.loop_shaping(plant, factor=1.001).controller
-    loop = rp.append(np.eye(1), K) * rp.feedback(
-        rp.append(plant, K) * 0 + np.eye(2), np.array([[0, -1], [-1, 0]]) * rp.append(plant, K)
+    loop = rp.uncertain.append(np.eye(1), K) * rp.feedback(
+        rp.uncertain.append(plant, K) * 0 + np.eye(2),
+        np.array([[0, -1], [-1, 0]]) * rp.uncertain.append(plant, K),
     )
     mu = rp.structured_singular_value(loop.nominal, [("full", (2, 2))])
     assert mu.upper >= 1.98835 * (1 - 1e-5)

@@ -5,9 +5,9 @@ import control
 import numpy as np
 import pytest
 
+from robustpolish.robust.bounds import bounds
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.reached import down, nominal_status, outcome, reached, says, up
-from robustpolish.robust.search import bounds
+from robustpolish.robust.questions import down, nominal_status, outcome, reached, says, up
 from tests.robust.loops import damper
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 
+from robustpolish.robust.bounds import _settled, bounds
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.search import _settled, bounds
 from tests.robust.loops import carts, random_loop, servo
 
 

@@ -5,13 +5,13 @@ from scipy.integrate import solve_ivp
 
 import robustpolish as rp
 
-C = rp.uncertain_real("c", 0.4, percent=25)
+C = rp.uncertain.real("c", 0.4, percent=25)
 
 
 def mass(c=C, names=("spring",)):
     """A mass of 1 kg on a spring of 1 N/m."""
     n = len(names)
-    return rp.uncertain_system(
+    return rp.uncertain.system(
         [[0, 1], [-1, -c]], np.vstack([np.zeros(n), np.ones(n)]), np.tile([1.0, 0.0], (n, 1)),
         inputs=list(names), outputs=list(names),
     )  # fmt: skip
@@ -32,11 +32,11 @@ def test_criterion_is_that_of_the_circle(low, high):
 
 def test_spring_that_pumps_is_not_called_stable():
     """A spring that is stiffer on the way back drives a mass with little damping."""
-    weak = rp.uncertain_real("c", 0.04, percent=25)
+    weak = rp.uncertain.real("c", 0.04, percent=25)
     sector = (0.0, 0.5)
     assert rp.robust_sector(mass(weak), {"spring": sector}).stable is None
     # With each constant spring of the sector every machine is stable: a real number would not do.
-    constant = rp.uncertain_real("k", 0.25, range=sector)
+    constant = rp.uncertain.real("k", 0.25, range=sector)
     assert rp.robust_stability(mass(weak).feedback(constant)).robust
     assert np.abs(pumped(sector, 0.04)[-500:]).max() > 10
 
@@ -62,8 +62,8 @@ def test_several_forces_are_weighed_by_constants():
     A = np.array([[0, 1, 0, 0], [-1, -0.4, 0, 0], [0, 0, 0, 1], [0.2, 0, -4, -0.8]])
     B = np.array([[0, 0], [1, 0], [0, 0], [0, 1e3]])
     plant = control.ss(A, B, [[1, 0, 0, 0], [0, 0, 1e-3, 0]], 0)
-    gain = rp.uncertain_real("g", 1.0, percent=10)
-    plant = rp.UncertainSystem((plant * gain).matrices.names(["a", "b"], ["a", "b"]))
+    gain = rp.uncertain.real("g", 1.0, percent=10)
+    plant = rp.uncertain.UncertainSystem((plant * gain).matrices.names(["a", "b"], ["a", "b"]))
     found = rp.robust_sector(plant, {"a": (0.0, 0.3), "b": (0.0, 1.0)})
     alone = [rp.robust_sector(plant, {n: s}).lower for n, s in found.sectors.items()]
     # They act one way only: weighed well, both together bear nearly what each one bears.
@@ -72,7 +72,7 @@ def test_several_forces_are_weighed_by_constants():
 
 
 def test_machine_that_is_unstable_bears_nothing():
-    found = rp.robust_sector(mass(rp.uncertain_real("c", 0.1, range=(-0.1, 0.3))),
+    found = rp.robust_sector(mass(rp.uncertain.real("c", 0.1, range=(-0.1, 0.3))),
                              {"spring": (0.0, 0.1)})  # fmt: skip
     assert (found.lower, found.stable) == (0.0, None)
     assert "undecided" in str(found)

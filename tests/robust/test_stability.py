@@ -97,9 +97,9 @@ def test_machines_inside_the_margin_are_stable(seed):
 
 def test_units_do_not_matter():
     first = rp.robust_stability(servo())
-    k = rp.uncertain_real("k", 10e6, percent=40)  # time in ms
-    plant = rp.uncertain_system([[0, 1], [-k, -1.8e3]], [[0], [18e6]], [[1, 0]])
-    plant = plant * (1 + 0.5 * rp.uncertain_dynamics("delta"))
+    k = rp.uncertain.real("k", 10e6, percent=40)  # time in ms
+    plant = rp.uncertain.system([[0, 1], [-k, -1.8e3]], [[0], [18e6]], [[1, 0]])
+    plant = plant * (1 + 0.5 * rp.uncertain.dynamics("delta"))
     s = control.tf("s") / 1000
     margin = rp.robust_stability((plant * (2.3 + 3 / s + 0.38 * s / (0.001 * s + 1))).feedback())
     assert margin.upper == pytest.approx(first.upper, rel=1e-6)
@@ -133,8 +133,8 @@ def test_units_of_many_random_loops_do_not_matter(start):
 
 
 def test_discrete_loop():
-    a = rp.uncertain_real("a", 0.5, plus_minus=0.2)
-    loop = rp.uncertain_system([[a]], [[1]], [[1]], 0, dt=0.1)
+    a = rp.uncertain.real("a", 0.5, plus_minus=0.2)
+    loop = rp.uncertain.system([[a]], [[1]], [[1]], 0, dt=0.1)
     margin = rp.robust_stability(loop)
     assert margin.lower <= 2.5 <= margin.upper * (1 + 1e-9)
     assert margin.upper == pytest.approx(2.5, rel=1e-8)
@@ -143,7 +143,7 @@ def test_discrete_loop():
 
 
 def test_statuses_say_why():
-    d = rp.uncertain_dynamics("d", bound=0.5)
+    d = rp.uncertain.dynamics("d", bound=0.5)
     unstable = rp.robust_stability(control.ss([[1.0]], [[1.0]], [[1.0]], 0) * (1 + d))
     assert (unstable.status, unstable.lower, unstable.upper) == ("unstable", 0, 0)
     marginal = rp.robust_stability(control.ss([[0.0]], [[1.0]], [[1.0]], 0) * (1 + d))
@@ -155,7 +155,7 @@ def test_statuses_say_why():
 
 
 def test_a_loop_that_stops_being_well_posed():
-    d = rp.uncertain_real("d", 0, plus_minus=1)
+    d = rp.uncertain.real("d", 0, plus_minus=1)
     loop = rp.feedback(control.ss([[-1.0]], [[1.0]], [[0.1]], [[-0.5]]) * d)
     margin = rp.robust_stability(loop)
     assert margin.upper == pytest.approx(2, rel=1e-9)
@@ -168,8 +168,8 @@ def test_a_loop_that_stops_being_well_posed():
 
 def test_a_number_that_only_adds_damping_both_ways():
     # (s + 1)(s + 2) + k^2: stable for all k, which is shown up to a thousand times what k may be
-    k = rp.uncertain_real("k", 1, percent=50)
-    margin = rp.robust_stability(rp.uncertain_system([[-1, k], [-k, -2]], [[0], [1]], [[1, 0]]))
+    k = rp.uncertain.real("k", 1, percent=50)
+    margin = rp.robust_stability(rp.uncertain.system([[-1, k], [-k, -2]], [[0], [1]], [[1, 0]]))
     assert (margin.status, margin.upper, margin.proven) == ("no witness", np.inf, True)
     assert margin.lower == pytest.approx(1e3)
     assert margin.robust
@@ -177,12 +177,12 @@ def test_a_number_that_only_adds_damping_both_ways():
 
 
 def test_uncertainty_that_does_not_matter():
-    k = rp.uncertain_real("k", 1, percent=50)
+    k = rp.uncertain.real("k", 1, percent=50)
     # above the diagonal it is in no loop
-    margin = rp.robust_stability(rp.uncertain_system([[-1, k], [0, -2]], [[0], [1]], [[1, 0]]))
+    margin = rp.robust_stability(rp.uncertain.system([[-1, k], [0, -2]], [[0], [1]], [[1, 0]]))
     assert (margin.status, margin.lower, margin.upper) == ("unaffected", np.inf, np.inf)
     assert "acts back" in margin.reason
-    certain = rp.robust_stability(rp.uncertain_system([[-1]], [[1]], [[1]]))
+    certain = rp.robust_stability(rp.uncertain.system([[-1]], [[1]], [[1]]))
     assert (certain.status, certain.proven) == ("unaffected", True)
 
 
@@ -199,7 +199,7 @@ def test_a_number_that_no_size_of_makes_unstable():
 def test_narrow_resonances_are_reached(damping):
     # The largest gain of 0.1 / (s^2 + c s + 4) is at 2 rad/s nearly, 0.05 / c.
     resonance = control.ss([[0, 1], [-4, -damping]], [[0], [0.1]], [[1, 0]], 0)
-    margin = rp.robust_stability(rp.feedback(1, resonance * rp.uncertain_dynamics("d")))
+    margin = rp.robust_stability(rp.feedback(1, resonance * rp.uncertain.dynamics("d")))
     assert margin.upper <= 1.002 * margin.lower
     assert margin.lower <= 1 / rp.hinf_norm(resonance).value * (1 + 1e-8) <= margin.upper * 1.0001
 

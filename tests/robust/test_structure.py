@@ -1,7 +1,7 @@
 import pytest
 
 import robustpolish as rp
-from robustpolish.robust.structure import read_structure, structure_of
+from robustpolish.robust.loop_model import read_structure, structure_of
 
 
 def test_forms():
@@ -19,9 +19,9 @@ def test_forms():
 
 
 def test_of_a_system():
-    k = rp.uncertain_real("k", 1, percent=10)
-    d = rp.uncertain_dynamics("d", (2, 3))
-    system = rp.append(k * k, d)
+    k = rp.uncertain.real("k", 1, percent=10)
+    d = rp.uncertain.dynamics("d", (2, 3))
+    system = rp.uncertain.append(k * k, d)
     assert [(b.kind, b.copies, b.name) for b in structure_of(system.blocks).blocks] == [
         ("real", 2, "k"),
         ("full", 1, "d"),
@@ -35,7 +35,7 @@ def test_bad():
 
 
 def test_groups_are_carried():
-    fit = rp.uncertain_ellipsoid({"k": 10.0, "c": 1.0}, [[2.0, 0.0], [0.1, 0.1]], name="fit")
-    system = fit["k"] * fit["c"] + rp.uncertain_real("g", 1.0, percent=10)
+    fit = rp.uncertain.ellipsoid({"k": 10.0, "c": 1.0}, [[2.0, 0.0], [0.1, 0.1]], name="fit")
+    system = fit["k"] * fit["c"] + rp.uncertain.real("g", 1.0, percent=10)
     found = {block.name: block.group for block in structure_of(system.blocks).blocks}
     assert found == {"fit[0]": "fit", "fit[1]": "fit", "g": ""}

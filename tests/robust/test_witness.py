@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.robust.structure import read_structure
+from robustpolish.robust.loop_model import read_structure
 from robustpolish.robust.witness import smallest
 
 

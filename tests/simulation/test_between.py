@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from robustpolish.simulation.between import HELD, LINEAR, SMOOTH, between, lines_through
+from robustpolish.machines.simulation.run import HELD, LINEAR, SMOOTH, between, lines_through
 
 STEP, FINE = 0.01, 400
 RECORD = np.random.default_rng(3).standard_normal(60)

@@ -5,8 +5,8 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.simulation import simulate_model
-from robustpolish.simulation.dry_friction import friction_over_step
+from robustpolish.machines.simulation.run import simulate_model
+from robustpolish.machines.simulation.stepper import friction_over_step
 
 GROUND = ("x", "ground")
 FORCE = 0.5

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from robustpolish.effects import EffectKind, Parameter
-from robustpolish.effects.compiled import compiled_law
-from robustpolish.simulation.between import lines_through
-from robustpolish.simulation.kernel import run_pieces, run_steps
-from robustpolish.simulation.step import ahead, step_matrices
+from robustpolish.machines.effects.evaluate import compiled_law
+from robustpolish.machines.effects.kind import EffectKind, Parameter
+from robustpolish.machines.simulation.run import lines_through
+from robustpolish.machines.simulation.stepper import ahead, run_pieces, run_steps, step_matrices
 
 RNG = np.random.default_rng(3)
 N, SIGNALS, PORTS, STEP = 3, 2, 2, 0.02

@@ -6,7 +6,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.simulation import linear_response
+from robustpolish.linear.response import linear_response
 
 
 def test_oscillator_under_a_ramp():

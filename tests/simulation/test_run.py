@@ -10,10 +10,14 @@ from scipy.interpolate import CubicSpline
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.simulation import linear_response, simulate_model
-from robustpolish.simulation.run import Stepper
-from robustpolish.simulation.signals import lines, signals
-from robustpolish.simulation.system import build_system
+from robustpolish.linear.response import linear_response
+from robustpolish.machines.simulation.run import (
+    Stepper,
+    build_system,
+    lines,
+    signals,
+    simulate_model,
+)
 
 GROUND = ("x", "ground")
 TIME = 2.0 + np.arange(600) * 1e-3

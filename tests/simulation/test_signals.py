@@ -7,11 +7,17 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.effects import EffectKind, Parameter, register
-from robustpolish.effects import effect as effect_module
 from robustpolish.errors import InvalidInputError
-from robustpolish.simulation import simulate_model
-from robustpolish.simulation.signals import lines, measured, raw_outputs, signals
+from robustpolish.machines.effects import effect as effect_module
+from robustpolish.machines.effects.effect import register
+from robustpolish.machines.effects.kind import EffectKind, Parameter
+from robustpolish.machines.simulation.run import (
+    lines,
+    measured,
+    raw_outputs,
+    signals,
+    simulate_model,
+)
 
 GROUND = ("x", "ground")
 TIME = np.arange(400) * 1e-3

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.linalg import expm
 
-from robustpolish.simulation.step import step_matrices
+from robustpolish.machines.simulation.stepper import step_matrices
 
 A = np.array([[0.0, 1.0], [-1e4, -2.0]])
 B, G = np.array([[0.0], [3.0]]), np.array([[0.0, 1.0], [1.0, 0.5]])

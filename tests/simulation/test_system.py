@@ -3,7 +3,7 @@
 import numpy as np
 
 import robustpolish as rp
-from robustpolish.simulation.system import build_system, needed_substeps
+from robustpolish.machines.simulation.run import build_system, needed_substeps
 
 GROUND = ("x", "ground")
 PLAIN = rp.MechanicalModel(

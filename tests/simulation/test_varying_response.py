@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.simulation import linear_response
-from robustpolish.simulation.varying_response import varying_response
+from robustpolish.linear.response import linear_response, varying_response
 
 T = np.linspace(0, 4, 401)
 LAGS = [tuple(np.array([[v]]) for v in (-rate, 1.0, 1.0, 0.5)) for rate in (1.0, 3.0)]

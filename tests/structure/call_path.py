@@ -108,7 +108,7 @@ def path_of(call: Callable[[], object]) -> CallPath:
     return watcher.path
 
 
-def design_for_two_states() -> rp.Design:
+def design_for_two_states() -> rp.results.Design:
     """The example of ``output_feedback``: a double integrator."""
     plant = rp.GeneralizedPlant.from_matrices(
         [[0, 1], [0, 0]], [[0, 0], [1, 0]], [[0], [1]], [[1, 0], [0, 0]], [[1, 0]],
@@ -117,7 +117,7 @@ def design_for_two_states() -> rp.Design:
     return rp.output_feedback(plant)
 
 
-def design_for_four_states() -> rp.Design:
+def design_for_four_states() -> rp.results.Design:
     """Two masses on springs, the first one pushed, the second one measured with noise."""
     plant = rp.GeneralizedPlant.from_matrices(
         [[0, 0, 1, 0], [0, 0, 0, 1], [-2, 1, -0.1, 0.05], [1, -1, 0.05, -0.05]],
@@ -131,7 +131,7 @@ def design_for_four_states() -> rp.Design:
     return rp.output_feedback(plant)
 
 
-def diagnosis() -> rp.Diagnosis:
+def diagnosis() -> rp.results.Diagnosis:
     """One mass on a spring that hardens, with a model whose mass and stiffness are wrong."""
     effect = ("cubic_stiffness", ("x", "ground"), [4e6])
     case = Case("cubic", one(), [effect], drive=8.0, samples=4000, seed=1)

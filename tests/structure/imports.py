@@ -28,7 +28,7 @@ MOST_MODULES = 14
 """Modules of its own that a folder may hold, its ``__init__`` not counted: about what one list of
 a documentation page shows at a glance. Folders below count by themselves."""
 
-CATALOGUES = ("robustpolish.effects.catalogue",)
+CATALOGUES = ("robustpolish.machines.effects.catalogue",)
 """Folders of any number of modules, because all are of one form: one effect per file."""
 
 ALLOWED: dict[tuple[str, str], str] = {}

@@ -141,7 +141,7 @@ def test_the_package_is_in_order():
 
 def test_the_whole_package_is_read():
     seen = {(i.importer, i.imported) for i in imports_of(PACKAGE)}
-    ball = ("robustpolish.implementation.sampled.norm_proof", "robustpolish.exact.balls")
+    ball = ("robustpolish.implementation.sampled.proof", "robustpolish.linear.arithmetic.balls")
     assert ball in seen  # from package import module
-    assert ("robustpolish.cli.main", "robustpolish") in seen  # import package
-    assert {name for name, _ in seen} >= {"robustpolish.models", "robustpolish.synthesis"}
+    assert ("robustpolish.app.cli.main", "robustpolish") in seen  # import package
+    assert {name for name, _ in seen} >= {"robustpolish.machines", "robustpolish.synthesis"}

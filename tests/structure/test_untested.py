@@ -31,6 +31,6 @@ def test_modules_without_behaviour_need_no_tests(tmp_path):
 
 def test_the_tests_of_the_house_are_found():
     missing = untested(PACKAGE, TESTS)
-    assert "robustpolish.saving" not in missing
-    assert "robustpolish.measurements.quality" not in missing
-    assert not any(name.startswith("robustpolish.effects.catalogue.") for name in missing)
+    assert "robustpolish.base.atomic_writes" not in missing
+    assert "robustpolish.signals.quality" not in missing
+    assert not any(name.startswith("robustpolish.machines.effects.catalogue.") for name in missing)

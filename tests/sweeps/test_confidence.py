@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from robustpolish.sweeps.confidence import (
-    percentile,
-    percentile_limits,
-    share_at_least,
-    share_limits,
-)
+from robustpolish.base.sampling import percentile, percentile_limits, share_at_least, share_limits
 
 
 def test_limits_of_a_share_solve_the_equations_of_clopper_and_pearson():

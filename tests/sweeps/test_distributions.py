@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 import robustpolish as rp
-from robustpolish.sweeps.distributions import draws
+from robustpolish.base.sampling import draws
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.sweeps.sent import as_bytes
+from robustpolish.base.sweep import as_bytes
 from tests.sweeps import functions
 
 

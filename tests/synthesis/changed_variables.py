@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robustpolish.synthesis.lmi.output.inequalities import Variables
+from robustpolish.synthesis.lmi.output_feedback import Variables
 from robustpolish.synthesis.problem.matrices import Controller
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robustpolish.models import GeneralizedPlant
+from robustpolish.plants.plant import GeneralizedPlant
 
 
 def flexible_structure(modes: int, damping: float = 5e-3, seed: int = 0) -> GeneralizedPlant:

@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from robustpolish.long_calls import Budget
-from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.certificate.certificate import Norm
-from robustpolish.synthesis.output_search.engine import Settings, Task
+from robustpolish.base.budget import Budget
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.certificate import Norm
+from robustpolish.synthesis.output_feedback.engine import Settings, Task
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.riccati.infimum import lower_bound
+from robustpolish.synthesis.riccati.gamma import has_full_rank, lower_bound
 from robustpolish.synthesis.riccati.lqg import h2_lower_bound
-from robustpolish.synthesis.riccati.two_riccati import has_full_rank
 
 
 def unstable_lag(price=1.0, noise=1.0, a=1.0):

@@ -3,10 +3,10 @@
 import numpy as np
 
 import robustpolish as rp
-from robustpolish.exact import balls
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
-from robustpolish.synthesis.polytopes.proof import BallLoop
+from robustpolish.base.budget import Budget
+from robustpolish.linear.arithmetic import balls
+from robustpolish.synthesis.lmi.program import ProgramSolver
+from robustpolish.synthesis.scheduled.proof import BallLoop
 
 
 def solver():

@@ -3,7 +3,7 @@
 import control
 import numpy as np
 
-from robustpolish.models import GeneralizedPlant
+from robustpolish.plants.plant import GeneralizedPlant
 
 
 def scherer_1997() -> GeneralizedPlant:

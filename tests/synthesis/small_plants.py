@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robustpolish.models import GeneralizedPlant
+from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 
 

@@ -62,6 +62,6 @@ def computing_time():
 
 def certified(result):
     """Return the designs of a result."""
-    if isinstance(result, rp.Design):
+    if isinstance(result, rp.results.Design):
         return [result]
     return [row.design for row in result if row.design is not None]

@@ -17,10 +17,12 @@ def plant():
 
 def blocks():
     """Return series, shared numbers, a structure, a given filter and a free state space."""
-    k = rp.tunable("k", 0.5, low=0.1, high=3.0)
+    k = rp.tunable.tunable("k", 0.5, low=0.1, high=3.0)
     return [
-        rp.pid("x", "F", Kp=k) * rp.notch() * rp.low_pass(),
-        rp.lead_lag("v", "M", gain=k) * rp.low_pass(order=1) * control.tf([1, 2], [1, 5]),
-        rp.static_gain(["x", "p"], ["F", "M"], structure=[[1, 0], [1, 1]]),
-        rp.fixed_order("p", ["F", "M"], order=2, sign=-1) * rp.pid(kind="PI"),
+        rp.tunable.pid("x", "F", Kp=k) * rp.tunable.notch() * rp.tunable.low_pass(),
+        rp.tunable.lead_lag("v", "M", gain=k)
+        * rp.tunable.low_pass(order=1)
+        * control.tf([1, 2], [1, 5]),
+        rp.tunable.static_gain(["x", "p"], ["F", "M"], structure=[[1, 0], [1, 1]]),
+        rp.tunable.fixed_order("p", ["F", "M"], order=2, sign=-1) * rp.tunable.pid(kind="PI"),
     ]

@@ -3,20 +3,37 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache, partial
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
-from robustpolish.arrays import Array
-from robustpolish.identification.fit.parameters import FreeParameter, joint_priors
-from robustpolish.identification.observer.run import RecordRun, Runner, StartedPiece
-from robustpolish.long_calls import on_all_cores
-from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.data import share_of_couplings
+from robustpolish.base.arrays import Array
+from robustpolish.base.budget import on_all_cores
+from robustpolish.identification.fit.parameters import (
+    FreeParameter,
+    free_parameters,
+    joint_priors,
+    turns_over_gently,
+    with_units_of_force,
+)
+from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.observer.runs import (
+    RecordRun,
+    Runner,
+    Start,
+    StartedPiece,
+    reproducibility,
+    rest,
+)
+from robustpolish.machines.mechanical.data import port_rows, share_of_couplings
+from robustpolish.machines.mechanical.model import MechanicalModel
 
 # Steps of differences. Where friction with memory or a stop jumps at a sample, errors jump by a
 # little, and a step that spans such jumps sees slopes several times too steep; and along what the
@@ -503,3 +520,488 @@ def inflation(e: Array) -> float:
     lags = min(200, len(e) // 10)
     rho = np.array([e[k:] @ e[:-k] for k in range(1, lags)]) / power
     return float(1 + 2 * np.sum(rho**2))
+
+
+# Fit a model's parameters by free runs that grow longer.
+#
+# A record is cut into windows from which the model runs freely, each from a start of its own; the
+# windows grow from a few swings to whole pieces (multiple shooting: Bock 1983; Ljung, System
+# Identification, section 7.2). Errors over a short window depend smoothly on every number. Over
+# long runs those of lightly damped systems have many minima, and a distant start ends in a wrong
+# one.
+
+
+def homotopy(
+    model: MechanicalModel,
+    prepared: PreparedRecord,
+    pieces: Sequence[StartedPiece],
+    reference: MechanicalModel,
+    spans: Sequence[int],
+    iterations: int = 8,
+    progress: Callable[[], None] | None = None,
+    settled: float = SETTLED,
+    last: float = SETTLED,
+    anew: bool = False,
+    known: bool = False,
+) -> list[Fit]:
+    """Fit over windows that grow; return the fit of every stage.
+
+    A stage whose errors jump is no start for the next: the last one that followed the data is,
+    and that is among the last two that are returned. An effect that vanished in a stage begins the
+    next one as it began the first: over short windows the starts may do its work, and where it is
+    nothing none of its other numbers makes a difference, and no longer window would bring it back.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    prepared : PreparedRecord
+    pieces : sequence of StartedPiece
+        What to fit to.
+    reference : MechanicalModel
+        About which the priors are centred.
+    spans : sequence of int
+        Most samples of the windows, rising; see :meth:`PreparedRecord.spans`.
+    iterations : int
+        Most steps per stage.
+    progress : callable, optional
+        Called after every step.
+    settled : float, optional
+        Relative fall of the cost below which a stage stops that only the next one begins with.
+    last : float, optional
+        The same of the last stage; below the usual one, it has as many steps as a direct fit.
+    anew : bool, optional
+        Whether the first windows are begun anew after their fit, as long as that helps: their first
+        starts are those of a motion that was smoothed without the law.
+    known : bool, optional
+        Whether the model's numbers are near the true ones, as after another fit. The first windows
+        then begin where such a model comes closest to them: a friction with memory, whose state no
+        motion shows, would be led astray from its true numbers by starts that do not suit it.
+    """
+    stages: list[Fit] = []
+    kept: Fit | None = None
+    first = model = with_units_of_force(model, reference)
+    for span in spans if model.free else spans[-1:]:  # what is imposed cannot go astray
+        windows = windows_after(model, prepared, pieces, span, kept, known)
+        enough = last if span == spans[-1] else settled
+        steps = max(iterations, prepared.policy.direct_steps) if enough < SETTLED else iterations
+        # an offset that is not known yet makes the smoothed motion so fast that laws diverge
+        still = [StartedPiece(window.record, rest(model)) for window in windows]
+        tried = (residuals_of(model, begun, prepared, reference) for begun in (windows, still))
+        fits = (fit(residuals, steps, progress, enough) for residuals in tried)
+        result = next((found for found in fits if np.isfinite(found.cost)), None)
+        if result is None:
+            continue
+        if anew and not stages:
+            smoothed = prepared.windows_of(model, pieces, span)
+            result = _begun_anew(result, smoothed, prepared, reference, steps)
+        stages.append(result)
+        if kept is not None and np.max(result.rmse / kept.rmse) > prepared.policy.lost:
+            continue  # the next stage starts where this one did
+        kept, model = result, _revived(result.model, first, prepared.policy.vanished)
+    if kept is not None and all(kept is not stage for stage in stages[-2:]):
+        stages.insert(len(stages) - 1, kept)
+    return stages
+
+
+def _begun_anew(
+    found: Fit,
+    windows: Sequence[StartedPiece],
+    prepared: PreparedRecord,
+    reference: MechanicalModel,
+    steps: int,
+) -> Fit:
+    """Return a fit after rounds of starts that suit its law, and fits that suit the starts."""
+    for _ in range(prepared.policy.rounds):
+        run = prepared.runner(found.model).run(found.model)
+        begun = prepared.with_fitted_starts(run, windows)
+        other = fit(residuals_of(found.model, begun, prepared, reference), steps)
+        if not np.mean(np.log(other.rmse / found.rmse)) < -prepared.policy.unchanged:
+            break
+        found = other
+    return found
+
+
+def residuals_of(
+    model: MechanicalModel,
+    pieces: Sequence[StartedPiece],
+    prepared: PreparedRecord,
+    reference: MechanicalModel,
+) -> Residuals:
+    """Return the residuals of a model's runs over pieces, those numbers free that are not held."""
+    free = free_parameters(model, prepared.scales.bandwidth, prepared.policy, reference)
+    free = [number for number in free if number.key not in prepared.held]
+    sizes = prepared.sizes(model) if pieces[0].start.vector.size else None
+    return Residuals(model, pieces, prepared.runner(model), free, sizes)
+
+
+def _revived(model: MechanicalModel, first: MechanicalModel, vanished: float) -> MechanicalModel:
+    """Return a model with the first values of those effects that have vanished since.
+
+    One that has a single number needs no help: its size alone brings it back.
+    """
+    effects = list(model.effects)
+    for i, (effect, began) in enumerate(zip(effects, first.effects, strict=True)):
+        fitted = [p for p in effect.definition.parameters if p.fitted]
+        sizes = [p.name for p in fitted if p.counts_force] if len(fitted) > 1 else []
+        if any(abs(effect.values[n]) < vanished * abs(began.values[n]) for n in sizes):
+            effects[i] = began
+    return replace(model, effects=tuple(effects))
+
+
+def windows_after(
+    model: MechanicalModel,
+    prepared: PreparedRecord,
+    pieces: Sequence[StartedPiece],
+    span: int,
+    before: Fit | None,
+    known: bool = False,
+) -> list[StartedPiece]:
+    """Cut pieces into windows that start where the stage before was, or the smoothed motion.
+
+    With `known` numbers, where the model comes closest to the windows.
+    """
+    windows = prepared.windows_of(model, pieces, span)
+    if before is None:
+        return _not_lost(model, prepared, windows, known)
+    run = prepared.runner(before.model).run(before.model)
+    seen = run.over_all(before.pieces, keep=True)
+    first = {}
+    at = 0
+    for piece in before.pieces:
+        first[piece.record.first] = at
+        at += piece.record.samples
+    marks = np.array(sorted(first))
+    n = windows[0].start.state.size
+    found = []
+    for window in windows:
+        begin = window.record.first
+        mark = int(marks[np.searchsorted(marks, begin, side="right") - 1])
+        row = first[mark] + begin - mark
+        start = Start(seen.states[row, :n], seen.internal[row])
+        finite = np.isfinite(start.vector).all()
+        found.append(StartedPiece(window.record, start) if finite else window)
+    return found
+
+
+def _not_lost(
+    model: MechanicalModel, prepared: PreparedRecord, windows: list[StartedPiece], known: bool
+) -> list[StartedPiece]:
+    """Return the windows, with starts of their own where those of the smoothed motion are far off.
+
+    Where a mass has no displacement sensor its place is a matter of the model that smoothed the
+    motion, and a law that grows fast makes of a wrong place a force beyond all bounds: a fit would
+    then bend the law to the starts, even away from the true one.
+    """
+    run = prepared.runner(model).run(model)
+    if run.linear or not windows[0].start.vector.size:
+        return windows
+    if known:
+        return prepared.with_fitted_starts(run, windows)
+    with np.errstate(over="ignore", invalid="ignore"):
+        left = np.mean(run.all_errors(windows) ** 2, axis=0)
+    seen = np.var(np.concatenate([window.record.Y for window in windows]), axis=0)
+    return windows if np.all(left < seen) else prepared.with_fitted_starts(run, windows)
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedFit:
+    """A fitted model and what it does on data that it was not fitted to.
+
+    Attributes
+    ----------
+    fit : Fit
+    free : ndarray, shape (ny,)
+        Held-out root mean square error of free runs over whole pieces.
+    over_windows : callable
+        Returns the same of free runs over short windows, shape (ny,).
+    reproducible : bool
+        Whether free runs over whole pieces judge anything.
+    over_fitted : callable
+        Returns the error of free runs over the whole pieces that fits are made to, shape (ny,).
+    fades : bool
+        Whether the held-out pieces are far quieter than those that fits are made to.
+    """
+
+    fit: Fit
+    free: Array
+    over_windows: Callable[[], Array]
+    reproducible: bool
+    over_fitted: Callable[[], Array]
+    fades: bool = False
+
+    @cached_property
+    def short(self) -> Array:
+        """Held-out error over short windows; measured only where free runs judge nothing."""
+        return self.over_windows()
+
+    @cached_property
+    def fitted(self) -> Array:
+        """Error over whole fitted pieces; measured only where fits ended on unlike windows."""
+        return self.over_fitted()
+
+    @property
+    def over_all(self) -> Array:
+        """Error of free runs by which fits are ranked, held out and, where motion fades, fitted.
+
+        Many laws do the same in a motion that has faded; which of them is there shows while it is
+        loud, and with thousands of samples for each number a fit cannot bend itself to noise.
+        """
+        return np.sqrt(self.free * self.fitted) if self.fades else self.free
+
+    @property
+    def model(self) -> MechanicalModel:
+        """The fitted model."""
+        return self.fit.model
+
+    @property
+    def error(self) -> Array:
+        """Held-out error that judges: over whole pieces if reproducible, else over windows."""
+        return self.free if self.reproducible else self.short
+
+
+def left_by(fitted: JudgedFit, among: Sequence[JudgedFit]) -> float:
+    """Return the mean log of the errors that rank; of short windows unless all run reproducibly."""
+    calm = fitted.reproducible and all(other.reproducible for other in among)
+    errors = fitted.over_all if calm else fitted.short
+    return float(np.mean(np.log(np.maximum(errors, 1e-300))))
+
+
+def judged(fitted: Fit, prepared: PreparedRecord) -> JudgedFit:
+    """Measure a fitted model on the held-out pieces."""
+    free, calm = free_rms(fitted.model, prepared, prepared.held_out)
+    over = partial(short_rms, fitted.model, prepared, prepared.held_out)
+    long = partial(rms_over, fitted.model, prepared, prepared.trial)
+    return JudgedFit(fitted, free, over, calm, long, prepared.fades)
+
+
+def free_rms(
+    model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
+) -> tuple[Array, bool]:
+    """Return the errors of free runs, infinite where they diverge, and whether they judge anything.
+
+    Returns
+    -------
+    rms : ndarray, shape (ny,)
+    reproducible : bool
+        Whether the first piece can be run again and again.
+    """
+    run, started, errors = _errors(model, prepared, pieces)
+    first = started[0]
+    found = reproducibility(run, first, first.record.Y - errors[: first.record.samples])
+    return _window_rms(errors), found.reproducible
+
+
+def short_rms(
+    model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
+) -> Array:
+    """Return the errors of free runs over short windows, shape (ny,)."""
+    return rms_over(model, prepared, prepared.windows_of(model, pieces, prepared.short))
+
+
+def rms_over(
+    model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
+) -> Array:
+    """Return the errors of free runs, infinite where they diverge, shape (ny,)."""
+    return _window_rms(_errors(model, prepared, pieces)[2])
+
+
+def _errors(
+    model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
+) -> tuple[RecordRun, list[StartedPiece], Array]:
+    run, started = prepared.closest_runs(model, pieces)
+    return run, started, run.all_errors(started)
+
+
+def _window_rms(errors: Array) -> Array:
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = np.sqrt(np.mean(errors**2, axis=0))
+    return np.where(np.isfinite(found), found, np.inf)
+
+
+def best_stage(stages: Sequence[Fit], prepared: PreparedRecord) -> JudgedFit:
+    """Return the stage that predicts the held-out pieces best."""
+    found = on_all_cores(lambda stage: judged(stage, prepared), stages[-2:])
+    if all(s.reproducible for s in found):
+        return min(found, key=lambda s: float(np.sum(np.log(s.free))))
+    return min(found, key=lambda s: float(np.sum(np.log(s.short))))
+
+
+# A fit of whole runs that is followed to its minimum, along narrow valleys too.
+#
+# Laws of damping, or a spring and a pendulum, may do nearly the same: the steps of
+# :mod:`.least_squares` are damped, so that they crawl along such a valley and stop where they
+# still fall a little. A trust region (Branch, Coleman and Li 1999, SIAM J. Sci. Comput. 21, 1-23)
+# does not.
+#
+# A force that jumps as the motion reverses is a second obstacle. A run of fixed steps sees on
+# which step a reversal falls, no more, and as a function of the numbers its errors are a staircase
+# whose local slopes lead nowhere. Over the speed that is gained in one step the jump may as well
+# be round.
+
+_WIDTH = "width"
+_SETTLED = 1e-5
+_RUNS = 30
+_AT_BOUND = 1e-6
+"""What is as good as a lower bound, in the units in which a fit counts."""
+
+
+def rounded(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:
+    """Return the model with jumps of friction rounded over the speed that a step gains.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    prepared : PreparedRecord
+    """
+    substeps = prepared.runner(model).substeps
+    effects = []
+    for effect in model.effects:
+        if effect.definition.sharp and effect.values.get(_WIDTH) == 0.0:
+            v = (port_rows(model, effect) @ prepared.motion_before.v)[0]
+            gained = float(np.sqrt(np.mean(np.diff(v) ** 2))) / substeps
+            effect = effect.with_values({**effect.parameters, _WIDTH: gained})
+        effects.append(effect)
+    return replace(model, effects=tuple(effects))
+
+
+def speeds_of_turns(model: MechanicalModel) -> frozenset[str]:
+    """Return the keys of the speeds over which those dry frictions turn over that jump."""
+    return frozenset(
+        f"effect[{i}].{effect.definition.turns_over}"
+        for i, effect in enumerate(model.effects)
+        if effect.definition.turns_over and not turns_over_gently(effect)
+    )
+
+
+def sharpened(
+    fitted: Fit, before: MechanicalModel, prepared: PreparedRecord, reference: MechanicalModel
+) -> Fit:
+    """Return the fit of a rounded model with the widths of jumps that it had before.
+
+    Parameters
+    ----------
+    fitted : Fit
+    before : MechanicalModel
+        With the same effects.
+    prepared : PreparedRecord
+    reference : MechanicalModel
+        About which the priors are centred.
+    """
+    effects = []
+    for effect, old in zip(fitted.model.effects, before.effects, strict=True):
+        if old.values.get(_WIDTH) == 0.0:
+            effect = effect.with_values({**effect.parameters, _WIDTH: 0.0})
+        effects.append(effect)
+    model = replace(fitted.model, effects=tuple(effects))
+    return unfitted(residuals_of(model, fitted.pieces, prepared, reference))
+
+
+def polished(fitted: Fit, prepared: PreparedRecord, reference: MechanicalModel) -> Fit:
+    """Return a fit to the same pieces at its minimum.
+
+    Parameters
+    ----------
+    fitted : Fit
+        Where to begin.
+    prepared : PreparedRecord
+    reference : MechanicalModel
+        About which the priors are centred.
+    """
+    here = residuals_of(fitted.model, fitted.pieces, prepared, reference)
+    sizes = here.start_sizes if here.start_sizes is not None else np.ones(0)
+    starts = np.array([piece.start.vector for piece in here.pieces])
+    x0 = here.within(np.array([f.start / f.scale for f in here.free]))
+    p, shape, sigma = x0.size, (len(here.pieces), sizes.size), np.maximum(fitted.rmse, 1e-300)
+
+    def parts(z: Array) -> tuple[Array, Array]:
+        return z[:p], z[p:].reshape(shape) * sizes if sizes.size else starts
+
+    @lru_cache(maxsize=1)  # derivatives are asked for where the errors were
+    def errors_at(z: bytes) -> Array:
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = here.errors(*parts(np.frombuffer(z)))
+        return np.nan_to_num(found, nan=_LOST, posinf=_LOST, neginf=-_LOST)
+
+    def errors(z: Array) -> Array:
+        return errors_at(z.tobytes())
+
+    def residuals(z: Array) -> Array:
+        x = z[:p]
+        prior = [(x - here.centre) * here.prior, here.joint @ x]
+        return np.concatenate([np.clip(errors(z) / sigma, -_LOST, _LOST).ravel(), *prior])
+
+    def derivatives(z: Array) -> Array:
+        now = errors(z)
+        columns = [np.nan_to_num(each / sigma) for each in here.columns(*parts(z), now)]
+        J = np.zeros((now.size, z.size))
+        for j, column in enumerate(columns[:p]):
+            J[:, j] = column.ravel()
+        ny = now.shape[1]
+        for i, column in enumerate(columns[p:]):
+            for k, (a, b) in enumerate(zip(here.offsets[:-1], here.offsets[1:], strict=True)):
+                J[a * ny : b * ny, p + k * sizes.size + i] = column[a:b].ravel()
+        priors = np.zeros((p + len(here.joint), z.size))
+        priors[:p, :p] = np.diag(here.prior)
+        priors[p:, :p] = here.joint
+        return np.vstack([J, priors])
+
+    free = np.full(starts.size if sizes.size else 0, np.inf)
+    low, high = np.concatenate([here.lower, -free]), np.concatenate([here.upper, free])
+    inside = (starts / sizes).ravel() if sizes.size else np.zeros(0)
+    begin = np.clip(np.concatenate([x0, inside]), low, high)
+    slopes: Any = derivatives
+    found = least_squares(
+        residuals,
+        begin,
+        slopes,
+        bounds=(low, high),
+        x_scale="jac",
+        ftol=_SETTLED,
+        max_nfev=_RUNS,
+    )
+    x, at = parts(found.x)
+    x = np.where(
+        x - here.lower < _AT_BOUND, here.lower, x
+    )  # steps end within bounds, never on them
+    pieces = here.started(at) if sizes.size else list(here.pieces)
+    best = unfitted(residuals_of(here.model_at(x), pieces, prepared, reference))
+    return best if np.sum(np.log(best.rmse)) < np.sum(np.log(fitted.rmse)) else fitted
+
+
+_LOST = 1e6
+"""What an error counts at most, in those of the fit at its beginning: a run that diverged."""
+
+
+# A fit whose effects stand in another order: the same numbers, starts and errors.
+
+_NUMBER = re.compile(r"effect\[(\d+)\](.*)")
+
+
+def reordered(fitted: Fit, order: Sequence[int]) -> Fit:
+    """Return a fit whose model has its effects in another order; nothing is fitted again.
+
+    Parameters
+    ----------
+    fitted : Fit
+    order : sequence of int
+        Where the first effect stands now, the second one, and so on.
+    """
+    effects = fitted.model.effects
+    internal = np.cumsum([0, *(effect.definition.states for effect in effects)])
+    states = [np.arange(internal[old], internal[old + 1]) for old in order]
+    rows = np.concatenate([*states, np.zeros(0, dtype=int)])
+
+    def renamed(key: str) -> str:
+        found = _NUMBER.fullmatch(key)
+        return f"effect[{order.index(int(found[1]))}]{found[2]}" if found else key
+
+    def started(piece: StartedPiece) -> StartedPiece:
+        start = piece.start
+        return StartedPiece(piece.record, Start(start.state, start.internal[rows]))
+
+    return replace(
+        fitted,
+        model=replace(fitted.model, effects=tuple(effects[old] for old in order)),
+        pieces=tuple(started(piece) for piece in fitted.pieces),
+        free=[replace(f, key=renamed(f.key), at_least=renamed(f.at_least)) for f in fitted.free],
+    )

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robustpolish.arrays import Array
-from robustpolish.effects import CONSTANT, Effect, Parameter
-from robustpolish.effects.learned import coefficients_of, spline_basis
+from robustpolish.base.arrays import Array
 from robustpolish.identification.policy import Policy
-from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.parts import FORCE
-from robustpolish.models.mechanical.ports import port_row
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.kind import CONSTANT, Parameter
+from robustpolish.machines.effects.spline_law import coefficients_of, spline_basis
+from robustpolish.machines.mechanical.data import port_row
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import FORCE
 
 # Share of the largest force within which a law over the velocity has none at rest, where a law over
 # the displacement could have it as well.

@@ -11,10 +11,13 @@ from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
+import xarray as xr
+from scipy.signal import welch
 
-from robustpolish.arrays import Array
+from robustpolish.base.arrays import Array
+from robustpolish.base.budget import Budget
+from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.fit.held_out import sides
 from robustpolish.identification.observer.kalman import (
     FREE,
     Level,
@@ -24,14 +27,362 @@ from robustpolish.identification.observer.kalman import (
     scales_of,
 )
 from robustpolish.identification.observer.missing_force import Smoothed, smooth
-from robustpolish.identification.observer.run import RecordRun, Runner, Start, StartedPiece, rest
-from robustpolish.identification.observer.starts import fitted_starts, state_sizes
+from robustpolish.identification.observer.runs import (
+    RecordRun,
+    Runner,
+    Start,
+    StartedPiece,
+    free_run,
+    rest,
+)
+from robustpolish.identification.observer.starts import (
+    fitted_start,
+    fitted_starts,
+    state_sizes,
+    visible_sizes,
+)
 from robustpolish.identification.policy import Policy
-from robustpolish.identification.record import Record, least_samples, liveliest, moving
-from robustpolish.identification.repeats import Repeats, repeats
-from robustpolish.long_calls import Budget
-from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.validation import described, invalid
+from robustpolish.identification.record import (
+    Record,
+    Repeats,
+    frequencies,
+    least_samples,
+    liveliest,
+    moving,
+    record_of,
+    repeats,
+)
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
+from robustpolish.signals.filtering import FLAT, decimate
+
+# What of records is held out to judge fits: whole records, or blocks of each.
+
+# Two held-out pieces, 30 % of the record, between those for estimation; free decays keep their
+# beginning, where the amplitude is, for estimation.
+_MARKS = (0.0, 0.4, 0.55, 0.85, 1.0)
+_MARKS_OF_DECAYS = (0.0, 0.35, 0.65, 0.9, 1.0)
+
+_OVER = 1e-3
+"""Share of the motion's power that is left where a free decay is over: 3 % of the amplitude."""
+_UNEVEN = 0.15
+"""Share of the motion by which it may be ahead of the time in a record that moves steadily."""
+_AS_MUCH = 2.0
+"""Times the amplitude up to which records move alike: a cubic spring does four times as much."""
+
+
+def sides(model: MechanicalModel, record: Record) -> tuple[list[Record], list[Record]]:
+    """Return what is fitted to and what is held out.
+
+    Of records that move alike some are held out as a whole. One that has not its like is cut into
+    blocks: a law is not to be judged where nothing of it was seen, nor left unjudged where alone
+    it shows, as friction in the smallest motion.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+        Its inputs say which of them a record moves.
+    record : Record
+
+    Returns
+    -------
+    kept, judges : list of Record
+        In order.
+    """
+    kept, judges = [], []
+    for group in _alike(model, record.parts):
+        held = _whole_judges(group)
+        for i, part in enumerate(group):
+            if held:
+                (judges if i in held else kept).append(part)
+                continue
+            a, b, c, d, e = _blocks(model, part, several=len(record.parts) > 1)
+            kept += [part.part(a, b), part.part(c, d)]
+            judges += [part.part(b, c), part.part(d, e)]
+    return sorted(kept, key=lambda part: part.first), sorted(judges, key=lambda part: part.first)
+
+
+def _alike(model: MechanicalModel, parts: Sequence[Record]) -> list[list[Record]]:
+    """Return records in groups that move alike: by the same inputs, and about as much."""
+    size = np.sqrt(np.mean([np.var(part.Y, axis=0) for part in parts], axis=0))
+    size = np.where(size > 0, size, 1.0)
+    amplitude = [float(np.mean(np.std(part.Y, axis=0) / size)) for part in parts]
+    moved = [tuple(np.ptp(p.own(p.signals(model)), axis=0) > 0) for p in parts]
+    groups: list[list[int]] = []
+    for i in sorted(range(len(parts)), key=lambda i: (moved[i], amplitude[i])):
+        first = groups[-1][0] if groups else i
+        if groups and moved[i] == moved[first] and amplitude[i] <= _AS_MUCH * amplitude[first]:
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    return [[parts[i] for i in group] for group in groups]
+
+
+def _whole_judges(group: Sequence[Record]) -> list[int]:
+    """Return which of a group of records, the smallest motion first, judge as a whole.
+
+    A third of them, and half of their samples at most; those in the middle first.
+    """
+    middle, total = (len(group) - 1) / 2, sum(part.samples for part in group)
+    held: list[int] = []
+    for i in sorted(range(len(group)), key=lambda i: abs(i - middle)):
+        tried = [*held, i]
+        enough = len(tried) > max(1, round(len(group) / 3))
+        if not enough and 2 * sum(group[k].samples for k in tried) <= total:
+            held = tried
+    return held
+
+
+def _blocks(model: MechanicalModel, part: Record, several: bool) -> list[int]:
+    """Return where the blocks of a record begin, and its end.
+
+    They are shares of its time where it moves steadily, and of one free decay, whose end shows what
+    is small. In the long quiet ends of blows nothing could be judged, nor where a decay was over
+    long before, and a sweep passes its resonances in a moment, where alone a stop may be met: of
+    those they are shares of the motion.
+    """
+    marks = _MARKS if model.inputs else _MARKS_OF_DECAYS
+    of_time = [round(part.samples * mark) for mark in marks]
+    away = np.abs(part.Y - part.Y.mean(axis=0))
+    motion = np.cumsum(np.sum(away / np.maximum(away.max(axis=0), 1e-300), axis=1))
+    if model.inputs:
+        uneven = np.max(np.abs(motion / motion[-1] - np.linspace(0, 1, motion.size))) > _UNEVEN
+    else:
+        power = np.sum(away**2 / np.maximum(np.sum(away**2, axis=0), 1e-300), axis=1)
+        uneven = np.sum(power[of_time[1] :]) < _OVER * np.sum(power)
+    if not several and not uneven:
+        return of_time
+    inner = np.searchsorted(motion, np.array(marks[1:-1]) * motion[-1])
+    found = [0, *inner.tolist(), part.samples]
+    enough = np.min(np.diff(found)) >= least_samples(model)
+    return found if enough else of_time
+
+
+# Long records as fits can take them: with fewer samples, or a part of them.
+#
+# The motion of a machine of 40 Hz takes no 50,000 samples a second to be seen, but a fit to them
+# takes 25 times as long as one to 2000. How many are kept follows from four things: the fastest
+# motion of interest, which has to be seen as a smooth curve and, where friction or a stop makes
+# edges, with these edges; what drives the machine, because fast forces shake dry friction loose
+# even where they move nothing (dither); what the model leaves over, which must not be filtered
+# away; and how many samples a fit can take at all. What is fitted is a machine in continuous time,
+# so that its numbers hold for every sampling.
+
+_HOLD = "input_hold"
+_AS_IT_IS, _SMOOTH = {"order": 1.0}, {"order": 3.0}
+_SEGMENTS = 8
+_LONGEST_SEGMENT = 2**16
+# A coarse spectrum shows slow motion as faster than it is; behind a first decimation it is finer.
+_LOOKS = 3
+# About a mode of the model, whose numbers may be wrong.
+_AROUND = 1.25
+_ABOVE_FLOOR = 3.0
+_LEAKS = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Taken:
+    """What is fitted of a record, and with which model.
+
+    Attributes
+    ----------
+    model : MechanicalModel
+        Whose holds of inputs are those of the record as it is taken.
+    record : Record
+    thinned : bool
+        Whether samples were left out: its inputs are smooth then, whatever they were before.
+    notes : tuple of str
+        What was left out.
+    given : MechanicalModel
+        The model as it was.
+    """
+
+    model: MechanicalModel
+    record: Record
+    thinned: bool
+    notes: tuple[str, ...]
+    given: MechanicalModel
+
+    def as_given(self, fitted: MechanicalModel) -> MechanicalModel:
+        """Return a fitted model for the sampling of the whole record: with its holds of inputs."""
+        if not self.thinned:
+            return fitted
+        known = [e for e in self.given.effects if e.kind == _HOLD]
+        mine = iter(known)
+        there = [e.at for e in known]
+        effects = [next(mine) if e.kind == _HOLD and e.at in there else e for e in fitted.effects]
+        return replace(fitted, effects=tuple(effects))
+
+
+def taken(model: MechanicalModel, record: Record, policy: Policy) -> Taken:
+    """Return a record as fits can take it: as it is, unless it is long; several stay as they are.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    record : Record
+    policy : Policy
+        From how many samples on a record is long, and what has to be kept of it.
+
+    Returns
+    -------
+    Taken
+    """
+    fewer, notes = record, []
+    if record.samples > policy.comfortable and len(record.sets) == 1:
+        fewer = _thinned(model, record, policy)
+    thinned = fewer is not record
+    if thinned:
+        notes.append(
+            f"The record was {fewer.data.attrs['notes'][-1]}. Errors and noise are those of the "
+            "samples that were kept; the numbers of the model hold for every sampling."
+        )
+        # told above, with what it means
+        data = fewer.data.assign_attrs(notes=record.data.attrs.get("notes", ()))
+        fewer = replace(fewer, data=data, sets=(data,))
+    if fewer.samples > policy.longest and len(record.sets) == 1:
+        whole = fewer
+        begin = liveliest(whole, policy.longest).first
+        data = whole.data.isel(time=slice(begin, begin + policy.longest))
+        fewer = replace(_record(model, data), honest=whole.honest)
+        notes.append(
+            f"Only {fewer.time[0]:.6g} to {fewer.time[-1]:.6g} s of the record were used, the "
+            f"liveliest {fewer.samples} of {whole.samples} samples."
+        )
+    known = tuple(
+        e.with_values(_AS_IT_IS) if thinned and e.kind == _HOLD else e for e in model.effects
+    )
+    return Taken(replace(model, effects=known), fewer, thinned, tuple(notes), model)
+
+
+def _thinned(model: MechanicalModel, record: Record, policy: Policy) -> Record:
+    """Return a record with as many samples as are needed, itself if these are all."""
+    data = record.data[[*model.input_names, *model.output_names]]
+    data = data.assign({
+        effect.at[0]: ("time", effect.on_signal(data[effect.at[0]].values, record.times),
+                       data[effect.at[0]].attrs)
+        for effect in model.effects if effect.kind == _HOLD
+    })  # fmt: skip
+    fewer = record
+    for _ in range(_LOOKS):
+        rate = needed_rate(model, fewer, policy)
+        nearer = decimate(data, rate)
+        if nearer.sizes["time"] == data.sizes["time"]:
+            return record
+        again = _record(model, nearer)
+        if again.samples == fewer.samples:
+            break
+        fewer = again
+    return _smooth(model, fewer)
+
+
+def _record(model: MechanicalModel, data: xr.Dataset) -> Record:
+    return replace(record_of(model, data), honest=FLAT)
+
+
+def _smooth(model: MechanicalModel, record: Record) -> Record:
+    """Return a record whose forces, linear between samples, act as the smooth ones they are."""
+    forces = {
+        item.name: Effect(_HOLD, (item.name,), _SMOOTH)
+        for item in model.inputs if item.imposes is None
+    }  # fmt: skip
+    data = record.data.assign({
+        name: ("time", hold.on_signal(record.data[name].values, record.times),
+               record.data[name].attrs)
+        for name, hold in forces.items()
+    })  # fmt: skip
+    return replace(record, data=data, sets=(data,))
+
+
+def needed_rate(model: MechanicalModel, record: Record, policy: Policy) -> float:
+    """Return the sampling rate in Hz that a model's fit needs.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    record : Record
+    policy : Policy
+    """
+    length = record.samples * record.dt
+    fastest = fastest_motion(model, record)
+    slowest = min((f for f in frequencies(model) if f > 0), default=fastest)
+    lasting = policy.longest * slowest / policy.swings_kept
+    sharp = any(o.quantity in (ACCELERATION, FORCE) for o in model.outputs)
+    each = policy.sharp_samples if sharp else policy.swing_samples
+    wanted = min(_residual_top(model, record, policy) * 2 / FLAT, policy.comfortable / length)
+    driven = min(_input_top(model, record, policy) * 2 / FLAT, lasting)
+    return max(each * fastest, wanted, driven, policy.few / length)
+
+
+def fastest_motion(model: MechanicalModel, record: Record) -> float:
+    """Return the frequency in Hz of the fastest motion that a record shows.
+
+    It is the fastest mode of the model that the outputs show, or the frequency below which the
+    motion happens that they show, if that is higher.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    record : Record
+    """
+    highest = 0.0
+    modes = frequencies(model)
+    for output, y in zip(model.outputs, record.Y.T, strict=True):
+        frequency, density = _spectrum(y, record.dt)
+        floor = float(np.percentile(density, 10))
+        shown = [
+            f for f in modes
+            if np.max(density[(frequency > f / _AROUND) & (frequency < f * _AROUND)], initial=0.0)
+            > _ABOVE_FLOOR * floor
+        ]  # fmt: skip
+        order = {DISPLACEMENT: 0, VELOCITY: 2, ACCELERATION: 4}.get(output.quantity, 0)
+        least = max(floor, _LEAKS * float(np.max(density)))
+        seen = np.maximum(density - _ABOVE_FLOOR * least, 0.0)
+        # as displacement, of which what leaks from a strong line to 0 Hz would make a large one
+        seen[1:] /= frequency[1:] ** order
+        highest = max(highest, *shown, _top(frequency[1:], seen[1:], 0.98))
+    return highest
+
+
+def _residual_top(model: MechanicalModel, record: Record, policy: Policy) -> float:
+    """Return the frequency in Hz below which most of what the linear model leaves over lies."""
+    run = free_run(model.without_effects(), record)
+    still = rest(run.model)
+    sizes = visible_sizes(run, record, still) if still.vector.size else np.zeros(0)
+    error = run.errors(StartedPiece(record, fitted_start(run, record, [still], sizes)))
+    if not np.isfinite(error).all():
+        return 0.0
+    highest = 0.0
+    for e in error.T:
+        frequency, density = _spectrum(e, record.dt)
+        left = np.maximum(density - _ABOVE_FLOOR * float(np.percentile(density, 10)), 0.0)
+        highest = max(highest, _top(frequency, left, policy.kept))
+    return highest
+
+
+def _input_top(model: MechanicalModel, record: Record, policy: Policy) -> float:
+    """Return the frequency in Hz below which most of the forces lies that drive a model."""
+    found = [0.0]
+    for item in model.inputs:
+        if item.imposes is None:
+            frequency, density = _spectrum(np.asarray(record.data[item.name].values), record.dt)
+            found.append(_top(frequency, density, policy.kept))
+    return max(found)
+
+
+def _spectrum(y: Array, dt: float) -> tuple[Array, Array]:
+    length = min(_LONGEST_SEGMENT, len(y) // _SEGMENTS)
+    return welch(y - np.mean(y), 1 / dt, nperseg=length)
+
+
+def _top(frequency: Array, density: Array, share: float) -> float:
+    """Return the frequency below which this share of the power lies, 0 if there is none."""
+    power = np.cumsum(density)
+    if power[-1] <= 0:
+        return 0.0
+    return float(frequency[np.searchsorted(power, share * power[-1])])
+
 
 # Forces that are so many times those that the motion takes are in other units.
 _OUT_OF_PROPORTION = 1e7

@@ -10,25 +10,23 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from robustpolish.arrays import Array
-from robustpolish.display import Card, Displayed, Table
-from robustpolish.identification.frequency.measured import (
+from robustpolish.base.arrays import Array
+from robustpolish.base.checks import described, invalid, one_of, positive
+from robustpolish.base.results import Card, Displayed, Table
+from robustpolish.identification.frequency.lines import (
     FREQUENCY_POLICY,
     FrequencyPolicy,
     MeasuredResponse,
-    measured_response,
-)
-from robustpolish.identification.frequency.resonances import (
     Resonance,
     matched,
     measured_resonances,
+    measured_response,
     model_resonances,
 )
-from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.frequency_response import linear_system
-from robustpolish.models.mechanical.ports import port_row
-from robustpolish.plotting import plot_error_bars
-from robustpolish.validation import described, invalid, one_of, positive
+from robustpolish.machines.mechanical.data import port_row
+from robustpolish.machines.mechanical.linear import linear_system
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.plots.charts import plot_error_bars
 
 Trend = Literal["rises", "falls", "stays"]
 # What a mode does as the amplitude grows (frequency, damping), and what would do that.
@@ -124,7 +122,7 @@ class AmplitudeDependence(Displayed):
     ...         [rp.Dof("x", 1.0)], [rp.Spring(place, stiffness)], [rp.Damper(place, 2.0)],
     ...         [rp.Input("F", place)], [rp.Output("x", place)])
     >>> lines = np.linspace(10, 25, 300)
-    >>> found = rp.amplitude_dependence({
+    >>> found = rp.identification.amplitude_dependence({
     ...     0.1: machine(1e4).frequency_response(lines),
     ...     1.0: machine(1.1e4).frequency_response(lines)}, machine(1e4))
     >>> found.linear, found.modes[0].character, found.places[0][0]
@@ -284,7 +282,7 @@ def amplitude_dependence(
     ...         [rp.Input("F", place)], [rp.Output("x", place)])
     >>> lines = np.linspace(10, 25, 300)
     >>> levels = {1.0: 4.0, 10.0: 2.0}  # damping falls with the amplitude
-    >>> found = rp.amplitude_dependence(
+    >>> found = rp.identification.amplitude_dependence(
     ...     {level: machine(c).frequency_response(lines) for level, c in levels.items()})
     >>> found.modes[0].effects
     ('coulomb_friction', 'stribeck_friction')

@@ -12,24 +12,22 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from robustpolish.arrays import AnyArray
-from robustpolish.display import Card, Displayed, Table, plus_minus
-from robustpolish.identification.frequency.measured import (
+from robustpolish.base.arrays import AnyArray
+from robustpolish.base.checks import one_of
+from robustpolish.base.results import Card, Displayed, Table, plus_minus
+from robustpolish.identification.frequency.lines import (
     FREQUENCY_POLICY,
     FrequencyPolicy,
     MeasuredResponse,
-    measured_response,
-)
-from robustpolish.identification.frequency.resonances import (
     likeness,
     matched,
     measured_resonances,
+    measured_response,
     model_resonances,
 )
-from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.frequency_response import response_values
-from robustpolish.plotting import plot_bode, plot_nyquist
-from robustpolish.validation import one_of
+from robustpolish.machines.mechanical.linear import response_values
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.plots.frequency import plot_bode, plot_nyquist
 
 
 @dataclass(frozen=True)

@@ -11,20 +11,20 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import brentq, least_squares
 
-from robustpolish.arrays import AnyArray, Array
+from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.findings.refitted import Refit
 from robustpolish.identification.fit.parameters import FreeParameter, free_parameters
+from robustpolish.identification.fit.result import Refit
 from robustpolish.identification.frequency.comparison import pair_errors, together
-from robustpolish.identification.frequency.measured import (
+from robustpolish.identification.frequency.lines import (
     FREQUENCY_POLICY,
     FrequencyPolicy,
     MeasuredResponse,
     measured_response,
 )
 from robustpolish.identification.policy import POLICY
-from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.data import unit_of
+from robustpolish.machines.mechanical.data import unit_of
+from robustpolish.machines.mechanical.model import MechanicalModel
 
 _HUGE = 1e12  # what a model that cannot be built, or is infinite, costs
 
@@ -58,7 +58,7 @@ def refit_frequency_response(
     -------
     Refit
         Its errors are those of the pairs, see
-        :class:`robustpolish.identification.PairError`.
+        :class:`robustpolish.identification.frequency.comparison.PairError`.
 
     Raises
     ------

@@ -8,22 +8,27 @@ from functools import partial
 
 import numpy as np
 
-from robustpolish.arrays import Array
-from robustpolish.effects import force_with
-from robustpolish.identification.observer.kalman import Level, Scales, amplitude_of, scales_of
-from robustpolish.identification.observer.linear_observer import LinearObserver, PortForces
-from robustpolish.identification.observer.run import Runner, Start, StartedPiece, rest
+from robustpolish.base.arrays import Array
+from robustpolish.identification.observer.kalman import (
+    Level,
+    LinearObserver,
+    PortForces,
+    Scales,
+    amplitude_of,
+    scales_of,
+)
+from robustpolish.identification.observer.runs import Runner, Start, StartedPiece, rest
 from robustpolish.identification.record import Record, least_samples
-from robustpolish.models.mechanical import MechanicalModel
-from robustpolish.models.mechanical.ports import (
+from robustpolish.machines.effects.evaluate import force_with
+from robustpolish.machines.mechanical.data import (
     dynamic_effects,
     motion_at,
     port_matrices,
     port_pairs,
     port_rows,
 )
-from robustpolish.simulation.between import Lines
-from robustpolish.simulation.run import NonlinearResponse
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.simulation.run import Lines, NonlinearResponse
 
 _START = 3.0
 # Levels of a model that may be nearly right, to predict with and to see the motion.
@@ -105,7 +110,7 @@ def following(
     record : Record
     scales : Scales
     amplitude : float
-        Of displacements, see :class:`~robustpolish.identification.observer.run.Runner`.
+        Of displacements, see :class:`~robustpolish.identification.observer.runs.Runner`.
     levels : sequence of Level
         The first of them if the observer diverges at all.
 

@@ -7,21 +7,127 @@ from typing import Any, Literal
 
 import control
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
+from scipy import linalg
 
-from robustpolish.arrays import Matrix
-from robustpolish.display import Card, Displayed, quantities
-from robustpolish.implementation.sampled.average_power import average_power
-from robustpolish.implementation.sampled.induced_norm import GainTest, bracket, judge_gain
-from robustpolish.implementation.sampled.loop_delays import loop_delay_taken_out
-from robustpolish.implementation.sampled.norm_proof import prove_above, prove_below
-from robustpolish.implementation.sampled.peak import peak_frequency
-from robustpolish.implementation.sampled.period_map import beyond_a_period, period_map
-from robustpolish.implementation.sampled.scaled_map import ScaledMap, scaled
-from robustpolish.long_calls import same_bits
-from robustpolish.models import GeneralizedPlant
-from robustpolish.plotting import plot_poles
+from robustpolish.base.arrays import AnyMatrix, Matrix, Vector
+from robustpolish.base.budget import same_bits
+from robustpolish.base.checks import described, invalid, positive, state_space
+from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.implementation.sampled.induced_norm import (
+    GainTest,
+    bracket,
+    judge_gain,
+    peak_frequency,
+)
+from robustpolish.implementation.sampled.lifting import (
+    ScaledMap,
+    beyond_a_period,
+    loop_delay_taken_out,
+    period_map,
+    scaled,
+)
+from robustpolish.implementation.sampled.proof import average_power, prove_above, prove_below
+from robustpolish.plants.blocks import as_state_space
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.plants.wired import lag
+from robustpolish.plots.poles import plot_poles
+
+# Analogue filters before the samplers, which stay continuous in every check.
+
+AntiAliasing = (
+    float | int | tuple[int, float] | control.StateSpace | control.TransferFunction | None
+)
+"""None, a corner in Hz (Butterworth, second order), (order, corner in Hz), or a filter."""
+
+_REMEDY = "Pass a corner in Hz, (order, corner in Hz), or a stable continuous system."
+
+
+def filter_system(anti_aliasing: AntiAliasing, measurements: int) -> control.StateSpace | None:
+    """Return the filter of all measurements as one system.
+
+    Parameters
+    ----------
+    anti_aliasing : number, (int, number), control system or None
+        A corner in Hz: a Butterworth filter of second order, or of the order given, for each
+        measurement. A system with one input and output filters each measurement alike.
+    measurements : int
+        Number of signals to filter.
+
+    Returns
+    -------
+    control.StateSpace or None
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no such filter, or not stable.
+    """
+    if anti_aliasing is None:
+        return None
+    if isinstance(anti_aliasing, control.TransferFunction):
+        anti_aliasing = as_state_space("anti_aliasing", anti_aliasing)
+    if isinstance(anti_aliasing, control.StateSpace):
+        return _repeated(_checked(anti_aliasing, measurements), measurements)
+    if isinstance(anti_aliasing, tuple | list):
+        if len(anti_aliasing) != 2:
+            raise invalid("anti_aliasing", anti_aliasing, "(order, corner in Hz)", _REMEDY)
+        order, corner = anti_aliasing
+    else:
+        order, corner = 2, anti_aliasing
+    if isinstance(corner, bool | str) or isinstance(order, bool):
+        raise invalid("anti_aliasing", anti_aliasing, "a filter or its corner in Hz", _REMEDY)
+    if not isinstance(order, int | np.integer) or not 1 <= order <= 8:
+        raise invalid("anti_aliasing", order, "a whole order from 1 to 8", _REMEDY)
+    corner = positive("anti_aliasing", corner, "Hz")
+    return _repeated(lag(corner, int(order), None, 0), measurements)
+
+
+def with_filter(plant: GeneralizedPlant, found: control.StateSpace | None) -> GeneralizedPlant:
+    """Return the plant whose measurements have passed the filter; w that acts on y does so too.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+        Continuous.
+    found : control.StateSpace or None
+
+    Returns
+    -------
+    GeneralizedPlant
+        With the delays of the plant, which stand before the filter.
+    """
+    if found is None:
+        return plant
+    wiring = plant.wiring
+    return plant.rewired(wiring.matrix_series(wiring.nz, found, "filter"))
+
+
+def _checked(found: control.StateSpace, measurements: int) -> control.StateSpace:
+    state_space("anti_aliasing", found)
+    if found.dt not in (0, None):
+        shown = described(f"a discrete system, dt = {found.dt}")
+        raise invalid("anti_aliasing", shown, "a continuous filter", _REMEDY)
+    if (found.ninputs, found.noutputs) not in ((1, 1), (measurements, measurements)):
+        shown = described(f"{found.ninputs} inputs and {found.noutputs} outputs")
+        raise invalid("anti_aliasing", shown, f"1 or {measurements} of each", _REMEDY)
+    if found.nstates and np.linalg.eigvals(found.A).real.max() >= 0:
+        raise invalid("anti_aliasing", described("an unstable filter"), "a stable one", _REMEDY)
+    return found
+
+
+def _repeated(found: control.StateSpace, measurements: int) -> control.StateSpace:
+    if found.ninputs == measurements:
+        return found
+    one = np.eye(measurements)
+    return control.StateSpace(
+        *(np.kron(one, np.asarray(M)) for M in (found.A, found.B, found.C, found.D)),
+        0,
+        remove_useless_states=False,
+    )
+
 
 Norm = Literal["hinf", "h2"]
 
@@ -67,7 +173,7 @@ class SampledCertificate(Displayed):
     --------
     >>> import robustpolish as rp
     >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
-    >>> rp.certify_sampled(plant, [[-3.0]], period=0.3, delay=0.12)
+    >>> rp.implementation.certify_sampled(plant, [[-3.0]], period=0.3, delay=0.12)
     Certificate of the sampled loop: valid
       induced L2 norm achieved  0.797087
       proven to be at least     0.797086
@@ -118,7 +224,7 @@ class SampledCertificate(Displayed):
         --------
         >>> import robustpolish as rp
         >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
-        >>> rp.certify_sampled(plant, [[-3.0]], period=0.1).plot().get_xlabel()
+        >>> rp.implementation.certify_sampled(plant, [[-3.0]], period=0.1).plot().get_xlabel()
         'real part'
         """
         return plot_poles({"poles of the sampled loop": self.poles}, None, ax, discrete=True)
@@ -248,3 +354,78 @@ def _noise_note(plant: GeneralizedPlant, noisy: tuple[int, ...]) -> tuple[str, .
         "sample (a discrete noise of the same density): sampled as it is, without a filter, its "
         "gain would be infinite.",
     )
+
+
+# The gain of a sampled loop for disturbances of one frequency at a time.
+
+_POINTS = 120
+_DECADES = 4.0
+
+
+def tone_gains(
+    plant: GeneralizedPlant, controller: control.StateSpace, delay: float
+) -> xr.DataArray:
+    """Return the largest RMS of z for a sinusoidal w of RMS one, over frequency.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+        Continuous, with its filter; the sampled loop is stable.
+    controller : control.StateSpace
+        Discrete.
+    delay : float
+        In s.
+
+    Returns
+    -------
+    xarray.DataArray
+        Over `frequency` in Hz, up to half the sample rate. z holds other frequencies besides,
+        which count too.
+    """
+    period = float(controller.dt)
+    plant, own = loop_delay_taken_out(plant)
+    loop = scaled(period_map(plant, controller, period, delay + own))
+    half = 0.5 / period
+    poles = np.abs(np.angle(np.linalg.eigvals(loop.transition()))) / (2 * np.pi * period)
+    grid = half * np.logspace(-_DECADES, 0, _POINTS)
+    hertz = np.unique(np.concatenate([grid, poles[poles > grid[0]]]))
+    values = [_gain(loop, 2 * np.pi * f) for f in hertz]
+    return xr.DataArray(
+        np.array(values),
+        dims="frequency",
+        coords={"frequency": ("frequency", hertz, {"units": "Hz"})},
+    )
+
+
+def _gain(loop: ScaledMap, omega: float) -> float:
+    n, m = loop.phases[0].B.shape
+    through: AnyMatrix = np.eye(n + m, dtype=complex)
+    energy: AnyMatrix = np.zeros((n + m, n + m), dtype=complex)
+    for phase in loop.phases:
+        E = np.zeros((n + m, n + m), dtype=complex)
+        E[:n, :n], E[:n, n:], E[n:, n:] = phase.A, phase.B, 1j * omega * np.eye(m)
+        out = np.hstack([phase.C, phase.D])
+        step, own = _flow(E, out, phase.length)
+        energy = energy + through.conj().T @ own @ through
+        through = step @ through
+    turn = np.exp(1j * omega * loop.map.period)
+    L, N, M = loop.L, loop.N, loop.M
+    back = turn * np.eye(len(N)) - N - M @ through[:n, :n] @ L
+    start: AnyMatrix = np.vstack([L @ np.linalg.solve(back, M @ through[:n, n:]), np.eye(m)])
+    power: Vector = np.linalg.eigvalsh(start.conj().T @ energy @ start) / loop.map.period
+    return float(np.sqrt(max(power[-1], 0.0)))
+
+
+def _flow(E: AnyMatrix, out: AnyMatrix, length: float) -> tuple[AnyMatrix, AnyMatrix]:
+    """Return the exponential and the energy of the output, in steps too short to overflow."""
+    n = len(E)
+    times = max(0, int(np.ceil(np.log2(max(np.linalg.norm(E, 1) * length, 1e-300)))))
+    weight = out.conj().T @ out
+    block = np.block([[-E.conj().T, weight], [np.zeros((n, n)), E]]) * (length / 2**times)
+    found = np.asarray(linalg.expm(block))
+    step = found[n:, n:]
+    energy = step.conj().T @ found[:n, n:]
+    for _ in range(times):
+        energy = energy + step.conj().T @ energy @ step
+        step = step @ step
+    return step, energy

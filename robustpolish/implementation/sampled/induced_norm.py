@@ -9,17 +9,136 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from robustpolish.arrays import Matrix
-from robustpolish.implementation.sampled.energy_section import (
-    Conflict,
-    Section,
-    joined,
-    phase_section,
-)
-from robustpolish.implementation.sampled.scaled_map import ScaledMap
+from robustpolish.base.arrays import Matrix
+from robustpolish.implementation.sampled.lifting import Phase, ScaledMap
+from robustpolish.linear.arithmetic.powers_of_two import BeyondDoublesError
+
+# Stretches of a loop as maps of state and energy, joined by doubling, in doubles.
+#
+# A stretch with gain below one from w to z obeys xi(end) = A xi + G lambda(end) and
+# lambda = A' lambda(end) + Q xi, where xi is its state and lambda the slope of the most that the
+# energy of z can exceed that of w by. Two such stretches in a row have a gain below one exactly if
+# the largest eigenvalue of G1 Q2 lies below one (no conjugate point). So no exponential of a long
+# stretch is ever formed.
+
+SMALL_STEP = 0.25
+"""Largest norm of the Hamiltonian times the first step.
+
+Below log 2 no conjugate point lies in the step, because its exponential minus the identity has
+a norm below one; a quarter leaves the series its quick convergence.
+"""
+
+_TERMS = 16
+
+
+class Section(NamedTuple):
+    """State map A, reach G of inputs and output energy Q of a stretch; G and Q are symmetric."""
+
+    A: Matrix
+    G: Matrix
+    Q: Matrix
+
+    @property
+    def size(self) -> float:
+        """A bound on what the stretch still passes on."""
+        return float(np.linalg.norm(self.A))
+
+
+class Conflict(NamedTuple):
+    """Where a gain of one is reached: after how many doublings, and along which costate."""
+
+    stage: int
+    costate: Matrix
+
+
+def joined(first: Section, second: Section) -> Section | Matrix:
+    """Return two stretches as one, or the costate along which their gain reaches one."""
+    clash = _clash(first.G, second.Q)
+    if clash is not None:
+        return clash
+    n = first.G.shape[0]
+    W = np.linalg.inv(np.eye(n) - first.G @ second.Q)
+    through = W @ first.A
+    G = second.G + second.A @ W @ first.G @ second.A.T
+    Q = first.Q + first.A.T @ second.Q @ through
+    return Section(second.A @ through, (G + G.T) / 2, (Q + Q.T) / 2)
+
+
+def _clash(G: Matrix, Q: Matrix) -> Matrix | None:
+    """Return Q v for the eigenvector v of G Q whose eigenvalue reaches one, if there is any."""
+    if np.linalg.norm(G) * np.linalg.norm(Q) < 1:
+        return None
+    if not (np.isfinite(G).all() and np.isfinite(Q).all()):
+        return np.zeros(G.shape[0])
+    values, vectors = np.linalg.eigh(G)
+    root = vectors * np.sqrt(np.maximum(values, 0))
+    gains, modes = np.linalg.eigh(root.T @ Q @ root)
+    return Q @ root @ modes[:, -1] if gains[-1] >= 1 else None
+
+
+def hamiltonian(phase: Phase, gamma: float) -> Matrix | None:
+    """Return the Hamiltonian matrix at gamma, with gain one to be tested; None if D reaches it."""
+    A, B, C, D = phase.A, phase.B / math.sqrt(gamma), phase.C / math.sqrt(gamma), phase.D / gamma
+    if D.size and np.linalg.norm(D, 2) >= 1:
+        return None
+    if D.any():
+        into = np.linalg.solve(np.eye(D.shape[1]) - D.T @ D, np.hstack([B.T, D.T @ C]))
+        n = A.shape[0]
+        G, A = B @ into[:, :n], A + B @ into[:, n:]
+        Q = C.T @ np.linalg.solve(np.eye(D.shape[0]) - D @ D.T, C)
+    else:
+        G, Q = B @ B.T, C.T @ C
+    return np.block([[A, G], [-Q, -A.T]])
+
+
+def halvings(H: Matrix, length: float) -> int:
+    """Return how often to halve a stretch until its first step is small."""
+    size = float(np.linalg.norm(H, 1)) * length / SMALL_STEP
+    if not math.isfinite(size):
+        raise BeyondDoublesError
+    return max(0, math.ceil(math.log2(size))) if size > 1 else 0
+
+
+def phase_section(phase: Phase, gamma: float) -> Section | Conflict:
+    """Return a phase as a section at gamma, or where in it the gain reaches gamma."""
+    H = hamiltonian(phase, gamma)
+    n = phase.A.shape[0]
+    if H is None:
+        return Conflict(-1, np.zeros(n))
+    times = halvings(H, phase.length)
+    E, G, Q = _first_step(H * (phase.length / 2**times))
+    eye = np.eye(n)
+    for stage in range(times):
+        clash = _clash(G, Q)
+        if clash is not None:
+            return Conflict(stage, clash)
+        # A = I + E; keeping E saves what would be lost in a sum with the identity.
+        W = np.linalg.inv(eye - G @ Q)
+        A = eye + E
+        Q, G, E = (
+            Q + A.T @ Q @ W @ A,
+            G + A @ W @ G @ A.T,
+            2 * E + E @ E + A @ (G @ Q @ W) @ A,
+        )
+        Q, G = (Q + Q.T) / 2, (G + G.T) / 2
+    return Section(eye + E, G, Q)
+
+
+def _first_step(H: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    n = H.shape[0] // 2
+    term, total = H, H.copy()
+    for k in range(2, _TERMS):
+        term = term @ H / k
+        total += term
+    F22 = total[n:, n:]
+    inverse = np.linalg.inv(np.eye(n) + F22)
+    G, Q = total[:n, n:] @ inverse, -inverse @ total[n:, :n]
+    return -inverse.T @ F22.T, (G + G.T) / 2, (Q + Q.T) / 2
+
 
 _DOUBLINGS = 60
 _SETTLED = 1e-12
@@ -156,3 +275,53 @@ def bracket(
         middle = judge_gain(loop, math.sqrt(low.gamma * high.gamma))
         low, high = (low, middle) if middle.below else (middle, high)
     return low, high
+
+
+# Where a sampled loop has its largest gain.
+
+_GRID = 200
+_REFINED = 3
+
+
+def peak_frequency(loop: ScaledMap, gamma: float) -> float | None:
+    """Return where the discrete loop that stands for the sampled one at gamma has gain one.
+
+    Parameters
+    ----------
+    loop : ScaledMap
+    gamma : float
+        A little above the norm.
+
+    Returns
+    -------
+    float or None
+        rad/s, from 0 to half the sample rate.
+    """
+    section = period_section(loop, gamma)
+    if not isinstance(section, Section):
+        return None
+    poles = np.linalg.eigvals(section.A)
+    angles = np.concatenate(
+        [np.logspace(-6, 0, _GRID) * np.pi, np.linspace(0, np.pi, _GRID), np.abs(np.angle(poles))]
+    )
+    angles = np.unique(angles)
+    values = _gains(section, angles)
+    for _ in range(_REFINED):
+        best = int(np.argmax(values))
+        low, high = angles[max(best - 1, 0)], angles[min(best + 1, angles.size - 1)]
+        angles = np.linspace(low, high, 41)
+        values = _gains(section, angles)
+    return float(angles[int(np.argmax(values))]) / loop.map.period
+
+
+def _gains(section: Section, angles: np.ndarray) -> np.ndarray:
+    reach, see = _root(section.G), _root(section.Q).T
+    eye = np.eye(len(section.A))
+    shifted = np.exp(1j * angles)[:, None, None] * eye - section.A
+    states = np.linalg.solve(shifted, np.broadcast_to(reach, (angles.size, *reach.shape)))
+    return np.linalg.svd(see @ states, compute_uv=False)[:, 0]
+
+
+def _root(M: np.ndarray) -> np.ndarray:
+    values, vectors = np.linalg.eigh(M)
+    return vectors * np.sqrt(np.maximum(values, 0))

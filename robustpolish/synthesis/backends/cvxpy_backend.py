@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robustpolish.base.checks import one_of
 from robustpolish.errors import MissingDependencyError
-from robustpolish.synthesis.lmi.semidefinite import ConicForm
-from robustpolish.validation import one_of
+from robustpolish.synthesis.lmi.program import ConicForm
 
 
 def solve(

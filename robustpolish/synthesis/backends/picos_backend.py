@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
+from robustpolish.base.budget import Budget
+from robustpolish.base.checks import one_of
 from robustpolish.errors import MissingDependencyError
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.lmi.semidefinite import ConicForm
-from robustpolish.validation import one_of
+from robustpolish.synthesis.lmi.program import ConicForm
 
 try:
     import picos

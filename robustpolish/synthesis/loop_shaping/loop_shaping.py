@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
@@ -11,28 +12,409 @@ import control
 import numpy as np
 from scipy import linalg
 
+from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.base.arrays import AnyVector as Vector
+from robustpolish.base.budget import Budget, same_bits
+from robustpolish.base.checks import described, invalid, is_whole, positive
 from robustpolish.errors import SolverError
-from robustpolish.long_calls import Budget, same_bits
-from robustpolish.models import GeneralizedPlant
-from robustpolish.models.plant.blocks import named_system
-from robustpolish.models.plant.elements import single_filter
-from robustpolish.models.plant.given_system import as_state_space
-from robustpolish.synthesis.certificate.certificate import Certificate, certify
-from robustpolish.synthesis.design.design import Design
+from robustpolish.linear.delays.systems import resolvent_response
+from robustpolish.plants.blocks import as_state_space, named_system
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.plants.wired import single_filter
+from robustpolish.synthesis.certificate import Certificate, certify
+from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.loop_shaping.coprime import (
     Coprime,
     arrays_of,
+    cayley,
     cayley_back,
     coprime,
     in_series,
     loop_plant,
 )
-from robustpolish.synthesis.loop_shaping.reduced import reduced
-from robustpolish.synthesis.loop_shaping.target import WantedLoop
-from robustpolish.synthesis.loop_shaping.target_weight import limits_in_words, target_weight
-from robustpolish.synthesis.problem.decoupling import named_controller
 from robustpolish.synthesis.problem.matrices import Controller, SystemMatrices, balanced
-from robustpolish.validation import described, invalid, is_whole, positive
+from robustpolish.synthesis.problem.scaling import named_controller
+from robustpolish.synthesis.riccati.equations import solve_lyapunov
+
+# A controller of fewer states, by balanced truncation of its normalised coprime factors.
+
+
+def reduced(K: control.StateSpace, order: int) -> SystemMatrices:
+    """Return a controller near to another in the gap metric, with fewer states.
+
+    Its right factors [N; M] are stable whatever the controller is; they are balanced and truncated,
+    which moves them by at most twice the sum of the Hankel singular values that are left out.
+    McFarlane, Glover, "Robust Controller Design Using Normalized Coprime Factor Plant
+    Descriptions", 1990, chapter 5.
+
+    Parameters
+    ----------
+    K : control.StateSpace
+        Continuous or discrete.
+    order : int
+        At most that of the controller.
+
+    Returns
+    -------
+    SystemMatrices
+        What becomes of the loop has to be certified anew.
+
+    Raises
+    ------
+    SolverError
+        If the factors could not be computed or truncated.
+    """
+    A, B, C, D = coprime(loop_plant("controller", K)).right()
+    reach, seen = solve_lyapunov(A.T, B @ B.T), solve_lyapunov(A, C.T @ C)
+    if reach is None or seen is None:
+        raise SolverError("The controller's coprime factors could not be balanced; reduce less.")
+    into, out = _root(reach), _root(seen)
+    U, sizes, Vh = np.linalg.svd(out.T @ into)
+    if order and sizes[order - 1] <= np.finfo(float).eps * len(A) * sizes[0]:
+        raise SolverError(f"The controller has fewer than {order} states that matter.")
+    scale = 1 / np.sqrt(sizes[:order])
+    left, right = (out @ U[:, :order] * scale).T, into @ Vh[:order].T * scale
+    A, B, C = left @ A @ right, left @ B, C @ right
+    p = K.noutputs or 0
+    # u = N M^-1 y: M v = y gives v, which drives N.
+    inner = np.linalg.inv(D[p:])
+    found = SystemMatrices(
+        A - B @ inner @ C[p:], B @ inner, C[:p] - D[:p] @ inner @ C[p:], D[:p] @ inner
+    )
+    return cayley_back(found) if K.isdtime(strict=True) else found
+
+
+def _root(X: Matrix) -> Matrix:
+    """Return R with R R' = X for a positive semidefinite X."""
+    values, vectors = np.linalg.eigh(X)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+# The gain that a loop is wanted to have, and how near a loop comes to it.
+
+
+@dataclass(frozen=True)
+class TargetPolicy:
+    """What is decided about a wanted loop.
+
+    Attributes
+    ----------
+    below, above : float
+        The band reaches from the first crossover over this to the last one times that, as far as a
+        discrete system goes: two decades of gain that rejects disturbances, one of roll-off.
+    points : int
+        Frequencies of the band at which gains are compared, evenly in its logarithm.
+    roll_off : float
+        The weight inverts the plant where its smallest gain is above this share of the least
+        within the band, and becomes constant beyond, for no inverse of a strictly proper plant is
+        proper. Within the band that moves the gain by its square: 0.5 %.
+    faintest : float
+        The least gain that is inverted, over the largest of the band: what lies below is a zero.
+    shift : float
+        Poles on the axis, which no stable factor can have, are moved by this share of the lower
+        end of the band: 1e-4 of the gain at that end.
+    on_axis : float
+        Poles this near to the axis, over the largest pole or the lower end of the band, are on it.
+    """
+
+    below: float = 100.0
+    above: float = 10.0
+    points: int = 300
+    roll_off: float = 0.1
+    faintest: float = 1e-8
+    shift: float = 1e-2
+    on_axis: float = 1e-9
+
+
+POLICY = TargetPolicy()
+
+
+@dataclass(frozen=True, eq=False)
+class WantedLoop:
+    """The gain that a loop is wanted to have.
+
+    Attributes
+    ----------
+    system : SystemMatrices
+        As many inputs and outputs as the plant has controls.
+    dt : float or bool
+    crossovers : (float, float)
+        The lowest and highest frequency in rad/s at which a gain falls to 1.
+    band : (float, float)
+        Where the loop is compared with it, in rad/s.
+    """
+
+    system: SystemMatrices
+    dt: float | bool
+    crossovers: tuple[float, float]
+    band: tuple[float, float]
+
+    @classmethod
+    def checked(cls, system: SystemMatrices, dt: float | bool, band_hz: Any) -> WantedLoop:
+        """Check a target and the band.
+
+        Raises
+        ------
+        InvalidInputError
+            If it is unstable, has no crossover, or the band is no range of frequencies.
+        """
+        poles = np.linalg.eigvals(system.A)
+        size = float(np.abs(poles).max(initial=0.0))
+        outside = np.abs(poles) - 1 > 1e-7 if dt else poles.real > 1e-7 * size
+        if outside.any():
+            shown = described(f"an unstable system with a pole at {poles[outside][0]:.4g}")
+            remedy = "Only its gain counts: mirror the pole, which keeps the gain."
+            raise invalid("target", shown, "poles that are stable or on the boundary", remedy)
+        crossovers = _crossovers(system, dt)
+        if crossovers is None:
+            shown = described("a gain that never falls from above 1 to below 1")
+            remedy = "Pass a shape with a crossover, such as 2 * pi * f / s for f in Hz."
+            raise invalid("target", shown, "the open-loop gain that is wanted", remedy)
+        return cls(system, dt, crossovers, _band(band_hz, crossovers, dt))
+
+    @property
+    def frequencies(self) -> Vector:
+        """Where gains are compared, in rad/s."""
+        return np.geomspace(*self.band, POLICY.points)
+
+    def distance_of(self, loop: SystemMatrices) -> tuple[float, float]:
+        """Return the largest factor, up or down, between the gains of a loop and the wanted ones.
+
+        Parameters
+        ----------
+        loop : SystemMatrices
+
+        Returns
+        -------
+        factor, frequency : float
+            At least 1, and where it is met in rad/s.
+        """
+        return self._worst(np.abs(self._ratios(loop)[0]))
+
+    def shortfall_of(self, loop: SystemMatrices) -> tuple[float, float]:
+        """Return the factor by which gains fall short of those above 1, or exceed those below.
+
+        Parameters
+        ----------
+        loop : SystemMatrices
+
+        Returns
+        -------
+        factor, frequency : float
+        """
+        ratios, wanted = self._ratios(loop)
+        return self._worst(np.where(wanted > 1, -ratios, ratios).clip(min=0.0))
+
+    def _ratios(self, loop: SystemMatrices) -> tuple[Matrix, Matrix]:
+        """Return logarithms of gains over wanted ones, as many as are wanted, and the latter."""
+        own, wanted = (gains(each, self.frequencies, self.dt) for each in (loop, self.system))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.log(own[:, : wanted.shape[1]]) - np.log(wanted), wanted
+
+    def _worst(self, ratios: Matrix) -> tuple[float, float]:
+        sizes = np.nan_to_num(ratios.max(axis=1), nan=math.inf)
+        return float(np.exp(sizes.max())), float(self.frequencies[np.argmax(sizes)])
+
+
+def gains(system: SystemMatrices, omega: Vector, dt: float | bool) -> Matrix:
+    """Return the singular values over frequencies in rad/s, shape (k, count), largest first."""
+    values = resolvent_response(*system, points_of(omega, dt))
+    finite = np.isfinite(values).all(axis=(1, 2))
+    sizes = np.full((len(values), min(values.shape[1:])), math.inf)
+    sizes[finite] = np.linalg.svd(values[finite], compute_uv=False)
+    return sizes
+
+
+def step_of(dt: float | bool) -> float:
+    """Return the sampling time in s, 1 where it is not told."""
+    return 1.0 if dt is True else float(dt)
+
+
+def points_of(omega: Vector, dt: float | bool) -> Any:
+    """Return the points of s or z at frequencies in rad/s."""
+    return np.exp(1j * omega * step_of(dt)) if dt else 1j * omega
+
+
+def _crossovers(system: SystemMatrices, dt: float | bool) -> tuple[float, float] | None:
+    """Return the lowest and highest frequency at which a singular value falls to 1."""
+    # As wide as any machine, for a target such as 10 / s has no rate of its own.
+    first, end = (1e-9 * math.pi / step_of(dt), math.pi / step_of(dt)) if dt else (1e-9, 1e12)
+    omega = np.geomspace(first, end, 2101)
+    sizes = gains(system, omega, dt)
+    falls = (sizes[:-1] > 1) & (sizes[1:] <= 1)
+    found = []
+    for i, k in zip(*np.nonzero(falls), strict=True):
+        low, high = omega[i], omega[i + 1]
+        for _ in range(40):
+            middle = math.sqrt(low * high)
+            above = gains(system, np.array([middle]), dt)[0, k] > 1
+            low, high = (middle, high) if above else (low, middle)
+        found.append(math.sqrt(low * high))
+    return (min(found), max(found)) if found else None
+
+
+def _band(given: Any, crossovers: tuple[float, float], dt: float | bool) -> tuple[float, float]:
+    """Return the band in rad/s, within what a discrete system has."""
+    end = math.pi / step_of(dt) if dt else math.inf
+    if given is None:
+        low, high = crossovers[0] / POLICY.below, crossovers[1] * POLICY.above
+        return low, min(high, end * (1 - 1e-6))
+    try:
+        low, high = (2 * math.pi * float(f) for f in given)
+    except (TypeError, ValueError):
+        low = high = math.nan
+    if not 0 < low < high <= end * (1 + 1e-12) or math.isinf(high):
+        want = "(low, high) with 0 < low < high" + (" up to half the sample rate" if dt else "")
+        raise invalid("band_hz", given, want, "Leave it out for the target's own band.")
+    return low, min(high, end * (1 - 1e-6))
+
+
+# The weight that gives a plant the gain of a wanted loop, and what the plant says to it.
+
+
+def target_weight(plant: SystemMatrices, wanted: WantedLoop) -> SystemMatrices:
+    r"""Return a stable weight W1 for which G W1 has the wanted singular values.
+
+    With G = inv(M) N, M inner, N has the singular values of G and no unstable poles; its
+    spectral factor V, :math:`V^\sim V = \varepsilon^2 I + N^\sim N`, is stable with its
+    inverse, and W1 = inv(V) Gd gives G W1 the singular values of Gd wherever those of G are
+    above :math:`\varepsilon`. For the problem see V. X. Le, M. G. Safonov, "Rational matrix GCD's
+    and the design of squaring-down compensators", IEEE Trans. Automatic Control 37 (1992) 384-392.
+
+    Parameters
+    ----------
+    plant : SystemMatrices
+        G. Of more controls than measurements, as many combinations are used as there are
+        measurements.
+    wanted : WantedLoop
+    """
+    T = _directions(plant, wanted)
+    square = _driven(plant, T)
+    sizes = gains(square, wanted.frequencies, wanted.dt)
+    sizes = sizes[np.isfinite(sizes).all(axis=1)]
+    if not sizes.size or not sizes.any():
+        shown = described("a plant without gain in the band of the target")
+        raise invalid("plant", shown, "a plant with gain there", "Check band_hz= and target=.")
+    level = POLICY.roll_off * max(sizes[:, -1].min(), POLICY.faintest * sizes[:, 0].max())
+    low = wanted.band[0]
+    if wanted.dt:
+        square = SystemMatrices(*cayley(*square))
+        low = math.tan(low * step_of(wanted.dt) / 2)
+    inverse = _inverted(_mirrored(_off_the_axis(square, low)), level)
+    into, back = wanted.system, cayley_back(inverse) if wanted.dt else inverse
+    return in_series(in_series(into, back), _gain(T))
+
+
+def limits_in_words(plant: SystemMatrices, wanted: WantedLoop) -> str:
+    """Say which unstable poles and zeros of a plant do not permit the wanted bandwidth.
+
+    S. Skogestad, I. Postlethwaite, "Multivariable Feedback Control", 2nd ed., sections 5.7 and
+    5.9: below half of a zero in the right half plane, above twice a pole.
+
+    Parameters
+    ----------
+    plant : SystemMatrices
+    wanted : WantedLoop
+
+    Returns
+    -------
+    str
+        Empty if none does.
+    """
+    square = _driven(plant, _directions(plant, wanted))
+    poles, zeros = (
+        _rates(values, wanted.dt) for values in (np.linalg.eigvals(plant.A), _zeros(square))
+    )
+    text = ""
+    slow, fast = wanted.crossovers
+    nearest = np.abs(zeros[zeros.real > 1e-6 * np.abs(zeros)]).min(initial=math.inf)
+    if fast > nearest / 2:
+        text += (
+            f" The plant has a zero in the right half plane at {nearest:.4g} rad/s, which "
+            f"permits bandwidths up to about half of it; the target has {fast:.4g} rad/s."
+        )
+    fastest = np.abs(poles[poles.real > 1e-6 * np.abs(poles)]).max(initial=0.0)
+    if slow < 2 * fastest:
+        text += (
+            f" The plant has an unstable pole at {fastest:.4g} rad/s, which needs a bandwidth "
+            f"of about twice that; the target has {slow:.4g} rad/s."
+        )
+    return text
+
+
+def _directions(plant: SystemMatrices, wanted: WantedLoop) -> Matrix:
+    """Return the combinations of controls that are used, shape (nu, channels)."""
+    ny, nu = plant.D.shape
+    if nu <= ny:
+        return np.eye(nu)
+    # Where a pole stands on the crossover its neighbourhood tells the same directions.
+    point = points_of(np.array([wanted.crossovers[0] * (1 + 1e-6)]), wanted.dt)
+    value = resolvent_response(*plant, point)[0]
+    _, _, Vh = np.linalg.svd(np.vstack([value.real, value.imag]))
+    return np.asarray(Vh[:ny].T, dtype=float)
+
+
+def _driven(plant: SystemMatrices, T: Matrix) -> SystemMatrices:
+    """Return G T."""
+    return plant._replace(B=plant.B @ T, D=plant.D @ T)
+
+
+def _gain(T: Matrix) -> SystemMatrices:
+    return SystemMatrices(np.zeros((0, 0)), np.zeros((0, T.shape[1])), np.zeros((len(T), 0)), T)
+
+
+def _inverted(stable: SystemMatrices, level: float) -> SystemMatrices:
+    """Return inv(V) with V~V = level^2 I + N~N: the denominator of the factors of N / level."""
+    one = stable._replace(C=stable.C / level, D=stable.D / level)
+    ny, nu = one.D.shape
+    sizes = (("u", nu), ("y", ny), ("x", len(one.A)))
+    names = [[f"{kind}{i}" for i in range(count)] for kind, count in sizes]
+    right = coprime(GeneralizedPlant.from_loop(named_system(one, 0, *names))).right()
+    return SystemMatrices(right.A, right.B, right.C[ny:] / level, right.D[ny:] / level)
+
+
+def _off_the_axis(plant: SystemMatrices, low: float) -> SystemMatrices:
+    """Move the poles to the left by a little, if any lies on the axis."""
+    poles = np.linalg.eigvals(plant.A)
+    size = max(low, float(np.abs(poles).max(initial=0.0)))
+    if not (np.abs(poles.real) <= POLICY.on_axis * size).any():
+        return plant
+    return plant._replace(A=plant.A - POLICY.shift * low * np.eye(len(poles)))
+
+
+def _mirrored(plant: SystemMatrices) -> SystemMatrices:
+    """Return the plant with its unstable poles mirrored, all singular values being kept."""
+    A, B, C, D = plant
+    T, Z, count = linalg.schur(A, output="real", sort="rhp")  # type: ignore[misc]
+    if not count:
+        return plant
+    U, unstable = Z[:, :count], T[:count, :count]
+    seen = C @ U
+    # A Y + Y A' = Y C'C Y with Y = U inv(P) U'.
+    P = linalg.solve_continuous_lyapunov(unstable.T, seen.T @ seen)
+    L = -U @ np.linalg.solve(P, U.T @ C.T)
+    return SystemMatrices(A + L @ C, B + L @ D, C, D)
+
+
+def _zeros(plant: SystemMatrices) -> Any:
+    """Return the finite zeros of a square plant; of others none, which have them by accident."""
+    A, B, C, D = plant
+    if D.shape[0] != D.shape[1] or not len(A):
+        return np.zeros(0, dtype=complex)
+    P = np.block([[A, B], [C, D]])
+    N = linalg.block_diag(np.eye(len(A)), np.zeros(D.shape))
+    values: Any = linalg.eigvals(P, N)
+    finite = np.isfinite(values)
+    return values[finite & (np.abs(np.where(finite, values, 0)) < 1e6 * np.linalg.norm(A))]
+
+
+def _rates(values: Any, dt: float | bool) -> Any:
+    """Return poles or zeros as continuous rates in rad/s."""
+    if not dt:
+        return np.asarray(values, dtype=complex)
+    values = np.asarray(values, dtype=complex)
+    return np.log(values[values != 0]) / step_of(dt)
+
 
 Weight = control.StateSpace | control.TransferFunction | float
 Weights = Weight | Sequence[Weight | None] | None
@@ -59,7 +441,8 @@ def loop_shaping(
 
     is within `factor` of its minimum, which two Riccati equations give without a search. What
     goes onto the machine is K = W1 Ks W2. A gamma below 4 says that the gains that were asked for
-    go together with good margins; 1 / gamma is :func:`robustpolish.ncf_margin` of the shaped loop.
+    go together with good margins; 1 / gamma is :func:`robustpolish.uncertain.ncf_margin` of the
+    shaped loop.
 
     Parameters
     ----------

@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.arrays import Array, Vector
+from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.base.arrays import Array, Vector
 
 
 class Parametrisation(Protocol):

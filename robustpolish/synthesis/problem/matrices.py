@@ -2,15 +2,66 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import control
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg
+from scipy.linalg import block_diag
 
-from robustpolish.arrays import AnyMatrix as Matrix
-from robustpolish.models import GeneralizedPlant
+from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.base.checks import invalid
+from robustpolish.linear.norms.h2 import h2_norm
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.plants.plant import GeneralizedPlant
+
+# Parts of a plant's disturbances and performance outputs, by name.
+
+Channel = tuple[Sequence[str] | str, Sequence[str] | str]
+
+
+def channel(
+    plant: GeneralizedPlant, disturbances: Sequence[str] | str, performance: Sequence[str] | str
+) -> GeneralizedPlant:
+    """Return the plant with only the named w and z; x, u and y stay.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+    disturbances, performance : sequence of str, or str
+        Names of the disturbances and performance outputs to keep, in this order.
+
+    Returns
+    -------
+    GeneralizedPlant
+
+    Raises
+    ------
+    InvalidInputError
+        If a name is unknown or repeated.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> channel(rp.air_bearing(), "F_x", ["x", "y"]).performance_names
+    ('x', 'y')
+    """
+    w = _places("disturbances", disturbances, plant.disturbance_names)
+    z = _places("performance", performance, plant.performance_names)
+    return plant.part(disturbances=w, performance=z)
+
+
+def _places(argument: str, names: Sequence[str] | str, known: Sequence[str]) -> list[int]:
+    wanted = [names] if isinstance(names, str) else list(names)
+    if any(name not in known for name in wanted) or len(set(wanted)) != len(wanted) or not wanted:
+        listed = ", ".join(known)
+        raise invalid(argument, names, f"different names out of {listed}", "Check their spelling.")
+    return [list(known).index(name) for name in wanted]
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,3 +292,309 @@ def balancing_scale(size: Matrix) -> Matrix:
     with np.errstate(invalid="ignore"):
         _, (scale, _) = linalg.matrix_balance(size, permute=False, separate=True)
     return np.asarray(scale)
+
+
+# Discrete time to continuous time and back by z = (1 + s)/(1 - s), which keeps the norm.
+
+_WORST_CONDITION = 1e7
+_TRIALS = 6
+
+
+def to_continuous(
+    plant: GeneralizedPlant, state: Matrix, gain: Matrix
+) -> tuple[GeneralizedPlant, Matrix]:
+    """Map a discrete-time plant to a continuous one with the same H-infinity problem.
+
+    An eigenvalue at z = -1 has no image. A small random static controller moves it
+    first; :func:`to_discrete` adds it to the controller that is found.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+        Discrete.
+    state, gain : ndarray, shapes (nx,) and (nu, ny)
+        Units of the states and of a static controller's entries.
+
+    Returns
+    -------
+    plant : GeneralizedPlant
+        Continuous; the static controller, if any, is closed around it, and its D22 is that
+        of the loop.
+    feedback : ndarray, shape (nu, ny)
+        That static controller, zero as a rule; it acts on y - D22 u.
+    """
+    rng = np.random.default_rng(0)
+    feedback = np.zeros((plant.nu, plant.ny))
+    # The plant without D22 is mapped: the controller's way back accounts for it.
+    A, B = plant.A, np.hstack([plant.B1, plant.B2])
+    C = np.vstack([plant.C1, plant.C2])
+    D = np.block([[plant.D11, plant.D12], [plant.D21, np.zeros_like(plant.D22)]])
+    best = (np.inf, A, B, C, D, feedback)
+    for trial in range(_TRIALS):
+        F = 0.3 * gain * rng.standard_normal(gain.shape) if trial else feedback
+        Af = A + plant.B2 @ F @ plant.C2
+        moved = (np.eye(plant.nx) + Af) * state / state[:, None]
+        condition = np.linalg.cond(moved) if plant.nx else 1.0
+        if condition < best[0]:
+            Bf, Cf, Df = B.copy(), C.copy(), D.copy()
+            Bf[:, : plant.nw] += plant.B2 @ F @ plant.D21
+            Cf[: plant.nz] += plant.D12 @ F @ plant.C2
+            Df[: plant.nz, : plant.nw] += plant.D12 @ F @ plant.D21
+            best = (condition, Af, Bf, Cf, Df, F)
+        if best[0] < _WORST_CONDITION:
+            break
+    _, A, B, C, D, feedback = best
+    n = plant.nx
+    inverse = np.linalg.inv(A + np.eye(n))
+    root = np.sqrt(2)
+    Ac, Bc, Cc = inverse @ (A - np.eye(n)), root * inverse @ B, root * C @ inverse
+    Dc = D - C @ inverse @ B
+    nw, nz = plant.nw, plant.nz
+    image = GeneralizedPlant.from_matrices(
+        Ac,
+        Bc[:, :nw],
+        Bc[:, nw:],
+        Cc[:nz],
+        Cc[nz:],
+        Dc[:nz, :nw],
+        Dc[:nz, nw:],
+        Dc[nz:, :nw],
+        Dc[nz:, nw:],
+    )
+    return image, feedback
+
+
+def to_discrete(K: Controller, feedback: Matrix, D22: Matrix) -> Controller | None:
+    """Map a controller back, add the static one and account for the discrete plant's D22."""
+    n = len(K.A)
+    gap = np.eye(n) - K.A
+    if n and np.linalg.cond(gap) > 1e12:
+        return None
+    inverse = np.linalg.inv(gap)
+    root = np.sqrt(2)
+    mapped = Controller(
+        (np.eye(n) + K.A) @ inverse,
+        root * inverse @ K.B,
+        root * K.C @ inverse,
+        K.D + K.C @ inverse @ K.B + feedback,
+    )
+    return shift(mapped, D22)
+
+
+# Plants whose whole state is measured, y = x: the loops of u = F x, and related plants.
+#
+# Every function takes and returns :class:`PlantMatrices`; in discrete time x' is x(k + 1).
+
+
+def measuring_states(plant: PlantMatrices) -> PlantMatrices:
+    """Return the plant with y = x."""
+    nx = plant.nx
+    return plant.replace(C2=np.eye(nx), D21=np.zeros((nx, plant.nw)), D22=np.zeros((nx, plant.nu)))
+
+
+def stabilises(plant: PlantMatrices, F: Matrix) -> bool:
+    """Return whether all poles of the loop with u = F x are stable."""
+    poles = np.linalg.eigvals(plant.A + plant.B2 @ F)
+    return bool((np.abs(poles) < 1).all() if plant.discrete else (poles.real < 0).all())
+
+
+def state_gain_norm(plant: PlantMatrices, F: Matrix | None, norm: str) -> float:
+    """Return the norm from w to z that F achieves; infinite where the loop is unstable."""
+    p = plant
+    if F is None or not np.isfinite(F).all() or not stabilises(p, F):
+        return math.inf
+    if not p.B1.size or not p.C1.size:
+        return 0.0
+    dt = True if p.discrete else 0
+    loop = control.StateSpace(p.A + p.B2 @ F, p.B1, p.C1 + p.D12 @ F, p.D11, dt)
+    return float(hinf_norm(loop) if norm == "hinf" else h2_norm(loop))
+
+
+def is_regular(plant: PlantMatrices) -> bool:
+    """Return whether every control has a price: D12 of full column rank, to rounding."""
+    p = plant
+    if p.nu == 0:
+        return True
+    if p.nz == 0:
+        return False
+    singular = np.linalg.svd(p.D12, compute_uv=False)
+    if singular.size < p.nu:
+        return False
+    size = max(float(np.linalg.norm(p.C1, 2)), float(singular[0]))
+    return bool(singular[-1] > 1e-11 * size)
+
+
+def with_price(plant: PlantMatrices, price: float) -> PlantMatrices:
+    """Append `price` times u to z, and a thousandth of it times x: no rank is missing then."""
+    nx, nu, nw = plant.nx, plant.nu, plant.nw
+    return plant.replace(
+        C1=np.vstack([plant.C1, np.zeros((nu, nx)), 1e-3 * price * np.eye(nx)]),
+        D11=np.vstack([plant.D11, np.zeros((nu + nx, nw))]),
+        D12=np.vstack([plant.D12, price * np.eye(nu), np.zeros((nx, nu))]),
+    )
+
+
+def only_effort(plant: PlantMatrices, state_weight: float) -> PlantMatrices:
+    """Return the problem of stabilising with little effort, whatever w and z are."""
+    nx, nu = plant.nx, plant.nu
+    return measuring_states(
+        plant.replace(
+            B1=np.eye(nx),
+            C1=np.vstack([state_weight * np.eye(nx), np.zeros((nu, nx))]),
+            D11=np.zeros((nx + nu, nx)),
+            D12=np.vstack([np.zeros((nx, nu)), np.eye(nu)]),
+        )
+    )
+
+
+def with_noise(plant: PlantMatrices, share: float) -> PlantMatrices:
+    """Append a disturbance on every state, `share` times as large as those that are there."""
+    nx = plant.nx
+    size = share * (float(np.linalg.norm(plant.B1, 2)) if plant.B1.size else 1.0)
+    return measuring_states(
+        plant.replace(
+            B1=np.hstack([plant.B1, size * np.eye(nx)]),
+            D11=np.hstack([plant.D11, np.zeros((plant.nz, nx))]),
+        )
+    )
+
+
+def compressed(plant: PlantMatrices) -> PlantMatrices:
+    """Return the plant with as few performance outputs as give the same norms."""
+    columns = np.hstack([plant.C1, plant.D11, plant.D12])
+    if columns.shape[0] <= columns.shape[1]:
+        return plant
+    R: Any = np.linalg.qr(columns, mode="r")
+    nx, nw = plant.nx, plant.nw
+    return plant.replace(C1=R[:, :nx], D11=R[:, nx : nx + nw], D12=R[:, nx + nw :])
+
+
+def in_states(plant: PlantMatrices, T: Matrix) -> PlantMatrices:
+    """Return the plant for states x = T x_new, which are measured; F = F_new inv(T)."""
+    return measuring_states(
+        plant.replace(
+            A=np.linalg.solve(T, plant.A @ T),
+            B1=np.linalg.solve(T, plant.B1),
+            B2=np.linalg.solve(T, plant.B2),
+            C1=plant.C1 @ T,
+        )
+    )
+
+
+# A plant closed with a constant matrix K, and how gradients travel back to K.
+
+
+@dataclass(frozen=True, eq=False)
+class StaticLoop:
+    """The loop from w to z for one K."""
+
+    plant: PlantMatrices
+    K: Matrix
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+    left: Matrix | None
+    right: Matrix | None
+
+    @cached_property
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of the closed loop."""
+        return self.modes[0]
+
+    @cached_property
+    def modes(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Eigenvalues and eigenvectors of the closed loop."""
+        values, vectors = np.linalg.eig(self.A)
+        return np.asarray(values, complex), np.asarray(vectors, complex)
+
+    @property
+    def stable(self) -> bool:
+        """Whether all poles are inside, by more than rounding errors of the eigenvalues."""
+        if not np.isfinite(self.A).all():
+            return False
+        if self.A.size == 0:
+            return True
+        blur = 10 * np.finfo(float).eps * float(np.linalg.norm(self.A, 2))
+        if self.plant.discrete:
+            return bool(np.max(np.abs(self.poles)) < 1 - blur)
+        return bool(np.max(self.poles.real) < -blur)
+
+    def back(self, gradient: Matrix) -> Matrix:
+        """Turn a gradient over T = K (I - D22 K)^-1 into one over K."""
+        if self.left is None or self.right is None:
+            return gradient
+        return self.left.T @ gradient @ self.right.T
+
+
+def close_static(plant: PlantMatrices, K: Matrix) -> StaticLoop | None:
+    """Connect u = K y with a constant K; None if the loop is not well posed."""
+    if not plant.has_d22:
+        return _closed(plant, K, K, None, None)
+    left, right = np.eye(len(K)) - K @ plant.D22, np.eye(K.shape[1]) - plant.D22 @ K
+    # Both are singular for the same K, but rounding may show it in one of them only.
+    for end in (left, right):
+        if not np.isfinite(end).all() or np.linalg.cond(end) > 1 / np.finfo(float).eps:
+            return None
+    T = np.linalg.solve(left, K)
+    return _closed(plant, K, T, np.linalg.inv(left), np.linalg.inv(right))
+
+
+def _closed(
+    plant: PlantMatrices, K: Matrix, T: Matrix, left: Matrix | None, right: Matrix | None
+) -> StaticLoop:
+    B2T, D12T = plant.B2 @ T, plant.D12 @ T
+    return StaticLoop(
+        plant,
+        K,
+        plant.A + B2T @ plant.C2,
+        plant.B1 + B2T @ plant.D21,
+        plant.C1 + D12T @ plant.C2,
+        plant.D11 + D12T @ plant.D21,
+        left,
+        right,
+    )
+
+
+def augmented(loop: PlantMatrices, order: int) -> PlantMatrices:
+    """Add `order` integrators (delays), so that a static K holds a dynamic controller.
+
+    The static gain of the augmented plant is [[Ak, Bk], [Ck, Dk]]: its inputs are
+    (xk, y), its outputs (xk', u). El Ghaoui, Oustry, AitRami (1997), section II.
+    """
+    if order == 0:
+        return loop
+    eye, none = np.eye(order), np.zeros((order, order))
+    more_x = np.zeros((loop.nx, order))
+    return loop.replace(
+        A=block_diag(loop.A, none),
+        B1=np.pad(loop.B1, ((0, order), (0, 0))),
+        B2=np.block([[more_x, loop.B2], [eye, np.zeros((order, loop.nu))]]),
+        C1=np.pad(loop.C1, ((0, 0), (0, order))),
+        C2=np.block([[more_x.T, eye], [loop.C2, np.zeros((loop.ny, order))]]),
+        D12=np.pad(loop.D12, ((0, 0), (order, 0))),
+        D21=np.pad(loop.D21, ((order, 0), (0, 0))),
+        D22=block_diag(none, loop.D22) if loop.D22.size else np.zeros((0, 0)),
+    )
+
+
+def controller_loop(order: int, left: Matrix, right: Matrix, discrete: bool) -> PlantMatrices:
+    """Return the loop whose closed form is left K(s) right, for measuring a controller itself.
+
+    K = [[Ak, Bk], [Ck, Dk]] is closed around `order` integrators (delays) alone.
+    """
+    (rows, nu), (ny, columns) = left.shape, right.shape
+    nothing = np.zeros
+    gain = PlantMatrices(
+        A=nothing((0, 0)),
+        B1=nothing((0, columns)),
+        B2=nothing((0, nu)),
+        C1=nothing((rows, 0)),
+        C2=nothing((ny, 0)),
+        D11=nothing((rows, columns)),
+        D12=left,
+        D21=right,
+        D22=nothing((ny, nu)),
+        discrete=discrete,
+    )
+    return augmented(gain, order)

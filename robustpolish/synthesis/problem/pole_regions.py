@@ -10,8 +10,43 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustpolish.arrays import Matrix
-from robustpolish.validation import described, invalid, positive
+from robustpolish.base.arrays import Matrix
+from robustpolish.base.checks import described, invalid, positive
+
+# A spring or a damper: what a passive feedback consists of.
+
+Place = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class PassiveElement:
+    """A spring or a damper between two places.
+
+    Attributes
+    ----------
+    kind : {"spring", "damper"}
+    between : (str, str)
+        Names of two displacements, or of one and "ground".
+    coefficient : float
+        Stiffness in N/m or damping in N s/m (for rotations N m/rad and N m s/rad).
+    unit : str
+        "N/m" or "N s/m", or what follows from the units of the plant.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> print(rp.results.PassiveElement("spring", ("x", "ground"), 8e4, "N/m"))
+    spring between x and ground: 80000 N/m
+    """
+
+    kind: str
+    between: Place
+    coefficient: float
+    unit: str
+
+    def __str__(self) -> str:
+        places = " and ".join(self.between)
+        return f"{self.kind} between {places}: {self.coefficient:.6g} {self.unit}"
 
 
 @runtime_checkable

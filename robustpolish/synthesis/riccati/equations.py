@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.synthesis.problem.matrices import balancing_scale
 
 _MOST_ASYMMETRY = 1e-6

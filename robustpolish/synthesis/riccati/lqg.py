@@ -9,13 +9,12 @@ import control
 import numpy as np
 from scipy import linalg
 
-from robustpolish.analysis import h2_norm
-from robustpolish.arrays import AnyMatrix as Matrix
+from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.errors import InfeasibleError
+from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, close
 from robustpolish.synthesis.riccati.equations import solve_riccati
-from robustpolish.synthesis.riccati.infimum import LowerBound
-from robustpolish.synthesis.riccati.reduction import reduced_halves
+from robustpolish.synthesis.riccati.gamma import LowerBound, reduced_halves
 
 _HOW = "by Riccati equations in double precision"
 

@@ -14,15 +14,380 @@ the Hermitian g, that is free.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
+import control
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import schur
 
-from robustpolish.arrays import AnyArray, AnyMatrix, Array, Vector
-from robustpolish.robust.scaled.scalings import Space
-from robustpolish.robust.structure import DeltaBlock, Structure
+from robustpolish.base.arrays import AnyArray, AnyMatrix, Array, Vector
+from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.linear.arithmetic.realisation import power_of_two
+from robustpolish.plants.blocks import named_system
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.plants.uncertain.system import UncertainSystem
+from robustpolish.robust.coverage import Coverage, cover
+from robustpolish.robust.loop_model import DeltaBlock, LoopModel, Structure, structure_of
+from robustpolish.robust.scalings import Inequality, Level, Space, at, lowered, started
+from robustpolish.synthesis.problem.matrices import (
+    Controller,
+    PlantMatrices,
+    StaticLoop,
+    augmented,
+    close_static,
+)
+from robustpolish.synthesis.problem.scaling import SolverPlant
+
+# The level that the best scalings prove, frequency by frequency, and where to look.
+
+# Frequencies per decade, and how far they reach beyond the rates of the loop.
+_DENSITY = 9.0
+_BEYOND = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """What scalings prove at frequencies.
+
+    Attributes
+    ----------
+    omega : ndarray, shape (k,)
+    values : ndarray, shape (k,)
+        beta at each; infinite where none was found.
+    found : tuple of Level
+    space : Space
+    """
+
+    omega: Vector
+    values: Vector
+    found: tuple[Level, ...]
+    space: Space
+
+    @property
+    def peak(self) -> float:
+        """The largest."""
+        return float(self.values.max())
+
+    def diagonals(self) -> Array:
+        """Return the square roots of the diagonal of D per copy, the last one 1; shape (k, n)."""
+        rows = []
+        for level in self.found:
+            row = []
+            for kind, numbers, units in self.space.pieces:
+                if kind == "D":
+                    D = np.tensordot(level.x[numbers], units, 1)
+                    row += np.sqrt(np.real(np.diag(D))).tolist()
+            rows.append(np.array(row) / row[-1])
+        return np.array(rows)
+
+
+def levels(structure: Structure, omega: Vector, M: AnyArray, best: bool = True) -> Levels:
+    """Find scalings at each frequency: the best ones, or quickly those that balance M.
+
+    Parameters
+    ----------
+    structure : Structure
+    omega : ndarray, shape (k,)
+    M : ndarray of complex, shape (k, nz, nw)
+    best : bool, optional
+        Neighbours then help each other.
+    """
+    space = Space(structure, (False,) * len(structure.blocks))
+    found: list[Level] = []
+    for one in M:
+        inequality = Inequality(space, one[None])
+        if not best:
+            found.append(started(inequality))
+            continue
+        starts = [started(inequality), *(at(inequality, Level(0.0, f.x)) for f in found[-1:])]
+        start = min(starts, key=lambda level: level.square)
+        found.append(lowered(inequality, start) if math.isfinite(start.square) else start)
+    values = np.array([math.sqrt(max(level.square, 0.0)) for level in found])
+    return Levels(omega, values, tuple(found), space)
+
+
+def grid(poles: Iterable[AnyArray], more: Iterable[float] = ()) -> Vector:
+    """Return frequencies that cover the rates of the poles, those of each, 0 and infinity."""
+    rates = np.abs(np.concatenate([np.asarray(p) for p in poles]))
+    rates = rates[rates > 0]
+    low, high = (rates.min(), rates.max()) if len(rates) else (1.0, 1.0)
+    low, high = max(low, 1e-9 * high) / _BEYOND, high * _BEYOND
+    count = math.ceil(_DENSITY * math.log10(high / low))
+    found = np.concatenate([np.geomspace(low, high, count), rates[rates > low], list(more)])
+    found = found[np.isfinite(found) & (found > 0)]
+    kept: list[float] = []
+    for omega in np.sort(found):
+        if not kept or omega > kept[-1] * 1.02:
+            kept.append(float(omega))
+    return np.array([0.0, *kept, np.inf])
+
+
+# What robust synthesis works on: the plant in scaled units, with the blocks of Delta on it.
+
+
+@dataclass(frozen=True, eq=False)
+class RobustProblem:
+    """The plant from (w of Delta, w) to (z of Delta, z), u to y, and the structure of Delta.
+
+    Attributes
+    ----------
+    plant : GeneralizedPlant
+        In its own units; z in units of `gamma`, so that a mu of 1 is what is asked for.
+    structure : Structure
+        The blocks, the last one for the performance.
+    part : SolverPlant
+        The plant in scaled units, continuous, without D22.
+    """
+
+    plant: GeneralizedPlant
+    structure: Structure
+    part: SolverPlant
+
+    @classmethod
+    def of(cls, system: UncertainSystem, ny: int, nu: int, gamma: float) -> RobustProblem:
+        """State the problem of a system whose last signals are measured and driven."""
+        whole = system.interconnection
+        nz, nw = system.noutputs - ny, system.ninputs - nu
+        rows = np.ones(whole.noutputs)
+        rows[whole.noutputs - system.noutputs :][:nz] = 1 / gamma
+        matrices = (whole.A, whole.B, rows[:, None] * whole.C, rows[:, None] * whole.D)
+        names = (whole.input_labels, whole.output_labels, whole.state_labels)
+        plant = GeneralizedPlant(named_system(matrices, whole.dt, *names), ny, nu)
+        last = DeltaBlock("complex" if nz == nw == 1 else "full", 1, nw, nz, "performance")
+        structure = Structure((*structure_of(system.blocks).blocks, last))
+        return cls(plant, structure, SolverPlant.of(plant, mapped=True))
+
+    @cached_property
+    def matrices(self) -> PlantMatrices:
+        """The plant in scaled units of time, states, u and y; levels are those of the plant."""
+        m, gain = self.part.matrices, self.part.norm(1.0)
+        return m.replace(C1=gain * m.C1, D11=gain * m.D11, D12=gain * m.D12)
+
+    @property
+    def scaled(self) -> GeneralizedPlant:
+        """The same as a plant."""
+        m = self.matrices
+        return GeneralizedPlant.from_matrices(
+            m.A, m.B1, m.B2, m.C1, m.C2, m.D11, m.D12, m.D21, m.D22
+        )
+
+    @cached_property
+    def as_complex(self) -> Structure:
+        """The structure with every copy of every number a complex number of its own.
+
+        It holds more than the true one, and its scalings are positive numbers, one per copy.
+        """
+        found = []
+        for block in self.structure.blocks:
+            single = DeltaBlock("complex" if block.is_scalar else "full", 1, *_sizes(block))
+            found += [single] * block.copies
+        return Structure(tuple(found))
+
+    def loop(self, K: Controller) -> StaticLoop | None:
+        """Return the loop with a controller in scaled units; None if it is not well posed."""
+        return close_static(augmented(self.matrices, len(K.A)), stacked(K))
+
+    def cover(self, loop: StaticLoop, level: float) -> tuple[Coverage, LoopModel]:
+        """Prove a level of a stable loop, raised as far as it has to be."""
+        model = LoopModel.around((loop.A, loop.B, loop.C, loop.D), 0, self.structure)
+        space = Space(self.structure, (False,) * len(self.structure.blocks))
+        return cover(model, space, level / model.gain, model.seeds()), model
+
+    def controller(self, K: Controller) -> control.StateSpace | None:
+        """Return a controller in the plant's units; None if its loop is not well posed."""
+        return self.part.controller(K)
+
+
+def _sizes(block: DeltaBlock) -> tuple[int, int]:
+    return block.rows, block.columns
+
+
+def stacked(K: Controller) -> Matrix:
+    """Return [[Ak, Bk], [Ck, Dk]]."""
+    return np.block([[K.A, K.B], [K.C, K.D]])
+
+
+def unstacked(K: Matrix, order: int) -> Controller:
+    """Return the controller of [[Ak, Bk], [Ck, Dk]]."""
+    k = order
+    return Controller(K[:k, :k], K[:k, k:], K[k:, :k], K[k:, k:])
+
+
+# Controllers of a given order in modal form, as a function of free numbers.
+
+# Condition of a pair of eigenvectors beyond which an orthonormal basis takes their place.
+_PARALLEL = 30.0
+# Unit of the rate of an integrator, beside the slower one of the median and a thousandth of the
+# fastest rate: slow poles that do move keep their own.
+_SLOWEST = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class ModalGain:
+    """K = [[Ak, Bk], [Ck, Dk]] with Ak made of free 2x2 blocks, each in units of its rate.
+
+    In companion forms a descent stalls; here each mode moves by itself, and two real modes can
+    become a complex pair.
+
+    Attributes
+    ----------
+    order : int
+    left, right : ndarray
+        Units of rows and columns: square roots of rates for states, 1 for signals.
+    shape : (int, int)
+        Of K.
+    """
+
+    order: int
+    left: Vector
+    right: Vector
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(cls, K: Controller) -> tuple[ModalGain, Vector]:
+        """Return the form of a controller, and its numbers."""
+        n = len(K.A)
+        A, B, C, rates = _modal(K)
+        roots = np.sqrt(rates)
+        ones_u, ones_y = np.ones(len(K.D)), np.ones(K.D.shape[1])
+        left, right = np.concatenate([roots, ones_u]), np.concatenate([roots, ones_y])
+        form = cls(n, left, right, (n + len(K.D), n + K.D.shape[1]))
+        entries = stacked(Controller(A, B, C, K.D)) / left[:, None] / right
+        return form, entries[form.mask]
+
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """Which entries of K are free."""
+        n = self.order
+        free = np.ones(self.shape, bool)
+        free[:n, :n] = _pairs(n)
+        return free
+
+    @property
+    def size(self) -> int:
+        """Number of free numbers."""
+        return int(self.mask.sum())
+
+    def gain(self, theta: Vector) -> Matrix:
+        """Return K(theta)."""
+        K = np.zeros(self.shape)
+        K[self.mask] = theta
+        return self.left[:, None] * K * self.right
+
+    def back(self, theta: Vector, gradient: Matrix) -> Vector:
+        """Turn a gradient over K into one over theta."""
+        return (self.left[:, None] * gradient * self.right)[self.mask]
+
+
+def _modal(K: Controller) -> tuple[Matrix, Matrix, Matrix, Vector]:
+    """Return A, B and C in modal coordinates with even gains, and a rate per state."""
+    n = len(K.A)
+    if not n:
+        return K.A, K.B, K.C, np.zeros(0)
+    values, vectors = np.linalg.eig(K.A)
+    real = np.flatnonzero(np.abs(np.imag(values)) <= 1e-12 * np.abs(values))
+    real = real[np.argsort(np.abs(values[real]))]
+    upper = np.flatnonzero(np.imag(values) > 1e-12 * np.abs(values))
+    parts, rates = [], []
+    size = np.abs(values)
+    moving = size[size > 0]
+    floor = 1e-3 * float(size.max()) or 1.0
+    floor = min(floor, float(np.median(moving))) if len(moving) else floor
+    least = _SLOWEST * floor
+    for i in upper[np.argsort(size[upper])]:
+        parts.append(np.column_stack([np.real(vectors[:, i]), np.imag(vectors[:, i])]))
+        rates += [size[i]] * 2
+    for i in range(0, len(real), 2):
+        pair = np.real(vectors[:, real[i : i + 2]])
+        if np.linalg.cond(pair) > _PARALLEL:
+            pair = np.linalg.qr(pair)[0]
+        parts.append(pair)
+        rates += [max(float(r), least) for r in size[real[i : i + 2]]]
+    T = np.hstack(parts)
+    A, B, C = np.linalg.solve(T, K.A @ T), np.linalg.solve(T, K.B), K.C @ T
+    for i in range(0, n, 2):
+        pair = slice(i, min(i + 2, n))
+        b, c = np.linalg.norm(B[pair]), np.linalg.norm(C[:, pair])
+        even = np.sqrt(c / b) if b > 0 and c > 0 else 1.0
+        even = power_of_two(float(even))
+        B[pair] *= even
+        C[:, pair] /= even
+    return np.where(_pairs(n), A, 0.0), B, C, np.array(rates)
+
+
+def _pairs(n: int) -> NDArray[np.bool_]:
+    """Tell which entries of A belong to 2x2 blocks on the diagonal."""
+    place = np.arange(n) // 2
+    return place[:, None] == place
+
+
+# A loop at many frequencies at once, and how gradients travel from there back to K.
+
+
+@dataclass(frozen=True, eq=False)
+class LoopResponses:
+    """M of a loop at frequencies, with what a change of K does to it: dM = left dT right.
+
+    Attributes
+    ----------
+    M : ndarray of complex, shape (k, nz, nw)
+    left, right : ndarray of complex
+        From a change of T = K (I - D22 K)^-1 to M.
+    loop : StaticLoop
+    """
+
+    M: AnyArray
+    left: AnyArray
+    right: AnyArray
+    loop: StaticLoop
+
+    @classmethod
+    def of(cls, loop: StaticLoop, omega: Vector) -> LoopResponses:
+        """Return the responses of a loop; frequencies may be infinite."""
+        plant = loop.plant
+        found: Any = schur(loop.A, output="complex") if len(loop.A) else (loop.A, loop.A)
+        triangle, Q = found
+        star = np.conj(Q.T)
+        inverse = _inverses(np.diag(triangle), omega)
+        # From w and K's outputs to states, from states to z: triangular systems, all at once.
+        states = _from_below(triangle, inverse, star @ np.hstack([loop.B, plant.B2]))
+        nw = loop.B.shape[1]
+        moved = np.einsum("ij,kjl->kil", np.vstack([loop.C, plant.C2]) @ Q, states)
+        nz = loop.C.shape[0]
+        M = loop.D + moved[:, :nz, :nw]
+        left = plant.D12 + moved[:, :nz, nw:]
+        right = plant.D21 + moved[:, nz:, :nw]
+        return cls(M, left, right, loop)
+
+    def back(self, gradient: AnyArray) -> Matrix:
+        """Return the gradient over K of sum Re tr(gradient_k dM_k), gradients (k, nw, nz)."""
+        on_T = np.einsum("kwz,kzi,kjw->ij", gradient, self.left, self.right, optimize=True)
+        return self.loop.back(np.real(on_T))
+
+
+def _inverses(poles: AnyArray, omega: Vector) -> AnyArray:
+    """Return 1 / (j omega - pole), shape (n, k); 0 at infinity."""
+    finite = np.isfinite(omega)
+    found = np.zeros((len(poles), len(omega)), complex)
+    found[:, finite] = 1 / (1j * omega[finite][None, :] - poles[:, None])
+    return found
+
+
+def _from_below(triangle: AnyArray, inverse: AnyArray, B: AnyArray) -> AnyArray:
+    """Solve (j omega - T) X = B for an upper triangular T, shape (k, n, m)."""
+    n, k = inverse.shape
+    m = B.shape[1]
+    X = np.zeros((n, k * m), complex)
+    for i in range(n - 1, -1, -1):
+        row = triangle[i, i + 1 :] @ X[i + 1 :]
+        X[i] = ((row.reshape(k, m) + B[i]) * inverse[i][:, None]).ravel()
+    return np.ascontiguousarray(X.reshape(n, k, m).transpose(1, 0, 2))
+
 
 # Logarithm of a scaling beyond which it stays.
 _STEEP = 80.0
@@ -253,3 +618,73 @@ def _back_hermitian(Y: AnyArray) -> Array:
     return np.concatenate(
         [np.real(Y[:, range(n), range(n)]), 2 * np.real(off), -2 * np.imag(off)], axis=1
     )
+
+
+# Where a level rises between the frequencies of a set: holes that a descent has found.
+
+# Frequencies that are looked at between two of the set, and beyond its ends in decades.
+_BETWEEN = 12
+_BEYOND_HOLES = 3.0
+# Share of its rate by which a lightly damped pole is looked at on both sides.
+_BESIDE = np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0])
+# Peaks that are looked at closely in one go.
+_MOST = 12
+
+
+def holes(
+    loop: StaticLoop, scalings: Scalings, omega: Vector, weights: Array, level: float
+) -> tuple[Vector, Array]:
+    """Return frequencies at which no scalings prove a level, with the best scalings there.
+
+    Parameters
+    ----------
+    loop : StaticLoop
+        Stable.
+    scalings : Scalings
+    omega : ndarray, shape (k,)
+        The set.
+    weights : ndarray, shape (k, scalings.size)
+        Scalings of the set; between its frequencies they are interpolated.
+    level : float
+    """
+    dense, between = _dense(loop, omega, weights)
+    M = LoopResponses.of(loop, dense).M
+    squares = np.linalg.eigvalsh(ScaledGain(scalings, between, M).H)[:, -1]
+    found_omega, found_weights = [], []
+    space = Space(scalings.structure, (False,) * len(scalings.structure.blocks))
+    high = squares > level**2
+    peaks = [i for i in np.flatnonzero(high).tolist() if _is_top(squares, i)]
+    peaks.sort(key=lambda i: -squares[i])
+    for i in peaks[:_MOST]:
+        inequality = Inequality(space, M[i][None])
+        start = started(inequality)
+        if not math.isfinite(start.square):
+            continue
+        best: Level = lowered(inequality, start, level**2)
+        if best.square > level**2 * (1 - 1e-9):
+            found_omega.append(dense[i])
+            found_weights.append(scalings.of_weights(best.x, space, 1.0))
+    shape = len(found_omega), scalings.size
+    return np.array(found_omega), np.array(found_weights).reshape(shape)
+
+
+def _is_top(squares: Vector, i: int) -> bool:
+    before = squares[i - 1] if i else -np.inf
+    after = squares[i + 1] if i + 1 < len(squares) else -np.inf
+    return bool(squares[i] >= before and squares[i] > after)
+
+
+def _dense(loop: StaticLoop, omega: Vector, weights: Array) -> tuple[Vector, Array]:
+    """Return frequencies between those of a set and beside the poles, and scalings there."""
+    order = np.argsort(omega)
+    inner = order[(omega[order] > 0) & np.isfinite(omega[order])]
+    logs, values = np.log(omega[inner]), weights[inner]
+    steps = np.linspace(0, 1, _BETWEEN + 1, endpoint=False)[1:]
+    found = [logs[:-1] + step * np.diff(logs) for step in steps]
+    ends = np.linspace(0, _BEYOND_HOLES * np.log(10), 3 * _BETWEEN)[1:]
+    poles = loop.poles[loop.poles.imag > 0]
+    beside = poles.imag[:, None] + poles.real[:, None] * _BESIDE
+    beside = np.log(beside[beside > 0])
+    all_logs = np.sort(np.concatenate([*found, logs[0] - ends, logs[-1] + ends, beside]))
+    between = np.array([np.interp(all_logs, logs, column) for column in values.T]).T
+    return np.exp(all_logs), between.reshape(len(all_logs), -1)

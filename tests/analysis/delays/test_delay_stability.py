@@ -12,7 +12,7 @@ def loop(L, seconds):
     """Return the loop u(t) = -y(t - seconds) around a system L from u to y."""
     L = control.ss(L)
     ports = control.ss(L.A, -L.B, L.C, -L.D)
-    return rp.DelayedSystem(ports, (rp.DelayLine("y", seconds),))
+    return rp.simulation.DelayedSystem(ports, (rp.simulation.DelayLine("y", seconds),))
 
 
 def delay_margins(L):
@@ -24,7 +24,7 @@ def delay_margins(L):
 @pytest.mark.parametrize("T", [0.3, 1.57, 1.5709, 10.0, 30.0])
 def test_an_integrator_has_the_roots_of_lambert(T):
     # s = -exp(-s T), so s T = W(-T)
-    found = rp.delay_stability(loop(control.tf([1], [1, 0]), T))
+    found = rp.linear.delay_stability(loop(control.tf([1], [1, 0]), T))
     branches = lambertw(-T, np.arange(-30, 31)) / T
     assert found.unstable_roots == (branches.real > 0).sum()
     assert bool(found) == (np.pi / 2 > T)
@@ -46,8 +46,8 @@ def test_random_loops_lose_stability_at_the_delay_margin(kind):
             break
     margin = delay_margins(L).min()
     fast = control.ss(L.A * scale, L.B * scale, L.C, 0)
-    assert rp.delay_stability(loop(fast, 0.999 * margin / scale))
-    late = rp.delay_stability(loop(fast, 1.001 * margin / scale))
+    assert rp.linear.delay_stability(loop(fast, 0.999 * margin / scale))
+    late = rp.linear.delay_stability(loop(fast, 1.001 * margin / scale))
     assert (late.verdict, late.unstable_roots) in (("unstable", 2), ("unstable", 1))
     assert late.rightmost.real > 0
 
@@ -63,28 +63,30 @@ def test_a_light_resonance_is_counted_again_and_again():
             times = np.arange(phase / w, T, 2 * np.pi / w)
             # the gain falls through 1 at the upper crossing: roots go right there, left below
             count += (2 if w == omega.max() else -2) * times.size
-        assert rp.delay_stability(loop(L, T)).unstable_roots == count
+        assert rp.linear.delay_stability(loop(L, T)).unstable_roots == count
 
 
 def test_a_system_without_delays_is_that_of_its_poles():
     system = control.ss([[-1.0]], [[1.0]], [[1.0]], 0)
-    found = rp.delay_stability(rp.DelayedSystem(system, ()))
+    found = rp.linear.delay_stability(rp.simulation.DelayedSystem(system, ()))
     assert (found.verdict, found.rightmost) == ("stable", -1)
-    unstable = rp.DelayedSystem(control.ss([[2.0]], [[1.0]], [[1.0]], 0), ())
-    assert rp.delay_stability(unstable).unstable_roots == 1
+    unstable = rp.simulation.DelayedSystem(control.ss([[2.0]], [[1.0]], [[1.0]], 0), ())
+    assert rp.linear.delay_stability(unstable).unstable_roots == 1
 
 
 def test_delays_that_feed_each_other():
     # A lag of unit gain under negative feedback k, delayed, with feedthrough d: neutral.
     def ring(d):
-        return rp.delay_stability(loop(control.ss([[-1.0]], [[1.0]], [[0.1]], [[d]]), 0.2))
+        return rp.linear.delay_stability(loop(control.ss([[-1.0]], [[1.0]], [[0.1]], [[d]]), 0.2))
 
     assert ring(0.5).verdict == "stable"
     assert ring(-0.8).verdict == "stable"
     assert ring(1.2).verdict == "unstable"
     many = control.ss([[-1.0]], [[1.0, 0.0]], [[0.1], [0.0]], [[0.9, 0.9], [0.9, -0.9]])
-    lines = (rp.DelayLine("a", 0.1), rp.DelayLine("b", 0.23))
-    assert rp.delay_stability(rp.DelayedSystem(many, lines)).verdict == "undecided"
+    lines = (rp.simulation.DelayLine("a", 0.1), rp.simulation.DelayLine("b", 0.23))
+    assert (
+        rp.linear.delay_stability(rp.simulation.DelayedSystem(many, lines)).verdict == "undecided"
+    )
 
 
 def test_two_delays_in_different_places_and_units():
@@ -94,7 +96,7 @@ def test_two_delays_in_different_places_and_units():
     K = control.tf([-2e-9, -1e-9], [0.01, 1])
 
     def stable(T):
-        return bool(rp.delay_stability(plant.with_delay("x", T).delayed_loop(control.ss(K))))
+        return bool(rp.linear.delay_stability(plant.with_delay("x", T).delayed_loop(control.ss(K))))
 
     margin = delay_margins(control.tf([1], [1, 0, 0]) * K * -1e9).min()
     assert stable(0.999 * margin - 0.05)
@@ -103,4 +105,4 @@ def test_two_delays_in_different_places_and_units():
 
 def test_only_delayed_systems_are_taken():
     with pytest.raises(rp.InvalidInputError, match="system: got StateSpace"):
-        rp.delay_stability(control.ss([[-1.0]], [[1.0]], [[1.0]], 0))
+        rp.linear.delay_stability(control.ss([[-1.0]], [[1.0]], [[1.0]], 0))

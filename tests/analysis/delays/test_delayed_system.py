@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.analysis.delays.delayed_system import resolvent_response
+from robustpolish.linear.delays.systems import resolvent_response
 
 
 def system(lines=2):
@@ -16,11 +16,11 @@ def system(lines=2):
     return control.ss(*matrices)
 
 
-LINES = (rp.DelayLine("a", 0.4, 2), rp.DelayLine("b", 0.1, 3))
+LINES = (rp.simulation.DelayLine("a", 0.4, 2), rp.simulation.DelayLine("b", 0.1, 3))
 
 
 def test_the_response_solves_the_equations_of_the_lines():
-    delayed = rp.DelayedSystem(system(), LINES)
+    delayed = rp.simulation.DelayedSystem(system(), LINES)
     w = 1.7
     H, E = system()(1j * w), np.diag(np.exp(-1j * w * np.array([0.4, 0.1])))
     d = np.linalg.solve(np.eye(2) - E @ H[2:, 1:], E @ H[2:, :1])
@@ -28,8 +28,8 @@ def test_the_response_solves_the_equations_of_the_lines():
 
 
 def test_the_pade_model_tends_to_it():
-    fine = tuple(rp.DelayLine(line.name, line.seconds, 12) for line in LINES)
-    delayed = rp.DelayedSystem(system(), fine)
+    fine = tuple(rp.simulation.DelayLine(line.name, line.seconds, 12) for line in LINES)
+    delayed = rp.simulation.DelayedSystem(system(), fine)
     model = delayed.pade_model()
     for w in (0.0, 0.9, 5.0):
         np.testing.assert_allclose(model(1j * w), delayed.response(w)[0], atol=1e-10)
@@ -38,14 +38,14 @@ def test_the_pade_model_tends_to_it():
 
 
 def test_without_lines_it_is_the_system():
-    delayed = rp.DelayedSystem(system(), ())
+    delayed = rp.simulation.DelayedSystem(system(), ())
     np.testing.assert_allclose(delayed.response([2.0])[0], system()(2j))
     np.testing.assert_array_equal(delayed.pade_model().A, system().A)
 
 
 def test_a_pole_on_the_axis_is_infinite():
     integrator = control.ss([[0.0]], [[1.0, 1.0]], [[1.0], [0.0]], 0)
-    delayed = rp.DelayedSystem(integrator, (rp.DelayLine("u", 1.0),))
+    delayed = rp.simulation.DelayedSystem(integrator, (rp.simulation.DelayLine("u", 1.0),))
     values = delayed.response([0.0, 1.0])
     assert not np.isfinite(values[0, 0, 0])
     np.testing.assert_allclose(values[1, 0, 0], 1 / 1j)
@@ -54,7 +54,9 @@ def test_a_pole_on_the_axis_is_infinite():
 def test_a_pole_of_the_open_lines_is_none_of_the_whole():
     # x' = w - x(t - 1): at rest x = w
     ports = control.ss([[0.0]], [[1.0, -1.0]], [[1.0], [1.0]], 0)
-    values = rp.DelayedSystem(ports, (rp.DelayLine("x", 1.0),)).response([0.0])
+    values = rp.simulation.DelayedSystem(ports, (rp.simulation.DelayLine("x", 1.0),)).response(
+        [0.0]
+    )
     np.testing.assert_allclose(values[0, 0, 0], 1)
 
 
@@ -75,7 +77,7 @@ def test_responses_without_states():
 )
 def test_bad_systems_are_named(given, told):
     with pytest.raises(rp.InvalidInputError, match=told):
-        rp.DelayedSystem(*given)
+        rp.simulation.DelayedSystem(*given)
 
 
 def test_a_pade_model_without_a_solution_is_refused():
@@ -83,4 +85,4 @@ def test_a_pade_model_without_a_solution_is_refused():
     # one's v = w + v has no solution.
     ring = control.ss([], [], [], [[1.0, 1.0], [1.0, 1.0]])
     with pytest.raises(rp.InvalidInputError, match="a loop without solution at infinite"):
-        rp.DelayedSystem(ring, (rp.DelayLine("u", 1.0, 2),)).pade_model()
+        rp.simulation.DelayedSystem(ring, (rp.simulation.DelayLine("u", 1.0, 2),)).pade_model()

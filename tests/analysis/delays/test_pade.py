@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.analysis.delays.pade import MOST_ORDER, pade
+from robustpolish.linear.delays.systems import MOST_ORDER, pade
 
 
 def response(seconds, order, omega):

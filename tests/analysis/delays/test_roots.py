@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
-from robustpolish.analysis.delays.roots import rightmost_roots
+from robustpolish.linear.delays.stability import rightmost_roots
 
 
 def first_order(a, b):

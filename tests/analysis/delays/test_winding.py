@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.analysis.delays.winding import POLICY, count_unstable
+from robustpolish.linear.delays.stability import WINDING_POLICY as POLICY
+from robustpolish.linear.delays.stability import count_unstable
 
 
 def loop(order=1, T=1.0, gain=1.0):
     ports = control.ss([[0.0]], [[-gain]], [[1.0]], 0)
-    return rp.DelayedSystem(ports, (rp.DelayLine("y", T, order),))
+    return rp.simulation.DelayedSystem(ports, (rp.simulation.DelayLine("y", T, order),))
 
 
 @pytest.mark.parametrize("order", [1, 2, 5])

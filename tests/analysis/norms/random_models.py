@@ -3,7 +3,7 @@
 import control
 import numpy as np
 
-from robustpolish.exact.realisation import realisation
+from robustpolish.linear.arithmetic.realisation import realisation
 
 
 def model(seed, states=6, inputs=2, outputs=3, dt=0):

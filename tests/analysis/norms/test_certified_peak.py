@@ -6,9 +6,9 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms import certified_peak as module
-from robustpolish.analysis.norms.certified_peak import Peak, certified_peak
-from robustpolish.exact.realisation import realisation
+from robustpolish.linear.arithmetic.realisation import realisation
+from robustpolish.linear.norms import peak as module
+from robustpolish.linear.norms.peak import Peak, certified_peak
 
 ZETA = 0.01
 OSCILLATOR = realisation("s", control.ss([[0, 1], [-1, -2 * ZETA]], [[0], [1]], [[1, 0]], 0))

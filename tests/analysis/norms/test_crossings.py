@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from robustpolish.analysis.norms.crossings import crossings
-from robustpolish.exact.rational import ExactModel
-from robustpolish.exact.realisation import realisation
+from robustpolish.linear.arithmetic.rational import ExactModel
+from robustpolish.linear.arithmetic.realisation import realisation
+from robustpolish.linear.norms.peak import crossings
 
 
 def model(*matrices, dt=0):

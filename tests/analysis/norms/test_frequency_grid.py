@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.frequency_grid import frequency_grid
+from robustpolish.linear.norms.singular_values import frequency_grid
 
 
 def test_a_decade_beyond_the_outermost_poles():

@@ -4,9 +4,9 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.gramian import Energy, energy, exact_energy
-from robustpolish.exact.rational import ExactModel
-from robustpolish.exact.realisation import realisation
+from robustpolish.linear.arithmetic.rational import ExactModel
+from robustpolish.linear.arithmetic.realisation import realisation
+from robustpolish.linear.norms.gramian import Energy, energy, exact_energy
 
 
 @pytest.mark.parametrize(

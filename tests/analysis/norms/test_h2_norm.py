@@ -4,9 +4,9 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis import h2_norm
 from robustpolish.errors import InvalidInputError
-from robustpolish.models import AirBearingParameters, air_bearing
+from robustpolish.linear.norms.h2 import h2_norm
+from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 
 
 def ss(A, B, C, D=0, dt=0):

@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robustpolish.analysis import hinf_norm
-from robustpolish.analysis.norms import certified_peak, peak_search
 from robustpolish.errors import InvalidInputError
-from robustpolish.models import AirBearingParameters, air_bearing
+from robustpolish.linear.norms import peak as certified_peak
+from robustpolish.linear.norms import peak as peak_search
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 
 
 def ss(A, B, C, D=0, dt=0):

@@ -4,9 +4,11 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis import h2_norm, h2_norm_lmi, hinf_norm, hinf_norm_lmi, lyapunov_lmi
 from robustpolish.errors import InvalidInputError
-from robustpolish.models import AirBearingParameters, air_bearing
+from robustpolish.linear.norms.h2 import h2_norm
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.linear.norms.lmi import h2_norm_lmi, hinf_norm_lmi, lyapunov_lmi
+from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 
 
 def system(seed, feedthrough=0.0):

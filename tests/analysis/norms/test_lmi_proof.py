@@ -4,9 +4,9 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.lmi_proof import proves
-from robustpolish.exact.rational import ExactModel
-from robustpolish.exact.realisation import realisation
+from robustpolish.linear.arithmetic.rational import ExactModel
+from robustpolish.linear.arithmetic.realisation import realisation
+from robustpolish.linear.norms.lmi import proves
 
 # 1/(s + 1): norms 1 (H-infinity) and 1/sqrt(2) (H2).
 LAG = ExactModel.of(realisation("s", control.ss(-1.0, 1.0, 1.0, 0.0)))

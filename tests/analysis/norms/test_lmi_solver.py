@@ -4,11 +4,10 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.lmi_proof import proves
-from robustpolish.analysis.norms.lmi_solver import minimise, well_inside
-from robustpolish.analysis.norms.modal_basis import modal_model
-from robustpolish.exact.rational import ExactModel
-from robustpolish.exact.realisation import realisation
+from robustpolish.linear.arithmetic.rational import ExactModel
+from robustpolish.linear.arithmetic.realisation import realisation
+from robustpolish.linear.norms.lmi import minimise, proves, well_inside
+from robustpolish.linear.norms.peak import modal_model
 
 SYSTEM = realisation("s", control.ss([[0.0, 1.0], [-4.0, -0.4]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0))
 HINF = 1 / (0.4 * np.sqrt(4 - 0.04))

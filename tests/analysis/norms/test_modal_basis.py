@@ -4,8 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.modal_basis import modal_model, rebased
-from robustpolish.exact.realisation import realisation
+from robustpolish.linear.arithmetic.realisation import realisation
+from robustpolish.linear.norms.peak import modal_model, rebased
 
 
 def model(A):

@@ -9,7 +9,9 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from robustpolish.analysis import h2_norm, hinf_norm, stability
+from robustpolish.linear.norms.h2 import h2_norm
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.linear.stability import stability
 
 QUICK, FULL = 70, 560
 

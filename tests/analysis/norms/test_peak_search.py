@@ -4,7 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.peak_search import (
+from robustpolish.linear.arithmetic.realisation import realisation
+from robustpolish.linear.norms.peak import (
     bounds_gain,
     cayley,
     gains,
@@ -12,7 +13,6 @@ from robustpolish.analysis.norms.peak_search import (
     largest_response,
     peak,
 )
-from robustpolish.exact.realisation import realisation
 
 ZETA = 0.05
 OSCILLATOR = realisation("s", control.ss([[0, 1], [-1, -2 * ZETA]], [[0], [1]], [[1, 0]], 0))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robustpolish.analysis.poles.eigen import EPS, eigensystem
+from robustpolish.linear.eigen import EPS, eigensystem
 
 
 def test_errors_cover_what_rounding_does():

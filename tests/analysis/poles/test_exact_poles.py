@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from flint import fmpz_poly
 
-from robustpolish.analysis.poles.exact_poles import (
+from robustpolish.linear.arithmetic.rational import rational
+from robustpolish.linear.stability import (
     count_poles,
     eigenvalues,
     hidden_poles,
     positive_roots,
     sided_poles,
 )
-from robustpolish.exact.rational import rational
 
 TINY = 2.0**-200
 

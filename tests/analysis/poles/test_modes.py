@@ -4,8 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis import modes
-from robustpolish.models import AirBearingParameters, air_bearing
+from robustpolish.linear.modes import modes
+from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 
 
 def test_the_modes_of_the_thesis():

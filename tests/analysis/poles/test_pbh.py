@@ -4,8 +4,13 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis import controllability, is_detectable, is_stabilizable, observability
 from robustpolish.errors import InvalidInputError
+from robustpolish.linear.controllability import (
+    controllability,
+    is_detectable,
+    is_stabilizable,
+    observability,
+)
 
 NAMES = ["u", "q", "theta"]
 

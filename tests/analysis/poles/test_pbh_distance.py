@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.analysis.poles.pbh_distance import deficiencies
-from robustpolish.exact.realisation import Realisation
+from robustpolish.linear.arithmetic.realisation import Realisation
+from robustpolish.linear.controllability import deficiencies
 
 
 def modes_of(A, B, tolerance=None, discrete=False):

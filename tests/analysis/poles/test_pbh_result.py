@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.analysis.poles.pbh_result import ModeTest, PbhTest, pair_text
+from robustpolish.linear.controllability import ModeTest, PbhTest
+from robustpolish.linear.eigen import pair_text
 
 DRIFT = ModeTest(0j, 0.0, "drift", True, False)
 DECAY = ModeTest(-1 + 0j, 0.0, "heat", True, True)

@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis import stability
+from robustpolish.linear.stability import stability
 
 
 def ss(A, dt=0):

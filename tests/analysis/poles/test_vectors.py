@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.linalg import lapack
 
-from robustpolish.analysis.poles.vectors import together
+from robustpolish.linear.eigenvectors import together
 
 
 def test_pairs_and_real_values_in_any_order():

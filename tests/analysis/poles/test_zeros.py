@@ -4,8 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis import zeros_on_axis
 from robustpolish.errors import InvalidInputError
+from robustpolish.linear.zeros import zeros_on_axis
 
 
 @pytest.mark.parametrize("rate", [1e-6, 1.0, 1e6])

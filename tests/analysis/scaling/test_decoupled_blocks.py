@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from robustpolish.analysis import decoupled_blocks
 from robustpolish.errors import InvalidInputError
-from robustpolish.models import AirBearingParameters, air_bearing
+from robustpolish.linear.scaling import decoupled_blocks
+from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 
 
 def test_the_air_bearing_splits_into_its_axes():

@@ -3,12 +3,8 @@
 import control
 import numpy as np
 
-from robustpolish.analysis.scaling.decoupled_blocks import (
-    parts,
-    parts_with_indices,
-    parts_with_states,
-)
-from robustpolish.exact.realisation import realisation
+from robustpolish.linear.arithmetic.realisation import realisation
+from robustpolish.linear.scaling import parts, parts_with_indices, parts_with_states
 
 A = np.array([[-1.0, 0.0, 3.0], [0.0, -2.0, 0.0], [4.0, 0.0, -5.0]])
 APART = realisation("s", control.ss(A, np.eye(3)[:, :2], np.eye(3)[[1, 2]], 0))

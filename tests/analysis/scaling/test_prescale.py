@@ -5,9 +5,9 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from robustpolish.analysis import prescale
 from robustpolish.errors import InvalidInputError
-from robustpolish.models import AirBearingParameters, air_bearing
+from robustpolish.linear.scaling import prescale
+from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 
 THESIS_SECOND = [4096, 0.125, 1024, 1, 4096, 0.125, 1024, 0.5, 8192, 0.125, 4096, 0.25]
 

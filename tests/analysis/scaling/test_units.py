@@ -4,8 +4,9 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis import hinf_norm, scale_system
 from robustpolish.errors import InvalidInputError
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.linear.scaling import scale_system
 
 
 def plant(seed=0, dt=0):

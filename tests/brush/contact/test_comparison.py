@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.brush.contact.comparison import most_impulse
+from robustpolish.polishing.thesis.contact_study import most_impulse
 
 
 def test_laws_differ_in_peaks_and_hardly_in_impulses():
-    table = rp.compare_contact_laws(rp.BrushParameters.for_run(3), duration=0.012).table
+    table = rp.polishing.compare_contact_laws(
+        rp.polishing.BrushParameters.for_run(3), duration=0.012
+    ).table
     peak, window = table["peak"], table["window_impulse"]
     assert float(peak.max() / peak.min()) > 1.5
     assert float(window.max() / window.min()) < 1.1
@@ -16,7 +18,9 @@ def test_laws_differ_in_peaks_and_hardly_in_impulses():
 
 def test_peaks_grow_with_stiffness_but_impulses_do_not():
     tables = [
-        rp.compare_contact_laws(rp.BrushParameters.for_run(run), duration=0.012).table
+        rp.polishing.compare_contact_laws(
+            rp.polishing.BrushParameters.for_run(run), duration=0.012
+        ).table
         for run in (2, 3)
     ]
     law = "Hunt-Crossley"
@@ -27,7 +31,7 @@ def test_peaks_grow_with_stiffness_but_impulses_do_not():
 
 
 def test_a_comparison_shows_itself():
-    comparison = rp.compare_contact_laws(duration=0.01)
+    comparison = rp.polishing.compare_contact_laws(duration=0.01)
     assert "Hunt-Crossley" in repr(comparison)
     assert "N" in comparison.plot().get_ylabel()
 

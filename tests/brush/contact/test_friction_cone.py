@@ -5,8 +5,8 @@ from math import atan
 import numpy as np
 import pytest
 
-from robustpolish.brush import FrictionCone
 from robustpolish.errors import InvalidInputError
+from robustpolish.polishing.thesis.contact_study import FrictionCone
 
 
 def test_the_angle_of_friction():

@@ -2,8 +2,9 @@
 
 import pytest
 
-from robustpolish.brush import BrushParameters, impact_depth, quarter_period, rim_mass
 from robustpolish.errors import InvalidInputError
+from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.thesis.contact_study import impact_depth, quarter_period, rim_mass
 
 
 def test_durations_and_depths_of_the_thesis():

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.brush import (
+from robustpolish.errors import InvalidInputError
+from robustpolish.polishing.thesis.contact_study import (
     EventImpulse,
     HuntCrossley,
     LinearSpring,
@@ -11,7 +12,6 @@ from robustpolish.brush import (
     land,
     quarter_period,
 )
-from robustpolish.errors import InvalidInputError
 
 MASS, SPEED, PRESS = 0.05, 0.1, 10.0
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from robustpolish.brush import (
+from robustpolish.errors import InvalidInputError
+from robustpolish.polishing.thesis.contact_study import (
     EventImpulse,
     HuntCrossley,
     LinearSpring,
     ListingImpulse,
 )
-from robustpolish.errors import InvalidInputError
 
 
 @pytest.mark.parametrize("strength", [1e-3, 0.1, 1.0, 5.0, 50.0])

@@ -5,10 +5,10 @@ from math import atan, cos, pi, sin
 import numpy as np
 import pytest
 
-from robustpolish.brush import BrushParameters, resultant_forces, rolling_angle
-from robustpolish.brush.listing.defects import ListingDefects
-from robustpolish.brush.listing.equations import brush_slope, listing_constants
 from robustpolish.errors import InvalidInputError
+from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.thesis.contact_study import resultant_forces, rolling_angle
+from robustpolish.polishing.thesis.listing import ListingDefects, brush_slope, listing_constants
 
 SMOOTH = BrushParameters(friction=0.1)
 

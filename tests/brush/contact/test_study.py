@@ -9,7 +9,7 @@ from robustpolish.errors import InvalidInputError
 
 @pytest.fixture(scope="module")
 def study():
-    return rp.force_study()
+    return rp.polishing.force_study()
 
 
 def test_the_interpolation_of_d2_is_worth_a_factor_of_the_spacing(study):
@@ -53,6 +53,6 @@ def test_it_shows_itself(study):
 
 def test_bad_arguments_are_named():
     with pytest.raises(InvalidInputError, match="suspects"):
-        rp.force_study(suspects=("weather",))
+        rp.polishing.force_study(suspects=("weather",))
     with pytest.raises(InvalidInputError, match="duration"):
-        rp.force_study(duration=0.0)
+        rp.polishing.force_study(duration=0.0)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from robustpolish.brush.coupled.machine import LinearMachine
 from robustpolish.errors import InvalidInputError
+from robustpolish.polishing.coupled import LinearMachine
 
 MASS, STIFF, DAMP = 0.2, np.array([1e5, 2e5, 4e6]), 30.0
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.brush.coupled.run import guided_brush, integrate_coupled
+from robustpolish.polishing.coupled import guided_brush, integrate_coupled
 from tests.brush.coupled.test_machine import springs
 
 

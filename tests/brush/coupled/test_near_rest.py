@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.brush import Surface
-from robustpolish.brush.coupled import near_rest
-from robustpolish.brush.coupled.near_rest import AXIS, TURNING, BrushAtRest, brush_at_rest
-from robustpolish.brush.physical.rim_contact import rim_nodes
 from robustpolish.errors import SolverError
+from robustpolish.polishing import coupled as near_rest
+from robustpolish.polishing.contact import rim_nodes
+from robustpolish.polishing.coupled import REST_AXIS as AXIS
+from robustpolish.polishing.coupled import REST_TURNING as TURNING
+from robustpolish.polishing.coupled import BrushAtRest, brush_at_rest
+from robustpolish.polishing.surfaces.surface import Surface
 
 
 def complex_load(rest, nodes, change):
@@ -44,7 +46,7 @@ def complex_load(rest, nodes, change):
 
 @pytest.mark.parametrize("run", [1, 2, 3, 4])
 def test_derivatives_are_those_of_the_law(run):
-    rest = brush_at_rest(rp.BrushParameters.for_run(run), 0.016, 0.0)
+    rest = brush_at_rest(rp.polishing.BrushParameters.for_run(run), 0.016, 0.0)
     nodes = rim_nodes(near_rest._FINER * near_rest.rim_points(rest.parameters))
     np.testing.assert_allclose(
         complex_load(rest, nodes, np.zeros(10, complex)).real, rest.load, atol=1e-9
@@ -59,14 +61,16 @@ def test_derivatives_are_those_of_the_law(run):
 
 def test_rest_carries_the_polishing_force_without_a_moment():
     for run in (1, 3):
-        rest = brush_at_rest(rp.BrushParameters.for_run(run), 0.016, 0.0)
+        rest = brush_at_rest(rp.polishing.BrushParameters.for_run(run), 0.016, 0.0)
         assert rest.load[2] == pytest.approx(10.0, rel=1e-9)
         assert np.abs(rest.load[3:]).max() < 1e-8 * 10.0 * 0.01
 
 
 def test_flat_ground_in_closed_form():
     """k_p down, mu F_p / (2 r p) along the ground, k_p r^2 / 2 against tilts; chi F_p down."""
-    plane = rp.BrushParameters(surface=Surface.flat(), contact_stiffness=1e6, slip_scale=1e-6)
+    plane = rp.polishing.BrushParameters(
+        surface=Surface.flat(), contact_stiffness=1e6, slip_scale=1e-6
+    )
     rest = brush_at_rest(plane, 0.0, 0.0)
     np.testing.assert_allclose(rest.axis, [0, 0, 1], atol=1e-9)
     assert rest.stiffness == pytest.approx(1e6, rel=1e-6)
@@ -76,7 +80,7 @@ def test_flat_ground_in_closed_form():
 
 
 def test_any_place_can_be_asked():
-    parameters = rp.BrushParameters()
+    parameters = rp.polishing.BrushParameters()
     rest = brush_at_rest(parameters, 0.016, 0.0)
     same = BrushAtRest.at(parameters, rest.place, rest.axis)
     np.testing.assert_allclose(same.load, rest.load)
@@ -85,4 +89,4 @@ def test_any_place_can_be_asked():
 def test_no_rest_is_told():
     """A stiff disc askew in the trough stands on two points, which cannot balance its friction."""
     with pytest.raises(SolverError, match="finds no rest"):
-        brush_at_rest(rp.BrushParameters.for_run(2), 0.013, 0.003)
+        brush_at_rest(rp.polishing.BrushParameters.for_run(2), 0.013, 0.003)

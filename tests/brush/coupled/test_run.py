@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.brush.coupled.machine import LinearMachine
-from robustpolish.brush.coupled.run import guided_brush, integrate_coupled, run_coupled
 from robustpolish.errors import InvalidInputError, RobustPolishWarning, SolverError
+from robustpolish.polishing.coupled import (
+    LinearMachine,
+    guided_brush,
+    integrate_coupled,
+    run_coupled,
+)
 from tests.brush.coupled.test_machine import springs
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from robustpolish.brush import ListingDefects
-from robustpolish.brush.listing import equations
 from robustpolish.errors import InvalidInputError
+from robustpolish.polishing.thesis import listing as equations
+from robustpolish.polishing.thesis.listing import ListingDefects
 
 
 @pytest.mark.parametrize("but", ["bearing_gate", ("unknown",)])

@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
-from robustpolish.brush import BrushParameters, ListingDefects, Surface
-from robustpolish.brush.listing import equations
-from robustpolish.brush.listing.equations import brush_slope, impact, listing_constants
+from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.surfaces.surface import Surface
+from robustpolish.polishing.thesis import listing as equations
+from robustpolish.polishing.thesis.listing import (
+    ListingDefects,
+    brush_slope,
+    impact,
+    listing_constants,
+)
 
 
 def test_free_flight_is_the_two_angle_disc() -> None:

@@ -3,8 +3,13 @@
 import numpy as np
 import pytest
 
-from robustpolish.brush import BrushParameters, ListingDefects
-from robustpolish.brush.listing.motion import forces_of_contact, listing_forces, listing_motion
+from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.thesis.listing import (
+    ListingDefects,
+    forces_of_contact,
+    listing_forces,
+    listing_motion,
+)
 
 BRUSH, DEFECTS = BrushParameters.as_published(1), ListingDefects()
 TIME = np.arange(201) * 1e-4

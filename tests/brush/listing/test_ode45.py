@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.brush.dormand_prince import ERROR, STAGES
-from robustpolish.brush.listing import ode45
+from robustpolish.polishing.integrator import ERROR, STAGES
+from robustpolish.polishing.thesis import listing as ode45
 
 TOLERANCE = 1e-3
 

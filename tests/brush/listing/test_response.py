@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from robustpolish.brush import ListingDefects, listing_response, simulate_brush
 from robustpolish.errors import InvalidInputError, SolverError
+from robustpolish.polishing.simulate import simulate_brush
+from robustpolish.polishing.thesis.listing import ListingDefects, listing_response
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from robustpolish.brush import BrushParameters, ListingDefects, simulate_brush
+from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.simulate import simulate_brush
+from robustpolish.polishing.thesis.listing import ListingDefects
 
 
 def test_starts_level_and_reports_the_thesis_angles() -> None:

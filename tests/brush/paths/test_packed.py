@@ -1,11 +1,11 @@
 import numpy as np
 
 import robustpolish as rp
-from robustpolish.brush.paths.packed import follow
+from robustpolish.polishing.tool_path import follow
 
 
 def test_compiled_code_follows_the_same_path():
-    path = rp.ToolPath.spiral((0.0, 0.0), 0.012, 0.003, speed=0.04)
+    path = rp.polishing.ToolPath.spiral((0.0, 0.0), 0.012, 0.003, speed=0.04)
     place, velocity = np.zeros(3), np.zeros(3)
     for time in np.linspace(0.0, path.duration, 37):
         follow(time, path.packed, place, velocity)

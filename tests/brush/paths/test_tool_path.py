@@ -9,14 +9,16 @@ SIDE = (-moulds.HALF, moulds.HALF)
 
 @pytest.fixture(scope="module")
 def mould():
-    return rp.Mould.from_formula(moulds.FORMULA, x=SIDE, y=SIDE)
+    return rp.polishing.Mould.from_formula(moulds.FORMULA, x=SIDE, y=SIDE)
 
 
 def paths(mould):
-    yield rp.ToolPath.raster((-0.015, 0.015), (-0.01, 0.01), 0.0025, speed=0.04, over=mould)
-    yield rp.ToolPath.spiral((0.0, 0.0), 0.015, 0.0025, speed=0.04, over=mould)
-    yield rp.ToolPath.contour_parallel(mould, 0.003, margin=0.0115, speed=0.04)
-    yield rp.ToolPath.through([(0, 0), (0.01, 0), (0.01, 0.01)], speed=0.04, over=mould)
+    yield rp.polishing.ToolPath.raster(
+        (-0.015, 0.015), (-0.01, 0.01), 0.0025, speed=0.04, over=mould
+    )
+    yield rp.polishing.ToolPath.spiral((0.0, 0.0), 0.015, 0.0025, speed=0.04, over=mould)
+    yield rp.polishing.ToolPath.contour_parallel(mould, 0.003, margin=0.0115, speed=0.04)
+    yield rp.polishing.ToolPath.through([(0, 0), (0.01, 0), (0.01, 0.01)], speed=0.04, over=mould)
 
 
 def test_every_path_keeps_its_speed_along_the_mould(mould):
@@ -38,7 +40,7 @@ def test_velocity_is_the_derivative_and_continuous(mould):
 
 
 def test_contours_keep_their_distance_from_the_edge(mould):
-    path = rp.ToolPath.contour_parallel(mould, 0.003, margin=0.0115, speed=0.04)
+    path = rp.polishing.ToolPath.contour_parallel(mould, 0.003, margin=0.0115, speed=0.04)
     away = mould.distance_to_edge(*path.position(np.linspace(0.0, path.duration, 4000)))
     assert away.min() > 0.0115 - 2e-4
     near_a_loop = np.abs((away - 0.0115 + 0.0015) % 0.003 - 0.0015) < 4e-4
@@ -46,7 +48,7 @@ def test_contours_keep_their_distance_from_the_edge(mould):
 
 
 def test_a_spiral_is_one():
-    path = rp.ToolPath.spiral((0.01, 0.02), 0.012, 0.003, speed=0.04)
+    path = rp.polishing.ToolPath.spiral((0.01, 0.02), 0.012, 0.003, speed=0.04)
     x, y = path.position(np.linspace(0.0, path.duration, 2000))
     far = np.hypot(x - 0.01, y - 0.02)
     angle = np.unwrap(np.arctan2(y - 0.02, x - 0.01))
@@ -61,11 +63,11 @@ def test_files_with_and_without_times(tmp_path):
         "t,x,y\n" + "\n".join(f"{a},{b},{c}" for a, b, c in zip(time, x, y, strict=True))
     )
     bare.write_text("x, y\n0, 0\n10, 0\n10, 10\n")
-    path = rp.ToolPath.from_csv(timed, unit="mm")
+    path = rp.polishing.ToolPath.from_csv(timed, unit="mm")
     assert path.duration == pytest.approx(2.0)
     wanted = 0.01 * np.array([np.cos(1.234), np.sin(1.234)])
     np.testing.assert_allclose(path.position(1.234), wanted, atol=1e-8)
-    path = rp.ToolPath.from_csv(bare, unit="mm", speed=0.01)
+    path = rp.polishing.ToolPath.from_csv(bare, unit="mm", speed=0.01)
     assert path.length == pytest.approx(0.02, rel=0.02)
     assert path.name == "bare.csv"
 
@@ -85,18 +87,18 @@ def test_files_that_are_no_path_are_refused(tmp_path, text, speed, message):
     file = tmp_path / "path.csv"
     file.write_text(text)
     with pytest.raises(rp.InvalidInputError, match=message):
-        rp.ToolPath.from_csv(file, speed=speed)
+        rp.polishing.ToolPath.from_csv(file, speed=speed)
 
 
 def test_paths_are_checked(mould):
     with pytest.raises(rp.InvalidInputError, match="leaves the surface near x = 30"):
-        rp.ToolPath.through([(0, 0), (0.05, 0)], speed=0.04, over=mould)
+        rp.polishing.ToolPath.through([(0, 0), (0.05, 0)], speed=0.04, over=mould)
     with pytest.raises(rp.InvalidInputError, match="from the edge"):
-        rp.ToolPath.contour_parallel(mould, 0.003, margin=0.04, speed=0.04)
+        rp.polishing.ToolPath.contour_parallel(mould, 0.003, margin=0.04, speed=0.04)
     with pytest.raises(rp.InvalidInputError, match="pitch"):
-        rp.ToolPath.spiral((0, 0), 0.01, 0.1, speed=0.04)
-    path = rp.ToolPath.raster((0, 0.01), (0, 0.01), 0.005, speed=0.04)
+        rp.polishing.ToolPath.spiral((0, 0), 0.01, 0.1, speed=0.04)
+    path = rp.polishing.ToolPath.raster((0, 0.01), (0, 0.01), 0.005, speed=0.04)
     with pytest.raises(rp.InvalidInputError, match="where the path is"):
         path.position(path.duration + 1)
     with pytest.raises(rp.InvalidInputError, match="places"):
-        rp.ToolPath(np.zeros((3, 2)), 0.1)
+        rp.polishing.ToolPath(np.zeros((3, 2)), 0.1)

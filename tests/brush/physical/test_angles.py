@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.brush.physical.angles import euler_angles, tilt_angles
+from robustpolish.polishing.contact import euler_angles, tilt_angles
 
 THETA, PSI = np.array([0.3, -0.2, 0.5]), np.array([-0.4, 0.1, 0.6])
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from robustpolish.brush import BrushParameters
-from robustpolish.brush.physical import disc_motion as disc
-from robustpolish.brush.physical.dataset import physical_dataset
-from robustpolish.brush.physical.run import Refinement, integrate
+from robustpolish.polishing import contact as disc
+from robustpolish.polishing.brush import Refinement, integrate, physical_dataset
+from robustpolish.polishing.parameters import BrushParameters
 
 BRUSH = BrushParameters.for_run(2)
 

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from robustpolish.brush import BrushParameters, tool_position, tool_velocity
-from robustpolish.brush.physical import disc_motion as disc
-from robustpolish.brush.physical.rim_contact import LOADS, rim_nodes
+from robustpolish.polishing import contact as disc
+from robustpolish.polishing.contact import LOADS, rim_nodes
+from robustpolish.polishing.dataset import tool_position, tool_velocity
+from robustpolish.polishing.parameters import BrushParameters
 
 BRUSH = BrushParameters()
 MOTION = np.array([

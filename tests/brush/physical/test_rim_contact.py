@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from robustpolish.brush import BrushParameters, Surface
-from robustpolish.brush.physical import rim_contact as rim
+from robustpolish.polishing import contact as rim
+from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.surfaces.surface import Surface
 
 
 def _constants(brush: BrushParameters) -> np.ndarray:

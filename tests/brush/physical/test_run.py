@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
-from robustpolish.brush import BrushParameters, Surface, simulate_brush
-from robustpolish.brush.physical import disc_motion
-from robustpolish.brush.physical.angles import euler_angles
-from robustpolish.brush.physical.rim_contact import rim_nodes
-from robustpolish.brush.physical.run import integrate
 from robustpolish.errors import RobustPolishWarning, SolverError
+from robustpolish.polishing import contact as disc_motion
+from robustpolish.polishing.brush import integrate
+from robustpolish.polishing.contact import euler_angles, rim_nodes
+from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.simulate import simulate_brush
+from robustpolish.polishing.surfaces.surface import Surface
 
 FORCES = ("F_x", "F_y", "F_z")
 

@@ -14,11 +14,11 @@ def test_a_file_gives_what_the_array_gives(tmp_path):
     file.write_text("\n".join(",".join(map(str, line)) for line in lines))
     alone = tmp_path / "alone.csv"
     np.savetxt(alone, HEIGHTS, delimiter=",", fmt="%.17g")
-    wanted = rp.Mould.from_array(HEIGHTS, SIDE, SIDE, unit="mm")
+    wanted = rp.polishing.Mould.from_array(HEIGHTS, SIDE, SIDE, unit="mm")
     x, y = moulds.places()
-    found = rp.Mould.from_csv(file, unit="mm")
+    found = rp.polishing.Mould.from_csv(file, unit="mm")
     np.testing.assert_allclose(found.height(x, y), wanted.height(x, y), atol=1e-15)
-    found = rp.Mould.from_csv(alone, unit="mm", spacing=1.0)
+    found = rp.polishing.Mould.from_csv(alone, unit="mm", spacing=1.0)
     np.testing.assert_allclose(found.height(x + 0.03, y + 0.03), wanted.height(x, y), atol=1e-12)
 
 
@@ -36,13 +36,13 @@ def test_files_that_are_no_grid_are_refused(tmp_path, text, message):
     file = tmp_path / "grid.csv"
     file.write_text(text)
     with pytest.raises(rp.InvalidInputError, match=message):
-        rp.Mould.from_csv(file)
+        rp.polishing.Mould.from_csv(file)
 
 
 def test_arrays_are_checked():
     with pytest.raises(rp.InvalidInputError, match="heights"):
-        rp.Mould.from_array(HEIGHTS[:, 1:], SIDE, SIDE)
+        rp.polishing.Mould.from_array(HEIGHTS[:, 1:], SIDE, SIDE)
     with pytest.raises(rp.InvalidInputError, match="x"):
-        rp.Mould.from_array(HEIGHTS[:3], SIDE[:3], SIDE)
+        rp.polishing.Mould.from_array(HEIGHTS[:3], SIDE[:3], SIDE)
     with pytest.raises(rp.InvalidInputError, match="can be read"):
-        rp.Mould.from_csv("no_such_file.csv")
+        rp.polishing.Mould.from_csv("no_such_file.csv")

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.brush.surfaces.mesh import checked, covered, read_mesh
+from robustpolish.polishing.surfaces.importers import checked_mesh as checked
+from robustpolish.polishing.surfaces.importers import covered, read_mesh
 from tests.brush import moulds
 
 

@@ -8,17 +8,19 @@ from tests.brush import moulds
 @pytest.fixture(scope="module")
 def from_mesh(tmp_path_factory):
     file = tmp_path_factory.mktemp("mould") / "mould.stl"
-    return rp.Mould.from_stl(moulds.write_stl(file, *moulds.triangles(scale=1e3)), unit="mm")
+    return rp.polishing.Mould.from_stl(
+        moulds.write_stl(file, *moulds.triangles(scale=1e3)), unit="mm"
+    )
 
 
 def from_array():
     side = np.linspace(-moulds.HALF, moulds.HALF, 61)
-    return rp.Mould.from_array(moulds.height(side[:, None], side[None, :]), side, side)
+    return rp.polishing.Mould.from_array(moulds.height(side[:, None], side[None, :]), side, side)
 
 
 def from_formula():
     side = (-moulds.HALF, moulds.HALF)
-    return rp.Mould.from_formula(moulds.FORMULA, x=side, y=side)
+    return rp.polishing.Mould.from_formula(moulds.FORMULA, x=side, y=side)
 
 
 @pytest.mark.parametrize("make", [from_array, from_formula])
@@ -51,7 +53,9 @@ def test_a_round_mesh_ends_at_its_edge(tmp_path):
     vertices, faces = moulds.triangles(81)
     centres = vertices[faces].mean(axis=1)
     faces = faces[np.hypot(centres[:, 0], centres[:, 1]) < 0.025]
-    mould = rp.Mould.from_stl(moulds.write_stl(tmp_path / "round.stl", vertices, faces), unit="m")
+    mould = rp.polishing.Mould.from_stl(
+        moulds.write_stl(tmp_path / "round.stl", vertices, faces), unit="m"
+    )
     assert np.isnan(mould.height(0.024, 0.024))
     assert mould.height(0.012, 0.01) == pytest.approx(moulds.height(0.012, 0.01), abs=2e-8)
     spare = mould.distance_to_edge(0.010, 0.0)
@@ -62,13 +66,13 @@ def test_a_mesh_with_a_step_is_refused(tmp_path):
     vertices, faces = moulds.triangles(61, lambda x, y: 0.005 * (x + 0 * y > 0.0005))
     file = moulds.write_stl(tmp_path / "step.stl", vertices, faces)
     with pytest.raises(rp.InvalidInputError, match="away from a smooth surface"):
-        rp.Mould.from_stl(file, unit="m")
+        rp.polishing.Mould.from_stl(file, unit="m")
 
 
 def test_units_and_spacing_of_a_mesh(tmp_path):
     file = moulds.write_stl(tmp_path / "mould.stl", *moulds.triangles(31))
     with pytest.raises(rp.InvalidInputError, match="unit"):
-        rp.Mould.from_stl(file, unit="inch")
+        rp.polishing.Mould.from_stl(file, unit="inch")
     with pytest.raises(rp.InvalidInputError, match="spacing"):
-        rp.Mould.from_stl(file, unit="m", spacing=1e-6)
-    assert rp.Mould.from_stl(file, unit="m", spacing=0.004).x.size == 16
+        rp.polishing.Mould.from_stl(file, unit="m", spacing=1e-6)
+    assert rp.polishing.Mould.from_stl(file, unit="m", spacing=0.004).x.size == 16

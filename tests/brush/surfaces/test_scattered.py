@@ -1,8 +1,7 @@
 import numpy as np
 
-from robustpolish.brush.surfaces.mesh import Sheet, covered
-from robustpolish.brush.surfaces.scattered import fitted
-from robustpolish.brush.surfaces.uniform_spline import expansions, pack
+from robustpolish.polishing.surfaces.importers import Sheet, covered, fitted
+from robustpolish.polishing.surfaces.spline import expansions, pack
 
 
 def test_between_distant_vertices_the_faces_are_followed():

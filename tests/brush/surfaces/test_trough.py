@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.brush import Surface
 from robustpolish.errors import InvalidInputError
+from robustpolish.polishing.surfaces.surface import Surface
 
 
 def test_published_surface_is_equation_9_1() -> None:

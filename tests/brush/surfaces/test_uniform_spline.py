@@ -1,6 +1,6 @@
 import numpy as np
 
-from robustpolish.brush.surfaces.uniform_spline import BEND, coefficients, expansions, pack
+from robustpolish.polishing.surfaces.spline import BEND, coefficients, expansions, pack
 
 
 def packed_of(f, x, y):

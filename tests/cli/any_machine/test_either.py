@@ -4,7 +4,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from robustpolish.cli.any_machine.either import or_any_machine
+from robustpolish.app.cli.design import or_any_machine
 from tests.cli.command_line import run
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 import robustpolish as rp
-from robustpolish.cli.any_machine.options import named_machine
+from robustpolish.app.cli.design import named_machine
 from tests.machine_design.machines import SPINDLE
 
 

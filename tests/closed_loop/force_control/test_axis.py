@@ -6,7 +6,7 @@ import robustpolish as rp
 
 
 def test_the_plant_is_the_equation_of_motion():
-    axis = rp.PolishingAxis(stiffness=300.0)
+    axis = rp.polishing.PolishingAxis(stiffness=300.0)
     plant, omega = axis.plant(), 2 * np.pi * 7.0
     s = 1j * omega
     lag = 1 / (1 + s / (2 * np.pi * axis.surface_bandwidth))
@@ -26,4 +26,4 @@ def test_the_plant_is_the_equation_of_motion():
 def test_numbers_are_checked():
     for values in ({"mass": 0.0}, {"damping": -1.0}, {"contact_stiffness": np.nan}):
         with pytest.raises(rp.InvalidInputError, match="PolishingAxis"):
-            rp.PolishingAxis(**values)
+            rp.polishing.PolishingAxis(**values)

@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.closed_loop.uncertain_plant import loop_norm
-from robustpolish.models import Damper, Dof, Input, Output, Spring
+from robustpolish.closed_loop.monte_carlo import loop_norm
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from tests.closed_loop.studies.functions import roughness, with_state
 
 AT = ("x", "ground")
@@ -103,10 +103,10 @@ def test_the_brush_is_run_with_what_was_drawn(bearing):
     )  # fmt: skip
     for i in range(3):
         drawn = {name: study.dataset[name][i].item() for name in study.trial.names}
-        brush = rp.BrushParameters.for_run(
+        brush = rp.polishing.BrushParameters.for_run(
             drawn["run"],
             friction=drawn["brush.friction"],
-            surface=rp.Surface(across=drawn["surface.across"]),
+            surface=rp.polishing.Surface(across=drawn["surface.across"]),
         )
         load = rp.simulate_brush(duration=0.005, parameters=brush)
         response = rp.simulate(bearing, load)

@@ -16,7 +16,7 @@ def study(norms, failures=None):
         {"norm": ("sample", np.array(norms, dtype=float)), "failure": ("sample", reasons)},
         coords={"mass": ("sample", np.arange(count, dtype=float))},
     )
-    return rp.SampledLoops(dataset, {"norm": 1.0}, 0, SimpleNamespace(names=("mass",)))
+    return rp.results.SampledLoops(dataset, {"norm": 1.0}, 0, SimpleNamespace(names=("mass",)))
 
 
 def test_percentiles_and_shares_count():

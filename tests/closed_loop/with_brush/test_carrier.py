@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.closed_loop.with_brush.carrier import carrier
 from robustpolish.errors import InvalidInputError
+from robustpolish.polishing.coupled_loops import carrier
 
 
 def springs(stiffness, ratio=1.0, mass=0.2):
@@ -19,7 +19,7 @@ def springs(stiffness, ratio=1.0, mass=0.2):
 
 
 def test_the_air_bearing_yields_as_its_springs_say():
-    p = rp.AirBearingParameters()
+    p = rp.polishing.AirBearingParameters()
     carried = carrier(rp.air_bearing(p), 10.0)
     sideways = 1 / (1 / p.k_t + 1 / p.k_x)
     along = 1 / (1 / p.k_A + 1 / p.k_z)

@@ -5,12 +5,11 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.brush.coupled.near_rest import brush_at_rest
-from robustpolish.brush.coupled.run import GuidedBrush, integrate_coupled
-from robustpolish.brush.physical import disc_motion as disc
-from robustpolish.brush.physical.run import rim_points
-from robustpolish.closed_loop.with_brush.carrier import carrier
 from robustpolish.errors import InvalidInputError
+from robustpolish.polishing import contact as disc
+from robustpolish.polishing.brush import rim_points
+from robustpolish.polishing.coupled import GuidedBrush, brush_at_rest, integrate_coupled
+from robustpolish.polishing.coupled_loops import carrier
 from tests.closed_loop.with_brush.test_carrier import springs
 
 
@@ -33,11 +32,11 @@ def run_from_rest(parameters, loop, tilt, seconds):
 
 @pytest.mark.parametrize("run", [1, 3])
 def test_small_motions_follow_it(run):
-    parameters, loop = rp.BrushParameters.for_run(run), springs(3e5, 0.05)
+    parameters, loop = rp.polishing.BrushParameters.for_run(run), springs(3e5, 0.05)
     # Small beside the tilt at which the contact's depth changes altogether.
     tilt = {1: 1e-4, 3: 1e-7}[run]
     time, states, axis = run_from_rest(parameters, loop, [0.0, tilt], 0.02)
-    found = rp.linearize_with_brush(loop, parameters)
+    found = rp.polishing.linearize_with_brush(loop, parameters)
     start = np.zeros(10)
     start[7] = tilt
     linear = control.initial_response(found.system, time, start).states
@@ -48,22 +47,27 @@ def test_small_motions_follow_it(run):
 
 def test_a_stiff_brush_makes_the_bare_spindle_swing_up():
     """Friction and tilts feed a mode near 160 Hz, which replay cannot show; control stops it."""
-    bare, stiff = rp.air_bearing(actuation="force"), rp.BrushParameters.for_run(3)
+    bare, stiff = rp.air_bearing(actuation="force"), rp.polishing.BrushParameters.for_run(3)
     assert (
-        rp.linearize_with_brush(bare, rp.BrushParameters.for_run(1)).system.poles().real.max() < 0
+        rp.polishing.linearize_with_brush(bare, rp.polishing.BrushParameters.for_run(1))
+        .system.poles()
+        .real.max()
+        < 0
     )
-    poles = rp.linearize_with_brush(bare, stiff).system.poles()
+    poles = rp.polishing.linearize_with_brush(bare, stiff).system.poles()
     growing = poles[poles.real > 0]
     assert growing.size == 2
     assert abs(growing[0].imag) / (2 * np.pi) == pytest.approx(160, rel=0.03)
     held = rp.given_controller(bare, np.kron(np.eye(6), [[-1e7, -2e3]]))
-    assert rp.linearize_with_brush(held, stiff).system.poles().real.max() < 0
+    assert rp.polishing.linearize_with_brush(held, stiff).system.poles().real.max() < 0
 
 
 def test_statics_are_those_of_springs_in_parallel():
     """On the ground the contact's k_p adds to the spring under the machine."""
-    plane = rp.BrushParameters(surface=rp.Surface.flat(), contact_stiffness=1e6, friction=0.0)
-    found = rp.linearize_with_brush(springs(3e6), plane)
+    plane = rp.polishing.BrushParameters(
+        surface=rp.polishing.Surface.flat(), contact_stiffness=1e6, friction=0.0
+    )
+    found = rp.polishing.linearize_with_brush(springs(3e6), plane)
     gain = control.dcgain(found.system[2, 2])
     assert float(np.squeeze(gain)) == pytest.approx(1 / 4e6, rel=1e-4)
     assert found.system.output_labels[-3:] == ["contact_x", "contact_y", "contact_z"]
@@ -72,11 +76,11 @@ def test_statics_are_those_of_springs_in_parallel():
 
 def test_controls_of_a_plant_stay_open():
     plant = rp.air_bearing(actuation="force")
-    found = rp.linearize_with_brush(plant, rp.BrushParameters.for_run(2))
+    found = rp.polishing.linearize_with_brush(plant, rp.polishing.BrushParameters.for_run(2))
     assert found.system.ninputs == plant.nw + plant.nu
     assert found.system.noutputs == plant.nz + plant.ny + 7
 
 
 def test_bad_arguments_are_named():
     with pytest.raises(InvalidInputError, match="parameters"):
-        rp.linearize_with_brush(springs(1e6), {"radius": 1})
+        rp.polishing.linearize_with_brush(springs(1e6), {"radius": 1})

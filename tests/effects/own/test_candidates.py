@@ -1,13 +1,11 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects import Motion, shapes_along
-from robustpolish.effects.kind import Parameter
-from robustpolish.effects.own import own_kind
-from robustpolish.effects.own.candidates import candidates
-from robustpolish.effects.own.reading import read_formula
-from robustpolish.effects.own.units import dimension_text, dimensions
 from robustpolish.errors import InvalidInputError
+from robustpolish.machines.effects.evaluate import shapes_along
+from robustpolish.machines.effects.formula_language import dimension_text, dimensions, read_formula
+from robustpolish.machines.effects.kind import Motion, Parameter
+from robustpolish.machines.effects.user_defined import candidates, own_kind
 
 
 def tried(text, given=None, **units):

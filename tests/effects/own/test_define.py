@@ -5,11 +5,12 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.effects import Effect, kinds, own_kind, own_table, register, unregister
-from robustpolish.effects import effect as catalogue
-from robustpolish.effects.kind import EffectKind, Parameter
 from robustpolish.errors import InvalidInputError, RobustPolishWarning
-from robustpolish.simulation import simulate_model
+from robustpolish.machines.effects import effect as catalogue
+from robustpolish.machines.effects.effect import Effect, kinds, register, unregister
+from robustpolish.machines.effects.kind import EffectKind, Parameter
+from robustpolish.machines.effects.user_defined import own_kind, own_table
+from robustpolish.machines.simulation.run import simulate_model
 from tests import made_up
 
 PLACE = ("x", "ground")

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects.own.reading import read_formula
+from robustpolish.machines.effects.formula_language import read_formula
 
 
 def test_a_formula_has_values_for_numbers_and_arrays():

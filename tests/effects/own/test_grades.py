@@ -1,7 +1,13 @@
 import pytest
 
-from robustpolish.effects.own.grades import Grade, graded, grows_with, linear_in, multiplied
-from robustpolish.effects.own.reading import read_formula
+from robustpolish.machines.effects.formula_language import (
+    Grade,
+    graded,
+    grows_with,
+    linear_in,
+    multiplied,
+    read_formula,
+)
 
 
 def grade_of(text, loose=False, **powers):

@@ -6,12 +6,10 @@ import pickle
 import numpy as np
 import pytest
 
-from robustpolish.effects import Motion, force_along
-from robustpolish.effects.compiled import compiled_law
-from robustpolish.effects.kind import EffectKind, Parameter
-from robustpolish.effects.own import own_kind
-from robustpolish.effects.own.law import FormulaGains, FormulaLaw
-from robustpolish.effects.own.written import written_from
+from robustpolish.machines.effects.evaluate import compiled_law, force_along
+from robustpolish.machines.effects.formula_language import written_from
+from robustpolish.machines.effects.kind import EffectKind, Motion, Parameter
+from robustpolish.machines.effects.user_defined import FormulaGains, FormulaLaw, own_kind
 
 
 def cubic(t, q, v, z, p, f, dz):

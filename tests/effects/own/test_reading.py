@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from robustpolish.effects.own.reading import read_formula
 from robustpolish.errors import InvalidInputError
+from robustpolish.machines.effects.formula_language import read_formula
 
 HOSTILE = {
     "import": "f = __import__('os').system('true')",

@@ -1,15 +1,15 @@
 import pytest
 
-from robustpolish.effects.kind import Parameter
-from robustpolish.effects.own.reading import read_formula
-from robustpolish.effects.own.units import (
+from robustpolish.errors import InvalidInputError
+from robustpolish.machines.effects.formula_language import (
     channel_unit,
     dimension_text,
     dimensions,
+    read_formula,
     read_unit,
     unit_text,
 )
-from robustpolish.errors import InvalidInputError
+from robustpolish.machines.effects.kind import Parameter
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,8 @@ import math
 
 import pytest
 
-from robustpolish.effects.own.written import Written, written_from
 from robustpolish.errors import InvalidInputError
+from robustpolish.machines.effects.formula_language import Written, written_from
 
 WHOLE = {
     "formula": "f = -F*tanh(v/w)",

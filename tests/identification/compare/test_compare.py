@@ -5,8 +5,9 @@ import pytest
 import xarray as xr
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification import compare
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+from robustpolish.identification.compare import compare
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from tests.identification.oscillators import PLACE, RATE, oscillator, record
 
 

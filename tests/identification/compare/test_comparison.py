@@ -5,9 +5,10 @@ import pytest
 import xarray as xr
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.compare.comparison import Comparison, OutputError
-from robustpolish.identification.observer.reproducibility import Reproducibility
-from robustpolish.models import Output
+from robustpolish.identification.compare import Comparison
+from robustpolish.identification.free_runs import OutputError
+from robustpolish.identification.observer.runs import Reproducibility
+from robustpolish.machines.mechanical.parts import Output
 from tests.identification.oscillators import PLACE, oscillator
 
 TIME = np.arange(100) / 100

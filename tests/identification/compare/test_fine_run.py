@@ -3,11 +3,11 @@
 import numpy as np
 
 import robustpolish as rp
-from robustpolish.identification.compare.fine_run import fine_run as fine_run_from
-from robustpolish.identification.observer.closest import closest
-from robustpolish.identification.observer.run import Start, StartedPiece, free_run
+from robustpolish.identification.free_runs import fine_run as fine_run_from
+from robustpolish.identification.observer.runs import Start, StartedPiece, free_run
+from robustpolish.identification.observer.starts import closest
 from robustpolish.identification.record import record_of
-from robustpolish.simulation import simulate_model
+from robustpolish.machines.simulation.run import simulate_model
 from tests.identification.oscillators import PLACE, double_well, oscillator, record
 
 SIZES = np.array([0.1, 1.0])

@@ -3,10 +3,10 @@ import pytest
 from scipy.linalg import expm
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification import compare
-from robustpolish.identification.compare.horizon import predict
+from robustpolish.identification.compare import compare
+from robustpolish.identification.free_runs import predict
 from robustpolish.identification.observer.missing_force import observed
-from robustpolish.identification.observer.run import free_run
+from robustpolish.identification.observer.runs import free_run
 from robustpolish.identification.record import record_of
 from tests.identification.oscillators import RATE, of_rig, oscillator, record, rig
 

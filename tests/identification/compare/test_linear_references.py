@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from robustpolish.identification import compare
-from robustpolish.measurements import lowpass, read_measurement
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+from robustpolish.identification.compare import compare
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
+from robustpolish.signals.filtering import lowpass
+from robustpolish.signals.read import read_measurement
 
 pytestmark = pytest.mark.shared
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.compare.output_error import output_error
+from robustpolish.identification.free_runs import output_error
 
 
 def test_the_figures_are_those_of_their_definitions():

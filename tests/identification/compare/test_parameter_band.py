@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification import compare
-from robustpolish.identification.compare.parameter_band import parameter_band
+from robustpolish.identification.compare import compare
+from robustpolish.identification.free_runs import parameter_band
 from tests.identification.oscillators import oscillator, record
 
 TIME = np.linspace(0.0, 1.0, 11)

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.compare.record_errors import output_errors, record_errors
-from robustpolish.identification.compare.simulated import free_runs
+from robustpolish.identification.free_runs import free_runs, output_errors, record_errors
 from robustpolish.identification.record import record_of
 from tests.identification.oscillators import oscillator, record
 

@@ -7,8 +7,9 @@ import pytest
 import xarray as xr
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification import compare, residual_analysis
-from robustpolish.simulation.run import simulate
+from robustpolish.identification.compare import compare
+from robustpolish.identification.residuals.analysis import residual_analysis
+from robustpolish.machines.simulation.run import simulate_model as simulate
 from tests.identification.oscillators import RATE, double_well, oscillator, record
 
 SOFT, HARD = record(1000, (0.02, -0.3), noise=0.05), record(1500, (-0.1, 0.0), noise=0.1, seed=1)

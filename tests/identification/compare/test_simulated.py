@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.compare.simulated import simulated_record
-from robustpolish.identification.observer.run import free_run
+from robustpolish.identification.free_runs import simulated_record
+from robustpolish.identification.observer.runs import free_run
 from robustpolish.identification.record import record_of
 from tests.identification.oscillators import oscillator, record
 

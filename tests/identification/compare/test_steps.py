@@ -5,7 +5,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.compare.steps import PICTURE, step_runs
+from robustpolish.identification.steps import PICTURE, step_runs
 from tests import made_up
 from tests.identification.oscillators import PLACE, oscillator, record
 
@@ -21,7 +21,7 @@ MODELS = (
 def diagnosis(models=MODELS, **changes):
     found = made_up.diagnosis()
     steps = ("base", "refit", "cubic_stiffness")
-    ledger = rp.Ledger(noise_floor={"x": 0.01})
+    ledger = rp.results.Ledger(noise_floor={"x": 0.01})
     for step, model in zip(steps, models, strict=True):
         ledger = ledger.add(step, {"x": 0.1}, model)
     return replace(found, model=MODELS[-1], ledger=ledger, **changes)

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.decays.ahead import error_ahead
-from robustpolish.identification.decays.cut import cut_decays
+from robustpolish.identification.structure.decays import cut_decays, error_ahead
 from tests.identification.decays.pendulums import AT, decay, pendulum
 from tests.identification.discover.searches import prepared_of
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.decays.cut import cut_decays
 from robustpolish.identification.record import record_of
+from robustpolish.identification.structure.decays import cut_decays
 from tests.identification.decays.pendulums import STEP, decay, pendulum
 from tests.identification.oscillators import oscillator, record
 

@@ -2,9 +2,10 @@ from dataclasses import replace
 
 import pytest
 
-from robustpolish.effects import Effect
-from robustpolish.identification.decays.laws import damped_places, damping_laws
-from robustpolish.models import Damper, Dof, MechanicalModel, Output, Spring
+from robustpolish.identification.structure.decays import damped_places, damping_laws
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Output, Spring
 from tests.identification.decays.pendulums import AT, COULOMB, DRAG, decay, pendulum
 from tests.identification.discover.searches import prepared_of
 

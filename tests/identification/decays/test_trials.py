@@ -1,9 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.decays.cut import cut_decays
-from robustpolish.identification.decays.laws import damping_laws
-from robustpolish.identification.decays.trials import Trials
+from robustpolish.identification.structure.decays import Trials, cut_decays, damping_laws
 from tests.identification.decays.pendulums import AT, decay, pendulum
 from tests.identification.discover.searches import prepared_of
 

@@ -2,16 +2,15 @@
 
 import numpy as np
 
-from robustpolish.effects import Effect
-from robustpolish.identification.discover.search import RefittedEffect, Search
-from robustpolish.identification.fit.homotopy import JudgedFit
-from robustpolish.identification.fit.least_squares import Fit
+from robustpolish.identification.fit.least_squares import Fit, JudgedFit
 from robustpolish.identification.fit.parameters import free_parameters
 from robustpolish.identification.fit.prepared import prepare
-from robustpolish.identification.numbers.own_numbers import refit_own
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
-from robustpolish.identification.screening.screen import ScreenedEffect
+from robustpolish.identification.refit import refit_own
+from robustpolish.identification.structure.screening import ScreenedEffect
+from robustpolish.identification.structure.state import RefittedEffect, Search
+from robustpolish.machines.effects.effect import Effect
 from tests.identification.oscillators import PLACE, rig
 
 MODEL = rig()

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.effects import Effect
-from robustpolish.identification.discover import add_one as module
-from robustpolish.identification.discover.add_one import (
+from robustpolish.identification.observer.kalman import FREE
+from robustpolish.identification.structure import moves_add as module
+from robustpolish.identification.structure.candidates import Hopeful, sticking
+from robustpolish.identification.structure.moves_add import (
     _as_likely,
     _at_lines,
     _moved,
@@ -19,11 +20,10 @@ from robustpolish.identification.discover.add_one import (
     _turned_gently,
     add_one,
 )
-from robustpolish.identification.discover.hopeful import Hopeful, sticking
-from robustpolish.identification.discover.search import RefittedEffect
-from robustpolish.identification.observer.kalman import FREE
-from robustpolish.identification.screening.screen import ScreenedEffect, Screening, screen
-from robustpolish.simulation.run import simulate
+from robustpolish.identification.structure.screening import ScreenedEffect, Screening, screen
+from robustpolish.identification.structure.state import RefittedEffect
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.simulation.run import simulate_model as simulate
 from tests.hidden_effects.cases import Case, model_of, one, records, two
 from tests.identification.discover.searches import judged, refitted, search_of
 
@@ -127,9 +127,11 @@ def test_kinds_of_the_family_that_are_about_as_likely_are_asked_beside_noise_alo
 
 def test_where_nothing_earns_its_place_what_helped_is_kept(search, monkeypatch):
     monkeypatch.setattr(
-        "robustpolish.identification.discover.add_one.chosen", lambda ranked, search: []
+        "robustpolish.identification.structure.moves_add.chosen", lambda ranked, search: []
     )
-    monkeypatch.setattr("robustpolish.identification.discover.add_one.together", lambda *given: [])
+    monkeypatch.setattr(
+        "robustpolish.identification.structure.moves_add.together", lambda *given: []
+    )
     assert not add_one(search)
     (turn,) = search.turns
     assert not turn.added

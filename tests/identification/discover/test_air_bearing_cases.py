@@ -77,7 +77,7 @@ def test_the_missing_damping_of_the_work():
     plant = diagnosis.model.linearize(measured="state")
     design = rp.state_feedback(plant, control_weight=1e-7)
     assert design.certificate.valid
-    check = rp.check_robustness(
+    check = rp.simulation.check_robustness(
         design, diagnosis, plant_of=lambda model: model.linearize(measured="state"), samples=50
     )
     assert check.share_stable == 1.0
@@ -92,7 +92,7 @@ def test_output_feedback_takes_the_learnt_plant():
     )
     assert design.certificate.valid
     errors = {key: 0.01 * value for key, value in model.parameters.items() if "gain" not in key}
-    check = rp.check_robustness(design, model, standard_errors=errors, samples=30)
+    check = rp.simulation.check_robustness(design, model, standard_errors=errors, samples=30)
     assert check.samples == 30
     assert check.share_stable == 1.0
     assert check.least_share_stable == pytest.approx(0.05 ** (1 / 30))

@@ -3,13 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect
-from robustpolish.identification.discover.choose import chosen, together
-from robustpolish.identification.discover.judge import (
-    objection,
-)
-from robustpolish.identification.discover.search import RefittedEffect, Search
-from robustpolish.identification.screening.screen import ScreenedEffect
+from robustpolish.identification.structure.moves_add import chosen, together
+from robustpolish.identification.structure.score import objection
+from robustpolish.identification.structure.screening import ScreenedEffect
+from robustpolish.identification.structure.state import RefittedEffect, Search
+from robustpolish.machines.effects.effect import Effect
 from tests.identification.discover.searches import (
     MODEL,
     cubic,

@@ -4,13 +4,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect
-from robustpolish.identification.compare.compare import compare
-from robustpolish.identification.decays.laws import Law
-from robustpolish.identification.discover import dampings
-from robustpolish.identification.discover.dampings import _another_friction, settle_damping
-from robustpolish.identification.findings.confused import confused
+from robustpolish.identification.compare import compare
+from robustpolish.identification.diagnosis.findings import confused
 from robustpolish.identification.policy import POLICY
+from robustpolish.identification.structure import moves_special as dampings
+from robustpolish.identification.structure.decays import Law
+from robustpolish.identification.structure.moves_special import _another_friction, settle_damping
+from robustpolish.machines.effects.effect import Effect
 from tests.identification.decays.pendulums import AT, decay, pendulum
 from tests.identification.discover.searches import search_of
 

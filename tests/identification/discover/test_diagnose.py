@@ -4,8 +4,8 @@ from functools import partial
 
 import pytest
 
-from robustpolish.identification import compare, diagnose
-from robustpolish.identification.discover.diagnose import _begun, _first, _worse
+from robustpolish.identification.compare import compare
+from robustpolish.identification.diagnose import _begun, _first, _worse, diagnose
 from robustpolish.identification.policy import POLICY
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import judged, prepared_of, search_of
@@ -129,7 +129,7 @@ def test_a_search_with_other_holds_has_to_come_about_as_far():
 def test_noise_alone_asks_for_no_other_hold(monkeypatch):
     asked = []
     monkeypatch.setattr(
-        "robustpolish.identification.discover.diagnose._late_holds", lambda s: asked.append(s)
+        "robustpolish.identification.diagnose._late_holds", lambda s: asked.append(s)
     )
     case = replace(CUBIC, samples=1500)
     assert diagnose(model_of(case), records(case)[0][0]).verdict == "missing_effect"

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification import diagnose
-from robustpolish.models import Spring
+from robustpolish.identification.diagnose import diagnose
+from robustpolish.machines.mechanical.parts import Spring
 from tests.hidden_effects.cases import Case, model_of, one, records
 
 CASE = Case(

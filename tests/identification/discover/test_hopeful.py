@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect
-from robustpolish.identification.discover.hopeful import hopeful, rivals_of
-from robustpolish.identification.numbers.own_numbers import refit_own
 from robustpolish.identification.observer.kalman import FREE
-from robustpolish.identification.screening.evidence import Evidence
-from robustpolish.identification.screening.screen import ScreenedEffect, Screening, screen
+from robustpolish.identification.refit import refit_own
+from robustpolish.identification.structure.candidates import hopeful, rivals_of
+from robustpolish.identification.structure.evidence import Evidence
+from robustpolish.identification.structure.screening import ScreenedEffect, Screening, screen
+from robustpolish.machines.effects.effect import Effect
 from tests.identification.discover.searches import prepared_of
 from tests.identification.oscillators import PLACE, oscillator, record
 
-PATH = "robustpolish.identification.discover.hopeful.evidence"
+PATH = "robustpolish.identification.structure.evidence.evidence"
 
 
 @pytest.fixture(scope="module")

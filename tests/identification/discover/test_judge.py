@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.effects import Effect
-from robustpolish.identification.discover.choose import chosen
-from robustpolish.identification.discover.judge import (
+from robustpolish.identification.policy import POLICY
+from robustpolish.identification.record import record_of
+from robustpolish.identification.structure.moves_add import chosen
+from robustpolish.identification.structure.score import (
     advantage,
     judgement,
     line_of_motion,
@@ -14,8 +15,7 @@ from robustpolish.identification.discover.judge import (
     tolerance,
     undetermined,
 )
-from robustpolish.identification.policy import POLICY
-from robustpolish.identification.record import record_of
+from robustpolish.machines.effects.effect import Effect
 from tests.identification.discover.searches import (
     MODEL,
     STRIBECK,
@@ -109,7 +109,7 @@ def test_noise_that_is_held_out_of_a_decay_has_its_colour(
     search, monkeypatch, fades, colour, earned
 ):
     """The end of the decay shows that there is more of it than its white part."""
-    path = "robustpolish.identification.discover.judge.floor_beside"
+    path = "robustpolish.identification.residuals.tests.floor_beside"
     monkeypatch.setattr(path, lambda model, prepared, calm: np.array([colour]))
     before, after = (
         replace(fading(fitted, loud), fades=fades, fit=sized(fitted, loud).fit)

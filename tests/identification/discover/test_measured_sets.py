@@ -12,9 +12,10 @@ import xarray as xr
 from click.testing import CliRunner
 
 import robustpolish as rp
-from robustpolish.cli import main
-from robustpolish.measurements import lowpass, read_measurement
-from robustpolish.models import Damper, Dof, Input, Output, Spring
+from robustpolish.app.cli.main import main
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
+from robustpolish.signals.filtering import lowpass
+from robustpolish.signals.read import read_measurement
 
 pytestmark = [pytest.mark.shared, pytest.mark.slow]
 

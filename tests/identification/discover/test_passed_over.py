@@ -2,10 +2,9 @@
 
 import pytest
 
-from robustpolish.effects import Effect
-from robustpolish.identification.discover.hopeful import Hopeful
-from robustpolish.identification.discover.passed_over import passed_over
-from robustpolish.identification.screening.screen import ScreenedEffect
+from robustpolish.identification.structure.candidates import Hopeful, passed_over
+from robustpolish.identification.structure.screening import ScreenedEffect
+from robustpolish.machines.effects.effect import Effect
 from tests.identification.discover.searches import judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
 

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.effects import Effect, Motion, force_along
-from robustpolish.identification.discover import reconsider
-from robustpolish.identification.discover.reconsider import (
+from robustpolish.identification.diagnosis.findings import confused
+from robustpolish.identification.fit.parameters import free_parameters, turns_over_gently
+from robustpolish.identification.policy import POLICY
+from robustpolish.identification.structure import moves_replace as reconsider
+from robustpolish.identification.structure.moves_replace import (
     closer_kinds,
     renamed,
     retold,
@@ -17,13 +19,14 @@ from robustpolish.identification.discover.reconsider import (
     still_alike,
     without_the_needless,
 )
-from robustpolish.identification.discover.search import RefittedEffect, Search, Turn
-from robustpolish.identification.findings.confused import confused
-from robustpolish.identification.fit.parameters import free_parameters, turns_over_gently
-from robustpolish.identification.policy import POLICY
-from robustpolish.identification.screening.screen import ScreenedEffect
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
-from robustpolish.simulation import linear_response
+from robustpolish.identification.structure.screening import ScreenedEffect
+from robustpolish.identification.structure.state import RefittedEffect, Search, Turn
+from robustpolish.linear.response import linear_response
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.evaluate import force_along
+from robustpolish.machines.effects.kind import Motion
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import STRIBECK, judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from robustpolish.effects import Effect
-from robustpolish.identification.discover.search import Search
 from robustpolish.identification.fit.least_squares import standard_errors
 from robustpolish.identification.policy import Policy
-from robustpolish.identification.screening.screen import ScreenedEffect
+from robustpolish.identification.structure.screening import ScreenedEffect
+from robustpolish.identification.structure.state import Search
+from robustpolish.machines.effects.effect import Effect
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, oscillator, record, rig

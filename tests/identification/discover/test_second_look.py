@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.identification.discover.search import Search, Turn
-from robustpolish.identification.discover.second_look import Followed, second_look
 from robustpolish.identification.fit.prepared import Work
+from robustpolish.identification.structure.moves_backtrack import Followed, second_look
+from robustpolish.identification.structure.state import Search, Turn
 from tests.identification.decays.pendulums import AT, decay, pendulum
 from tests.identification.discover.searches import judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig

@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect
-from robustpolish.identification.discover.search import RefittedEffect
-from robustpolish.identification.discover.wrong_gains import _lost, add_wrong_gains
-from robustpolish.identification.findings.confused import confused
-from robustpolish.identification.screening.screen import ScreenedEffect
+from robustpolish.identification.diagnosis.findings import confused
+from robustpolish.identification.structure.moves_special import _lost, add_wrong_gains
+from robustpolish.identification.structure.screening import ScreenedEffect
+from robustpolish.identification.structure.state import RefittedEffect
+from robustpolish.machines.effects.effect import Effect
 from tests.hidden_effects.cases import Case, Machine, model_of, one, records, two
 from tests.identification.discover.searches import MODEL, judged, search_of
 

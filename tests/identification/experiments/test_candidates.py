@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.experiments.candidates import KINDS, experiments
-from robustpolish.identification.experiments.policy import EXPERIMENTS
+from robustpolish.identification.experiments.candidates import EXPERIMENTS, KINDS, experiments
 from robustpolish.identification.record import record_of
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from tests.identification.oscillators import PLACE, of_rig, oscillator, record, rig
 
 

@@ -3,8 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.identification.experiments.candidates import experiments
-from robustpolish.identification.experiments.distance import Machines, UnusableError, distance
+from robustpolish.identification.experiments.candidates import (
+    Machines,
+    UnusableError,
+    distance,
+    experiments,
+)
 from robustpolish.identification.record import record_of
 from tests.identification.oscillators import PLACE, double_well, oscillator, record
 

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.effects import Effect
-from robustpolish.identification.experiments.machines import (
+from robustpolish.identification.diagnosis.findings import Confusion
+from robustpolish.identification.experiments.candidates import (
     apart_in_words,
     machines_of,
     precision_of,
 )
-from robustpolish.identification.findings.findings import Confusion
+from robustpolish.machines.effects.effect import Effect
 from tests.identification.oscillators import PLACE, oscillator
 
 COULOMB = Effect("coulomb_friction", PLACE, {"force": 3.0})

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.experiments.policy import EXPERIMENTS
+from robustpolish.identification.experiments.candidates import EXPERIMENTS
 from robustpolish.identification.policy import POLICY
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.effects import Effect
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.findings.findings import Confusion
+from robustpolish.identification.diagnosis.findings import Confusion
+from robustpolish.machines.effects.effect import Effect
 from tests import made_up
 from tests.identification.oscillators import PLACE, oscillator, record
 

@@ -3,10 +3,13 @@ import pytest
 import xarray as xr
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.experiments.candidates import Experiment
-from robustpolish.identification.experiments.distance import Distance, Machines
-from robustpolish.identification.experiments.policy import EXPERIMENTS
-from robustpolish.identification.experiments.told import ToldApart, TriedExperiment
+from robustpolish.identification.experiments.candidates import (
+    EXPERIMENTS,
+    Distance,
+    Experiment,
+    Machines,
+)
+from robustpolish.identification.experiments.tell_apart import ToldApart, TriedExperiment
 from tests.identification.oscillators import oscillator
 
 TIME = np.arange(400) / 100

@@ -1,7 +1,7 @@
 import pytest
 
-from robustpolish.effects import Effect, lookup
-from robustpolish.identification.findings.confused import confused
+from robustpolish.identification.diagnosis.findings import confused
+from robustpolish.machines.effects.effect import Effect, lookup
 
 PLACE = ("x", "ground")
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.base.saved import read_saved
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.findings.diagnosis import diagnosis_from
-from robustpolish.models import Dof
-from robustpolish.saved_file import read_saved
+from robustpolish.identification.diagnosis.result import diagnosis_from
+from robustpolish.machines.mechanical.parts import Dof
 from tests import made_up
 
 
@@ -43,14 +43,14 @@ def test_an_existing_file_is_not_replaced_unasked(tmp_path):
     with pytest.raises(InvalidInputError, match="exist"):
         found.save(path)
     replace(found, verdict="unexplained").save(path, force=True)
-    assert rp.Diagnosis.load(path).verdict == "unexplained"
+    assert rp.results.Diagnosis.load(path).verdict == "unexplained"
 
 
 def test_what_is_loaded_can_do_all_that_a_diagnosis_can(tmp_path):
     found = made_up.diagnosis()
     found.save(tmp_path / "slide.json")
     again = diagnosis_from(read_saved(tmp_path / "slide.json", "diagnosis"))
-    assert isinstance(again, rp.Diagnosis)
+    assert isinstance(again, rp.results.Diagnosis)
     assert again.explain() == found.explain()
     assert again.to_dict() == found.to_dict()
     assert repr(again) == repr(found)

@@ -1,6 +1,6 @@
 from dataclasses import replace
 
-from robustpolish.identification.findings.ledger import Ledger
+from robustpolish.identification.diagnosis.findings import Ledger
 from tests import made_up
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.identification.findings.force_map import ForceMap
+from robustpolish.identification.diagnosis.findings import ForceMap
 
 
 def a_map(at=("x", "ground"), follows=0.834):

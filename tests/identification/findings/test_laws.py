@@ -3,8 +3,8 @@ import json
 import numpy as np
 
 import robustpolish as rp
-from robustpolish.identification.findings.laws import laws_of
-from robustpolish.identification.findings.words import explain, headline, law_of, plain
+from robustpolish.identification.diagnosis.findings import laws_of
+from robustpolish.identification.diagnosis.words import explain, headline, law_of, plain
 from tests import made_up
 from tests.identification.findings.learned_diagnosis import unknown_law
 

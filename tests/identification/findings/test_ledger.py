@@ -1,8 +1,8 @@
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification import compare
-from robustpolish.identification.findings.ledger import Entry, Ledger
+from robustpolish.identification.compare import compare
+from robustpolish.identification.diagnosis.findings import Entry, Ledger
 from tests.identification.oscillators import oscillator, record
 
 TWO = (

@@ -4,7 +4,7 @@ import xarray as xr
 from scipy.stats import chi2
 
 import robustpolish as rp
-from robustpolish.identification.findings.machines import allowed_machines
+from robustpolish.identification.diagnosis.uncertainty import allowed_machines
 from tests.identification.oscillators import oscillator, record
 
 KEYS = ("dof.x.mass", "spring[0].stiffness", "damper[0].damping")
@@ -66,7 +66,7 @@ def test_gains_of_signals_are_in_it():
     found, wanted = certain.at(point), plain.state_space()
     assert found(3j) == pytest.approx(0.79 * 1.22 * wanted(3j), rel=1e-12)
     assert certain.output_labels == ["x"]
-    other = {"effect[0].gain": rp.uncertain_real("g", 1.1, percent=5)}
+    other = {"effect[0].gain": rp.uncertain.real("g", 1.1, percent=5)}
     assert "g" in allowed_machines(model, known, 0.95, other).elements
     for share_or_range in (0.1, (1.08, 1.32)):
         machine = allowed_machines(model, known, 0.95, {"effect[0].gain": share_or_range})
@@ -92,7 +92,7 @@ def test_refit_covers_the_machine_that_was_measured():
     fitted = rp.refit(oscillator(380.0, 1.2), data)
     machine = fitted.uncertain()
     truth = {"dof.x.mass": 1.0, "spring[0].stiffness": 400.0, "damper[0].damping": 1.0}
-    known = rp.uncertain_ellipsoid(
+    known = rp.uncertain.ellipsoid(
         {k: fitted.model.parameters[k] for k in truth},
         covariance=fitted.covariance.sel(parameter=list(truth), other=list(truth)).values,
     )
@@ -135,7 +135,7 @@ def test_ellipsoid_holds_the_truth_as_often_as_it_says():
         fitted = rp.refit(oscillator(380.0, 1.2), data)
         known = fitted.covariance.sel(parameter=list(truth), other=list(truth)).values
         centre = {key: fitted.model.parameters[key] for key in truth}
-        sizes.append(rp.uncertain_ellipsoid(centre, covariance=known).size(truth))
+        sizes.append(rp.uncertain.ellipsoid(centre, covariance=known).size(truth))
     inside = np.mean(np.array(sizes) <= 1)
     assert inside >= 0.9
     # Not by being far too large: half of all lie within the radius that holds half of them.

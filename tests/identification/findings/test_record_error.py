@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.findings.record_error import (
+from robustpolish.identification.free_runs import (
     OutputError,
     RecordError,
     records_content,
     records_table,
 )
-from robustpolish.identification.observer.reproducibility import Reproducibility
+from robustpolish.identification.observer.runs import Reproducibility
 
 
 def record(*nrmse, calm=True):

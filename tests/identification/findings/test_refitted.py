@@ -2,7 +2,7 @@ import lmfit
 import numpy as np
 import xarray as xr
 
-from robustpolish.identification.findings.refitted import Refit
+from robustpolish.identification.fit.result import Refit
 from tests import made_up
 
 ERRORS = {"dof.x.mass": 0.1, "spring[0].stiffness": 6e4, "damper[0].damping": np.inf}

@@ -6,14 +6,15 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.effects import Effect, kinds, own_kind
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.findings.findings import (
+from robustpolish.identification.diagnosis.findings import (
     Confusion,
     FoundEffect,
     RankedCandidate,
     Value,
 )
+from robustpolish.machines.effects.effect import Effect, kinds
+from robustpolish.machines.effects.user_defined import own_kind
 from tests import made_up
 
 KEYS = ["dof.x.mass", "spring[0].stiffness", "effect[0].force"]
@@ -43,7 +44,7 @@ def test_everything_comes_back(tmp_path):
 
 def test_a_diagnosis_without_covariance_has_none_afterwards(tmp_path):
     made_up.diagnosis().save(tmp_path / "slide.json")
-    assert rp.Diagnosis.load(tmp_path / "slide.json").covariance is None
+    assert rp.results.Diagnosis.load(tmp_path / "slide.json").covariance is None
 
 
 def test_older_files_are_read(tmp_path):
@@ -52,7 +53,7 @@ def test_older_files_are_read(tmp_path):
     content = json.loads(path.read_text())
     del content["covariance"]
     path.write_text(json.dumps(content))
-    assert rp.Diagnosis.load(path).covariance is None
+    assert rp.results.Diagnosis.load(path).covariance is None
 
 
 def test_a_damaged_covariance_is_refused(tmp_path):
@@ -62,7 +63,7 @@ def test_a_damaged_covariance_is_refused(tmp_path):
     content["covariance"]["values"].pop()
     path.write_text(json.dumps(content))
     with pytest.raises(InvalidInputError, match="values"):
-        rp.Diagnosis.load(path)
+        rp.results.Diagnosis.load(path)
 
 
 def test_a_loaded_diagnosis_says_how_uncertain_a_design_is(tmp_path):
@@ -74,7 +75,7 @@ def test_a_loaded_diagnosis_says_how_uncertain_a_design_is(tmp_path):
     after = rp.load(tmp_path / "slide.json")
     design = rp.state_feedback(plant_of(before.model), control_weight=1e-3)
     one, other = (
-        rp.check_robustness(design, found, plant_of=plant_of, samples=5)
+        rp.simulation.check_robustness(design, found, plant_of=plant_of, samples=5)
         for found in (before, after)
     )
     assert one.keys == other.keys == tuple(KEYS)

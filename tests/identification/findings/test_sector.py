@@ -18,7 +18,7 @@ def fitted(kind, values, **errors):
 
 
 def test_cube_of_a_number_with_an_error():
-    low, high = rp.effect_sector(
+    low, high = rp.uncertain.effect_sector(
         fitted("cubic_stiffness", {"stiffness": 2e6}, stiffness=1e5), "effect[0]", 0.01
     )
     # The slope of the chord is k a^2, with k 1.96 standard errors up.
@@ -27,7 +27,7 @@ def test_cube_of_a_number_with_an_error():
 
 
 def test_softening_spring_and_both_signs():
-    low, high = rp.effect_sector(
+    low, high = rp.uncertain.effect_sector(
         fitted("cubic_stiffness", {"stiffness": -2e6}, stiffness=2e6), "effect[0]", 0.01, 0.9
     )
     assert low == pytest.approx((-2e6 - 1.644854 * 2e6) * 1e-4, rel=1e-6)
@@ -35,7 +35,7 @@ def test_softening_spring_and_both_signs():
 
 
 def test_force_lies_in_its_sector():
-    low, high = rp.effect_sector(
+    low, high = rp.uncertain.effect_sector(
         fitted("quadratic_stiffness", {"stiffness": 3e4}).model, "effect[0]", 0.02
     )
     q = np.linspace(-0.02, 0.02, 777)
@@ -55,18 +55,18 @@ def test_force_lies_in_its_sector():
 def test_forces_of_other_things_are_refused(kind, values, says):
     model = oscillator().with_effect(kind, PLACE, values)
     with pytest.raises(rp.InvalidInputError, match=says):
-        rp.effect_sector(model, "effect[0]", 0.01)
+        rp.uncertain.effect_sector(model, "effect[0]", 0.01)
 
 
 def test_bad_arguments():
     model = fitted("cubic_stiffness", {"stiffness": 2e6}).model
     for call in (
-        lambda: rp.effect_sector(model, "effect[1]", 0.01),
-        lambda: rp.effect_sector(model, "spring[0]", 0.01),
-        lambda: rp.effect_sector(model, "effect[0]", 0.0),
-        lambda: rp.effect_sector(model, "effect[0]", 0.01, 95),
-        lambda: rp.effect_sector(3, "effect[0]", 0.01),
-        lambda: rp.effect_sector(
+        lambda: rp.uncertain.effect_sector(model, "effect[1]", 0.01),
+        lambda: rp.uncertain.effect_sector(model, "spring[0]", 0.01),
+        lambda: rp.uncertain.effect_sector(model, "effect[0]", 0.0),
+        lambda: rp.uncertain.effect_sector(model, "effect[0]", 0.01, 95),
+        lambda: rp.uncertain.effect_sector(3, "effect[0]", 0.01),
+        lambda: rp.uncertain.effect_sector(
             fitted("cubic_stiffness", {"stiffness": 2e6}, stiffness=np.inf), "effect[0]", 0.01
         ),
     ):

@@ -4,10 +4,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.effects import lookup
-from robustpolish.identification.findings.findings import FoundEffect, Value
-from robustpolish.identification.findings.ledger import Ledger
-from robustpolish.identification.findings.words import explain, headline, plain
+from robustpolish.identification.diagnosis.findings import FoundEffect, Ledger, Value
+from robustpolish.identification.diagnosis.words import explain, headline, plain
+from robustpolish.machines.effects.effect import lookup
 from tests import made_up
 
 

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.identification.fit.held_out import sides
+from robustpolish.identification.fit.prepared import sides
 from robustpolish.identification.record import record_of
-from robustpolish.models import Input
-from robustpolish.simulation.run import simulate
+from robustpolish.machines.mechanical.parts import Input
+from robustpolish.machines.simulation.run import simulate_model as simulate
 from tests.identification.oscillators import PLACE, RATE, oscillator, record
 
 

@@ -3,9 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.identification import compare
-from robustpolish.identification.fit.homotopy import (
+from robustpolish.identification.compare import compare
+from robustpolish.identification.fit.least_squares import (
     best_stage,
+    fit,
     free_rms,
     homotopy,
     judged,
@@ -13,9 +14,8 @@ from robustpolish.identification.fit.homotopy import (
     short_rms,
     windows_after,
 )
-from robustpolish.identification.fit.least_squares import fit
 from robustpolish.identification.fit.prepared import prepare
-from robustpolish.identification.observer.run import Start, StartedPiece
+from robustpolish.identification.observer.runs import Start, StartedPiece
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
 from tests.hidden_effects.cases import Case, model_of, records, two
@@ -131,7 +131,7 @@ def test_numbers_that_are_known_are_not_led_astray_by_starts_that_do_not_suit_th
 
 def test_a_stage_that_loses_the_data_is_no_start_for_the_next(monkeypatch):
     """The second stage's errors are made a hundredfold: the third begins at the first's numbers."""
-    path = "robustpolish.identification.fit.homotopy.fit"
+    path = "robustpolish.identification.fit.least_squares.fit"
     began = []
 
     def spoilt(residuals, *rest):
@@ -158,14 +158,14 @@ def test_an_effect_that_vanished_begins_anew_over_longer_windows(monkeypatch):
         gone = result.model.with_parameters({"effect[0].stiffness": 1e-5})
         return replace(result, model=gone) if len(began) == 1 else result
 
-    monkeypatch.setattr("robustpolish.identification.fit.homotopy.fit", emptied)
+    monkeypatch.setattr("robustpolish.identification.fit.least_squares.fit", emptied)
     fitted(model)
     assert began[1] == began[0]
     assert began[1]["stiffness"] == 30.0
 
 
 def test_the_last_stage_that_followed_the_data_is_among_the_last_two(monkeypatch):
-    path = "robustpolish.identification.fit.homotopy.fit"
+    path = "robustpolish.identification.fit.least_squares.fit"
     found = []
 
     def spoilt(residuals, *rest):

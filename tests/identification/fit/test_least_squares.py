@@ -6,28 +6,22 @@ import pytest
 import xarray as xr
 from scipy.signal import lfilter
 
-from robustpolish.identification.fit.homotopy import homotopy
 from robustpolish.identification.fit.least_squares import (
     Fit,
     Residuals,
     covariance_of,
     errors_from,
     fit,
+    homotopy,
     normal_of,
     standard_errors,
 )
 from robustpolish.identification.fit.parameters import FreeParameter
 from robustpolish.identification.fit.prepared import prepare
-from robustpolish.identification.observer.run import (
-    Runner,
-    Start,
-    StartedPiece,
-    free_run,
-    rest,
-)
+from robustpolish.identification.observer.runs import Runner, Start, StartedPiece, free_run, rest
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
-from robustpolish.simulation import simulate_model
+from robustpolish.machines.simulation.run import simulate_model
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.oscillators import PLACE, RATE, of_rig, oscillator, record, rig
 

@@ -9,11 +9,11 @@ import xarray as xr
 from scipy.signal import butter, sosfilt
 
 import robustpolish as rp
-from robustpolish.identification.fit.long_records import fastest_motion, needed_rate, taken
-from robustpolish.identification.observer.run import Start, StartedPiece, free_run
+from robustpolish.identification.fit.prepared import fastest_motion, needed_rate, taken
+from robustpolish.identification.observer.runs import Start, StartedPiece, free_run
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
-from robustpolish.simulation import simulate_model
+from robustpolish.machines.simulation.run import simulate_model
 
 RATE = 50e3
 JOINT = ("a", "b")

@@ -3,7 +3,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect
 from robustpolish.identification.fit.parameters import (
     chain_keys,
     connected,
@@ -15,7 +14,9 @@ from robustpolish.identification.fit.parameters import (
     with_units_of_force,
 )
 from robustpolish.identification.policy import POLICY
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from tests.identification.oscillators import PLACE, oscillator, rig
 
 

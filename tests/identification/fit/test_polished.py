@@ -3,15 +3,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect
-from robustpolish.identification.fit.homotopy import homotopy
-from robustpolish.identification.fit.polished import (
+from robustpolish.identification.fit.least_squares import (
+    homotopy,
     polished,
     residuals_of,
     rounded,
     sharpened,
     speeds_of_turns,
 )
+from robustpolish.machines.effects.effect import Effect
 from tests.identification.decays.pendulums import AT, decay, pendulum
 from tests.identification.discover.searches import prepared_of
 

@@ -6,7 +6,7 @@ import xarray as xr
 
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.fit.prepared import drifts, prepare, with_rest
-from robustpolish.identification.observer.run import StartedPiece, free_run
+from robustpolish.identification.observer.runs import StartedPiece, free_run
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import record_of
 from tests.identification.oscillators import PLACE, RATE, of_rig, oscillator, record, rig

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect
-from robustpolish.identification.fit.least_squares import covariance_of, errors_from
-from robustpolish.identification.fit.reordered import reordered
+from robustpolish.identification.fit.least_squares import covariance_of, errors_from, reordered
+from robustpolish.machines.effects.effect import Effect
 from tests.identification.discover.searches import search_of
 from tests.identification.oscillators import PLACE, oscillator, record
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 import robustpolish as rp
-from robustpolish.measurements import labelled_response
+from robustpolish.signals.frequency_response import labelled_response
 
 LINES = np.arange(5.0, 120.0, 0.25)
 

@@ -5,8 +5,8 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.measurements import labelled_response
-from robustpolish.simulation.run import simulate
+from robustpolish.machines.simulation.run import simulate_model as simulate
+from robustpolish.signals.frequency_response import labelled_response
 from tests.identification.frequency.chains import measured, two_masses
 
 PLACE = ("x", "ground")
@@ -59,7 +59,7 @@ def at_amplitudes(model, *amplitudes):
     ],
 )  # fmt: skip
 def test_what_depends_on_the_amplitude_tells_the_effect(kind, values, amplitudes, trends):
-    found = rp.amplitude_dependence(
+    found = rp.identification.amplitude_dependence(
         at_amplitudes(oscillator(kind, values), *amplitudes), oscillator()
     )
     (mode,) = found.modes
@@ -72,20 +72,22 @@ def test_what_depends_on_the_amplitude_tells_the_effect(kind, values, amplitudes
 
 
 def test_a_linear_machine_is_called_linear():
-    found = rp.amplitude_dependence(at_amplitudes(oscillator(), 0.1, 1.0, 10.0))
+    found = rp.identification.amplitude_dependence(at_amplitudes(oscillator(), 0.1, 1.0, 10.0))
     assert found.linear
     assert "Linear within the scatter" in found.explain()
     assert found.places == ()
     for seed in range(10):
         model = two_masses()
         responses = {1.0 + k: measured(model, 0.03, 10 * seed + k) for k in range(3)}
-        assert rp.amplitude_dependence(responses, model).linear
+        assert rp.identification.amplitude_dependence(responses, model).linear
 
 
 def test_the_place_is_where_the_modes_that_change_move():
     # a joint between the masses: the second mode feels it more, the first less
     stiff, soft = two_masses(), two_masses(stiffness=(2e5, 0.97e5))
-    found = rp.amplitude_dependence({0.1: measured(stiff), 1.0: measured(soft, seed=1)}, stiff)
+    found = rp.identification.amplitude_dependence(
+        {0.1: measured(stiff), 1.0: measured(soft, seed=1)}, stiff
+    )
     assert [mode.frequency_trend for mode in found.modes] == ["falls", "falls"]
     largest = found.modes[1].places[0][0]
     assert set(largest) == {"a", "b"}
@@ -94,7 +96,7 @@ def test_the_place_is_where_the_modes_that_change_move():
 
 
 def test_pictures_and_figures():
-    found = rp.amplitude_dependence(
+    found = rp.identification.amplitude_dependence(
         {0.1: measured(two_masses()), 1.0: measured(two_masses(), seed=1)}
     )
     assert found.plot().get_ylabel() == "change of frequency [%]"
@@ -105,11 +107,11 @@ def test_pictures_and_figures():
 def test_what_is_refused():
     data = measured(two_masses())
     with pytest.raises(rp.InvalidInputError, match="two or more amplitudes"):
-        rp.amplitude_dependence({1.0: data})
+        rp.identification.amplitude_dependence({1.0: data})
     with pytest.raises(rp.InvalidInputError, match="above 0"):
-        rp.amplitude_dependence({-1.0: data, 1.0: data})
+        rp.identification.amplitude_dependence({-1.0: data, 1.0: data})
     with pytest.raises(rp.InvalidInputError, match="the same pairs"):
-        rp.amplitude_dependence({2.0: data, 1.0: data.sel(output=["a"])})
+        rp.identification.amplitude_dependence({2.0: data, 1.0: data.sel(output=["a"])})
     flat = data.copy(data=np.ones(data.shape))
     with pytest.raises(rp.InvalidInputError, match="a resonance"):
-        rp.amplitude_dependence({2.0: flat, 1.0: flat})
+        rp.identification.amplitude_dependence({2.0: flat, 1.0: flat})

@@ -78,7 +78,7 @@ def test_a_record_over_time_is_fitted_by_its_response():
     time = np.arange(60000) * 1e-3
     rng = np.random.default_rng(0)
     force = rng.standard_normal(time.size)
-    from robustpolish.simulation import linear_response
+    from robustpolish.linear.response import linear_response
 
     motion = linear_response(model.state_space(), time, force[:, None]).outputs
     motion = motion + 0.02 * motion.std(axis=0) * rng.standard_normal(motion.shape)

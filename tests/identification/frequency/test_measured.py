@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.identification.frequency.measured import measured_response
+from robustpolish.identification.frequency.lines import measured_response
 from tests.identification.frequency.chains import LINES, measured, two_masses
 
 

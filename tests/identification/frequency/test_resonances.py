@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.frequency.measured import measured_response
-from robustpolish.identification.frequency.resonances import (
+from robustpolish.identification.frequency.lines import (
     likeness,
     matched,
     measured_resonances,
+    measured_response,
     model_resonances,
 )
 from tests.identification.frequency.chains import measured, two_masses

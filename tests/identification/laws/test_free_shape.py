@@ -1,6 +1,6 @@
 import pytest
 
-from robustpolish.identification.laws.free_shape import better_shape
+from robustpolish.identification.structure.spline_laws import better_shape
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import prepared_of
 

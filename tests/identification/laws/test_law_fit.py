@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects.learned import coefficients_of, spline_basis
 from robustpolish.identification.fit.parameters import free_parameters, joint_priors, within_laws
-from robustpolish.identification.laws.law_fit import LEARNING, closer, log_size
 from robustpolish.identification.policy import POLICY
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+from robustpolish.identification.structure.spline_laws import LEARNING, closer, log_size
+from robustpolish.machines.effects.spline_law import coefficients_of, spline_basis
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from tests.effects.learned_curves import law_of
 from tests.identification.oscillators import PLACE, oscillator
 

@@ -7,9 +7,14 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.identification.fit.homotopy import best_stage, homotopy
-from robustpolish.identification.laws.law_fit import laid, over_own_motion
-from robustpolish.identification.laws.learn import CURVES, OVER_TIME, learn
+from robustpolish.identification.fit.least_squares import best_stage, homotopy
+from robustpolish.identification.structure.spline_laws import (
+    CURVES,
+    OVER_TIME,
+    laid,
+    learn,
+    over_own_motion,
+)
 from tests.hidden_effects.cases import Case, Machine, model_of, one, records
 from tests.hidden_effects.catalogue import all_cases
 from tests.identification.discover.searches import search_of

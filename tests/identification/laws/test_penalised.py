@@ -3,18 +3,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect
-from robustpolish.effects.learned import coefficients_of, spline_basis
-from robustpolish.identification.laws.penalised import (
+from robustpolish.identification.observer.kalman import Level
+from robustpolish.identification.structure.screening import FilteredRecord
+from robustpolish.identification.structure.spline_laws import (
     block,
     dry_block,
     fit_curves,
     with_numbers,
     with_numbers_of,
 )
-from robustpolish.identification.observer.kalman import Level
-from robustpolish.identification.screening.filtered import FilteredRecord
-from robustpolish.models.mechanical.ports import port_row
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.spline_law import coefficients_of, spline_basis
+from robustpolish.machines.mechanical.data import port_row
 from tests.identification.discover.searches import prepared_of
 from tests.identification.oscillators import PLACE, oscillator, record
 

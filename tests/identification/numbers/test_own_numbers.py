@@ -2,15 +2,15 @@ from dataclasses import replace
 
 import pytest
 
-from robustpolish.effects import Effect
-from robustpolish.identification.numbers.own_numbers import (
+from robustpolish.identification.refit import (
     refit_own,
     settled,
     timely,
     with_holds,
     with_other_holds,
 )
-from robustpolish.models import Dof, Input, Output, Spring
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.mechanical.parts import Dof, Input, Output, Spring
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import prepared_of
 from tests.identification.oscillators import PLACE, of_rig, oscillator, rig

@@ -5,10 +5,9 @@ import xarray as xr
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification import refit
-from robustpolish.identification.numbers.refit import lmfit_name
-from robustpolish.models import Damper, Dof, Output, Spring
-from robustpolish.simulation import simulate_model
+from robustpolish.identification.refit import lmfit_name, refit
+from robustpolish.machines.mechanical.parts import Damper, Dof, Output, Spring
+from robustpolish.machines.simulation.run import simulate_model
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.oscillators import PLACE, of_rig, oscillator, record, rig
 

@@ -3,9 +3,9 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.identification.fit.prepared import prepare
-from robustpolish.identification.numbers.warned import warned
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
+from robustpolish.identification.refit import warned
 from tests.identification.oscillators import oscillator, record
 
 DATA = record(start=(0.05, 0.0), noise=0.01)

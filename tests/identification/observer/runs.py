@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.identification.record import record_of
-from robustpolish.simulation.run import simulate
+from robustpolish.machines.simulation.run import simulate_model as simulate
 from tests.identification.oscillators import oscillator
 
 

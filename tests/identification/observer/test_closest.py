@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.observer.closest import closest, squares, weights_of
-from robustpolish.identification.observer.run import StartedPiece, free_run, rest
+from robustpolish.identification.observer.runs import StartedPiece, free_run, rest
+from robustpolish.identification.observer.starts import closest, squares, weights_of
 from tests.identification.observer.runs import case
 from tests.identification.oscillators import PLACE
 

@@ -17,8 +17,9 @@ from robustpolish.identification.observer.kalman import (
     with_missing_force,
 )
 from robustpolish.identification.record import record_of
-from robustpolish.models import Dof, Input, MechanicalModel, Output, Spring
-from robustpolish.simulation.system import build_system
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Dof, Input, Output, Spring
+from robustpolish.machines.simulation.run import build_system
 from tests.identification.oscillators import PLACE, RATE, oscillator, record, rig
 
 TIME = np.arange(8000) / RATE

@@ -3,8 +3,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import lsim
 
-from robustpolish.identification.observer.kalman import Level, Scales
-from robustpolish.identification.observer.linear_observer import LinearObserver, PortForces
+from robustpolish.identification.observer.kalman import Level, LinearObserver, PortForces, Scales
 from tests.identification.oscillators import PLACE, oscillator
 
 DT, SAMPLES = 0.01, 300

@@ -1,11 +1,16 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification import compare
-from robustpolish.identification.observer.reproducibility import Reproducibility, reproducibility
-from robustpolish.identification.observer.run import StartedPiece, free_run, rest
+from robustpolish.identification.compare import compare
+from robustpolish.identification.observer.runs import (
+    Reproducibility,
+    StartedPiece,
+    free_run,
+    reproducibility,
+    rest,
+)
 from robustpolish.identification.record import record_of
-from robustpolish.models import Output
+from robustpolish.machines.mechanical.parts import Output
 from tests.identification.oscillators import (
     PLACE,
     RATE,

@@ -4,10 +4,10 @@ import xarray as xr
 
 from robustpolish.identification.fit.prepared import prepare
 from robustpolish.identification.observer.kalman import Level
-from robustpolish.identification.observer.run import StartedPiece, free_run, rest
+from robustpolish.identification.observer.runs import StartedPiece, free_run, rest
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
-from robustpolish.simulation.run import simulate
+from robustpolish.machines.simulation.run import simulate_model as simulate
 from tests.identification.observer.runs import case
 from tests.identification.oscillators import PLACE, oscillator
 

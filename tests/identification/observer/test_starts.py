@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.observer.run import StartedPiece, free_run, rest
+from robustpolish.identification.observer.runs import StartedPiece, free_run, rest
 from robustpolish.identification.observer.starts import fitted_start, fitted_starts, lengths
 from tests.identification.observer.runs import case
 from tests.identification.oscillators import PLACE

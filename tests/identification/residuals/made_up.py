@@ -3,9 +3,8 @@
 import numpy as np
 import xarray as xr
 
-from robustpolish.identification.residuals.correlation import Coherence, Correlation
-from robustpolish.identification.residuals.figures import ResidualFigures
-from robustpolish.identification.residuals.places import PlaceShares
+from robustpolish.identification.residuals.analysis import ResidualFigures
+from robustpolish.identification.residuals.tests import Coherence, Correlation, PlaceShares
 
 OUTPUTS = ["x", "y"]
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification import compare, residual_analysis
-from robustpolish.models import Damper
+from robustpolish.identification.compare import compare
+from robustpolish.identification.residuals.analysis import residual_analysis
+from robustpolish.machines.mechanical.parts import Damper
 from tests.identification.residuals.two_masses import (
     RANDOM,
     SAMPLES,

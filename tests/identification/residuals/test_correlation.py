@@ -5,7 +5,11 @@ import pytest
 from scipy import signal
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification import autocorrelation, coherence, cross_correlation
+from robustpolish.identification.residuals.tests import (
+    autocorrelation,
+    coherence,
+    cross_correlation,
+)
 
 RANDOM = np.random.default_rng(11)
 

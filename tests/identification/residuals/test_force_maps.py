@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from robustpolish.identification.observer.missing_force import Smoothed
-from robustpolish.identification.residuals.force_maps import MAPS, force_maps
-from robustpolish.identification.residuals.places import foretold
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+from robustpolish.identification.residuals.tests import MAPS, force_maps, foretold
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from tests.identification.oscillators import PLACE
 
 TIME = np.arange(6000) / 100

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from robustpolish.identification.residuals.noise_floor import noise_floor
+from robustpolish.identification.residuals.tests import noise_floor
 from tests.identification.oscillators import record
 
 MOTION = record(4000)["x"].values

@@ -2,9 +2,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.identification import compare, residual_analysis
-from robustpolish.identification.residuals.places import place_shares
-from robustpolish.models import Dof, Input, MechanicalModel, Output, Spring
+from robustpolish.identification.compare import compare
+from robustpolish.identification.residuals.analysis import residual_analysis
+from robustpolish.identification.residuals.tests import place_shares
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Dof, Input, Output, Spring
 from tests.identification.oscillators import PLACE, oscillator
 from tests.identification.oscillators import record as short_record
 from tests.identification.residuals.two_masses import (

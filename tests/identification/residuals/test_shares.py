@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.identification.residuals.shares import (
+from robustpolish.identification.residuals.tests import (
     band_shares,
     contact_shares,
     error_spectrum,

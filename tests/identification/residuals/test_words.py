@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from robustpolish.identification.residuals.words import explain, to_dict
+from robustpolish.identification.residuals.analysis import explain, to_dict
 from tests.identification.residuals.made_up import figures, table
 
 

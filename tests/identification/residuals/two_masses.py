@@ -3,9 +3,11 @@
 import numpy as np
 import xarray as xr
 
-from robustpolish.identification import compare, residual_analysis
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
-from robustpolish.simulation.run import simulate
+from robustpolish.identification.compare import compare
+from robustpolish.identification.residuals.analysis import residual_analysis
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
+from robustpolish.machines.simulation.run import simulate_model as simulate
 
 RATE, SAMPLES = 2000.0, 8000
 TIME = np.arange(SAMPLES) / RATE

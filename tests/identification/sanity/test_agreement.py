@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.sanity.agreement import amplitudes, exchanged, means, signs
-from robustpolish.identification.sanity.gains import coherent_gain
+from robustpolish.identification.sanity import amplitudes, coherent_gain, exchanged, means, signs
 
 A, B, C = np.random.default_rng(0).standard_normal((3, 6000))
 SIMULATED = {"x": A, "y": 0.4 * A + B}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from robustpolish.identification.sanity.channels import clipping, dropouts, no_motion
+from robustpolish.identification.sanity import clipping, dropouts, no_motion
 
 TIME = np.arange(5000) / 500
 RANDOM = np.random.default_rng(3)

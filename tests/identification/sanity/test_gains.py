@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.sanity.gains import coherent_gain
+from robustpolish.identification.sanity import coherent_gain
 
 RANDOM = np.random.default_rng(0)
 NOISE = RANDOM.standard_normal(6000)

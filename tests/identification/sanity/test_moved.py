@@ -2,7 +2,7 @@
 
 import pytest
 
-from robustpolish.identification.sanity.moved import moved_numbers
+from robustpolish.identification.sanity import moved_numbers
 
 BEFORE = {
     "dof.x.mass": 2.0, "spring[0].stiffness": 800.0, "damper[0].damping": 1.0,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robustpolish.identification.sanity.units import unit_of_change, unit_of_ratio
+from robustpolish.identification.sanity import unit_of_change, unit_of_ratio
 
 
 @pytest.mark.parametrize(

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification import compare
-from robustpolish.identification.sanity.warnings import sanity_warnings
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+from robustpolish.identification.compare import compare
+from robustpolish.identification.sanity import sanity_warnings
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from tests.hidden_effects.cases import model_of, records
 from tests.hidden_effects.catalogue import all_cases
 from tests.hidden_effects.drawn import drawn_cases

@@ -1,11 +1,13 @@
 import numpy as np
 import xarray as xr
 
-from robustpolish.effects import lookup, own_kind
 from robustpolish.identification.observer.missing_force import Smoothed
 from robustpolish.identification.record import record_of
-from robustpolish.identification.screening.candidates import columns_at, places, rivals
-from robustpolish.models import Dof, Input, MechanicalModel, Output, Spring
+from robustpolish.identification.structure.screening import columns_at, places, rivals
+from robustpolish.machines.effects.effect import lookup
+from robustpolish.machines.effects.user_defined import own_kind
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Dof, Input, Output, Spring
 from tests.identification.oscillators import PLACE, oscillator, rig
 
 TIME = np.arange(600) / 300

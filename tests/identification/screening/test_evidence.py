@@ -5,10 +5,10 @@ import pytest
 import xarray as xr
 from scipy.integrate import solve_ivp
 
-from robustpolish.effects import lookup
-from robustpolish.identification.numbers.own_numbers import refit_own
-from robustpolish.identification.screening.candidates import columns_at
-from robustpolish.identification.screening.evidence import _coefficients, evidence
+from robustpolish.identification.refit import refit_own
+from robustpolish.identification.structure.evidence import _coefficients, evidence
+from robustpolish.identification.structure.screening import columns_at
+from robustpolish.machines.effects.effect import lookup
 from tests.identification.discover.searches import prepared_of
 from tests.identification.oscillators import PLACE, RATE, oscillator, record
 

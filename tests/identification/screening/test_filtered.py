@@ -2,18 +2,17 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from robustpolish.effects import lookup
-from robustpolish.identification.observer.kalman import FREE, Level
-from robustpolish.identification.observer.linear_observer import LinearObserver
+from robustpolish.identification.observer.kalman import FREE, Level, LinearObserver
 from robustpolish.identification.policy import POLICY
-from robustpolish.identification.screening.candidates import columns_at
-from robustpolish.identification.screening.filtered import (
+from robustpolish.identification.structure.screening import (
     FilteredRecord,
     autoregression,
+    columns_at,
     null_score,
     own_errors,
     resonates,
 )
+from robustpolish.machines.effects.effect import lookup
 from tests.identification.discover.searches import prepared_of
 from tests.identification.oscillators import PLACE, of_rig, oscillator, record, rig
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robustpolish.identification.screening.mimicked import mimics
+from robustpolish.identification.structure.evidence import mimics
 from tests.identification.discover.searches import prepared_of
 from tests.identification.oscillators import PLACE, of_rig, oscillator, record, rig
 

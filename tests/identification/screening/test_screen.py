@@ -3,11 +3,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect, lookup
 from robustpolish.identification.observer.kalman import FREE
 from robustpolish.identification.policy import POLICY, Policy
-from robustpolish.identification.screening.candidates import columns_at
-from robustpolish.identification.screening.screen import screen, too_heavy
+from robustpolish.identification.structure.screening import columns_at, screen, too_heavy
+from robustpolish.machines.effects.effect import Effect, lookup
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import prepared_of
 from tests.identification.oscillators import PLACE, of_rig, oscillator, rig
@@ -123,7 +122,7 @@ def test_beside_an_effect_that_diverges_nothing_is_said(monkeypatch):
     """Along the smoothed motion a law may overflow."""
     diverged = SimpleNamespace(errors=np.full((10, 1), np.nan))
     monkeypatch.setattr(
-        "robustpolish.identification.screening.screen.FilteredRecord", lambda *given: diverged
+        "robustpolish.identification.structure.screening.FilteredRecord", lambda *given: diverged
     )
     found = screen(rig(), prepared_of(rig(), DATA))
     assert found.candidates == ()

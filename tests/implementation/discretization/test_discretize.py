@@ -41,7 +41,7 @@ def test_the_thesis_design_is_unstable_at_a_megahertz_and_says_so():
     with pytest.raises(rp.InfeasibleError, match="longest period that keeps it stable is") as error:
         design.discretize(1e-6)
     assert max(abs(mode) for mode in error.value.modes) > 1
-    longest = rp.largest_period(design)
+    longest = rp.synthesis.largest_period(design)
     assert 1e-7 < longest < 1e-6
     assert design.discretize(longest * 0.99).certificate.stable
     with pytest.raises(rp.InfeasibleError):
@@ -51,22 +51,22 @@ def test_the_thesis_design_is_unstable_at_a_megahertz_and_says_so():
 def test_a_delay_that_nothing_can_bear_is_named():
     with pytest.raises(rp.InfeasibleError, match="however short"):
         servo_design().discretize(0.05, delay=5.0)
-    assert rp.largest_period(servo_design(), delay=5.0) == 0.0
+    assert rp.synthesis.largest_period(servo_design(), delay=5.0) == 0.0
 
 
 def test_the_largest_period_is_where_stability_is_lost():
     design = servo_design()
     for options in ({}, {"delay": 0.05}, {"anti_aliasing": 10.0}):
-        longest = rp.largest_period(design, **options)
+        longest = rp.synthesis.largest_period(design, **options)
         assert design.discretize(longest * 0.99, **options).certificate.stable
         with pytest.raises(rp.InfeasibleError):
             design.discretize(longest * 1.01, **options)
-    longest = rp.largest_period(design, delay_periods=1.0)
+    longest = rp.synthesis.largest_period(design, delay_periods=1.0)
     assert design.discretize(longest * 0.99, delay=longest * 0.99).certificate.stable
     with pytest.raises(rp.InfeasibleError):
         design.discretize(longest * 1.01, delay=longest * 1.01)
     stable = rp.GeneralizedPlant.from_matrices([[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
-    assert rp.largest_period(rp.given_controller(stable, [[-0.1]])) == np.inf
+    assert rp.synthesis.largest_period(rp.given_controller(stable, [[-0.1]])) == np.inf
 
 
 def test_h2_designs_are_certified_in_h2():
@@ -91,7 +91,7 @@ def test_wrong_arguments_are_refused():
     with pytest.raises(rp.InvalidInputError, match="method"):
         design.discretize(0.05, method="magic")
     with pytest.raises(rp.InvalidInputError, match="Design"):
-        rp.largest_period(servo())
+        rp.synthesis.largest_period(servo())
     discrete = rp.GeneralizedPlant.from_matrices(
         [[0.5]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], dt=0.1
     )

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.implementation import emulated
+from robustpolish.implementation.emulation import emulated
 
 K = control.ss([[-1.0, 2.0], [-2.0, -1.0]], [[0.0], [1.0]], [[3.0, 1.0]], [[0.5]])
 

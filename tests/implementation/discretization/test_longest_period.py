@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.implementation.discretization.longest_period import longest_period
+from robustpolish.implementation.certify_sampled import longest_period
 
 
 def lag(a=1.0):

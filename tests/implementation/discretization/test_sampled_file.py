@@ -24,7 +24,7 @@ def saved(sampled, tmp_path):
 
 def test_there_and_back(sampled, saved):
     again = rp.load(saved)
-    assert isinstance(again, rp.SampledDesign)
+    assert isinstance(again, rp.results.SampledDesign)
     for name in "ABCD":
         np.testing.assert_array_equal(
             getattr(again.controller, name), getattr(sampled.controller, name)
@@ -63,4 +63,4 @@ def test_edited_files_are_refused(saved, change, says):
     change(content)
     saved.write_text(json.dumps(content))
     with pytest.raises(rp.InvalidInputError, match=says):
-        rp.SampledDesign.load(saved)
+        rp.results.SampledDesign.load(saved)

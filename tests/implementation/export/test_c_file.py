@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.implementation.realization.limits import anti_windup, control_limits
-from robustpolish.implementation.realization.stepping import controller_outputs
+from robustpolish.implementation.realization import anti_windup, control_limits, controller_outputs
 from tests.implementation.designs import sampled_servo, static_gain, two_by_two
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 import robustpolish as rp
-from robustpolish.implementation.export.c_text import number
-from robustpolish.implementation.export.code_spec import identifier, target
+from robustpolish.implementation.export.c import identifier, number, target
 
 
 def test_names_of_c():

@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
-from robustpolish.implementation.realization.stepping import controller_outputs
+from robustpolish.implementation.realization import controller_outputs
 from tests.implementation.designs import sampled_servo, servo_design, static_gain, two_by_two
 
 fmpy = pytest.importorskip("fmpy")

@@ -6,11 +6,10 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.implementation.over_time.period_flow import PeriodFlow
-from robustpolish.implementation.over_time.run import sampled_run
-from robustpolish.implementation.sampled.period_map import split_delay
-from robustpolish.models.plant.blocks import matrices_of
-from robustpolish.simulation import first_order_hold
+from robustpolish.implementation.run import PeriodFlow, sampled_run
+from robustpolish.implementation.sampled.lifting import split_delay
+from robustpolish.linear.response import first_order_hold
+from robustpolish.plants.blocks import matrices_of
 
 PERIOD, COUNT = 0.1, 20
 

@@ -4,10 +4,14 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.implementation.realization.float32 import UNIT, rounded, roundoff_bound
-from robustpolish.implementation.realization.forms import realized
-from robustpolish.implementation.realization.loss import single_precision
-from robustpolish.implementation.realization.stepping import controller_outputs
+from robustpolish.implementation.realization import (
+    UNIT,
+    controller_outputs,
+    realized,
+    rounded,
+    roundoff_bound,
+    single_precision,
+)
 from tests.implementation.designs import sampled_servo, servo, static_gain
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.implementation.realization.forms import FORMS, realized
+from robustpolish.implementation.realization import FORMS, realized
 from tests.implementation.designs import sampled_servo, servo_design
 
 

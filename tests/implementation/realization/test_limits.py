@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.implementation.realization.limits import anti_windup, control_limits
+from robustpolish.implementation.realization import anti_windup, control_limits
 
 
 def test_limits_in_every_form():

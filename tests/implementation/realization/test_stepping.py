@@ -3,7 +3,7 @@
 import control
 import numpy as np
 
-from robustpolish.implementation.realization.stepping import controller_outputs
+from robustpolish.implementation.realization import controller_outputs
 from tests.implementation.designs import sampled_servo, two_by_two
 
 

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.implementation.reduction.candidates import Reducer
-from robustpolish.implementation.reduction.gramians import coprime, from_factor
-from robustpolish.models.plant.blocks import matrices_of
+from robustpolish.implementation.reduction import Reducer, coprime, from_factor
+from robustpolish.plants.blocks import matrices_of
 
 
 def filter_loop(seed=0, n=6):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.implementation.sampled.anti_aliasing import filter_system, with_filter
+from robustpolish.implementation.sampled.certificate import filter_system, with_filter
 from tests.implementation.designs import servo
 
 

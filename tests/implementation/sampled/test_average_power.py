@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.implementation.sampled.average_power import average_power
-from robustpolish.implementation.sampled.period_map import period_map
-from robustpolish.implementation.sampled.scaled_map import scaled
+from robustpolish.implementation.sampled.lifting import period_map, scaled
+from robustpolish.implementation.sampled.proof import average_power
 
 
 def test_without_control_it_is_that_of_the_plant():

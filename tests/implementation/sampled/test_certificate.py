@@ -18,7 +18,7 @@ def contradictions(seeds):
     for seed in seeds:
         rng = np.random.default_rng(seed)
         plant, K, period, steps, loop = random_loop(rng)
-        certificate = rp.certify_sampled(plant, K, delay=steps * period / STEPS)
+        certificate = rp.implementation.certify_sampled(plant, K, delay=steps * period / STEPS)
         if not certificate.valid or not 0 < certificate.lower <= certificate.bound:
             wrong.append((seed, certificate.reasons, certificate.lower))
         gain, angle = loop.largest_gain()
@@ -72,7 +72,7 @@ def test_h2_is_the_power_of_a_simulation_with_white_noise():
         if plant.D11.any():
             continue
         seen += 1
-        found = rp.certify_sampled(plant, K, delay=steps * period / STEPS, norm="h2")
+        found = rp.implementation.certify_sampled(plant, K, delay=steps * period / STEPS, norm="h2")
         # Unit energy per fine step is the noise of unit density held over the step.
         S = np.zeros_like(loop.Phi)
         Phi, power = loop.Phi, loop.Gamma @ loop.Gamma.T
@@ -87,10 +87,10 @@ def test_h2_is_the_power_of_a_simulation_with_white_noise():
 def test_a_loop_that_can_be_worked_out_by_hand():
     # x' = x + w + u with u = -3 x(kh): x+ = (e - 3 (e - 1)) x + ...; stable below h = log 2.
     for period in (0.1, 0.6, 0.69):
-        found = rp.certify_sampled(lag(), [[-3.0]], period=period)
+        found = rp.implementation.certify_sampled(lag(), [[-3.0]], period=period)
         assert found.valid
         assert found.poles[0] == pytest.approx(3 - 2 * np.exp(period))
-    unstable = rp.certify_sampled(lag(), [[-3.0]], period=0.7)
+    unstable = rp.implementation.certify_sampled(lag(), [[-3.0]], period=0.7)
     assert not unstable.valid
     assert not unstable.stable
     assert "unstable" in unstable.reasons[0]
@@ -101,7 +101,7 @@ def test_open_loop_has_the_norm_of_the_plant():
     plant = rp.GeneralizedPlant.from_matrices(
         [[0, 1], [-1, -0.1]], [[0], [1]], [[0], [1]], [[1, 0]], [[1, 0]], D11=[[0.5]]
     )
-    found = rp.certify_sampled(plant, [[0.0]], period=0.7)
+    found = rp.implementation.certify_sampled(plant, [[0.0]], period=0.7)
     true = rp.hinf_norm(plant.open_loop)
     assert found.lower <= true.value <= found.bound
     assert found.bound == pytest.approx(true.value, rel=1e-5)
@@ -113,7 +113,7 @@ def test_units_change_nothing():
         [[0, 1], [-1, -0.1]], [[0, 0], [1, 0]], [[0], [1]], [[1, 0]], [[1, 0]], D21=[[0, 0.2]]
     )
     K = control.ss([[0.5]], [[1.0]], [[-0.02]], [[-0.1]], 0.3)
-    before = rp.certify_sampled(plant, K, delay=0.1)
+    before = rp.implementation.certify_sampled(plant, K, delay=0.1)
     assert before.valid
     time, length = 1e-6, 1e8
     T = np.diag([length, length / time])
@@ -122,7 +122,7 @@ def test_units_change_nothing():
         plant.C1 @ np.linalg.inv(T), plant.C2 @ np.linalg.inv(T), D21=plant.D21,
     )  # fmt: skip
     K = control.ss([[0.5]], [[1.0]], [[-0.02]], [[-0.1]], 0.3 * time)
-    after = rp.certify_sampled(scaled, K, delay=0.1 * time)
+    after = rp.implementation.certify_sampled(scaled, K, delay=0.1 * time)
     assert after.valid
     assert after.bound == pytest.approx(before.bound, rel=1e-5)
 
@@ -131,9 +131,9 @@ def test_unfiltered_noise_is_averaged_and_said_so():
     plant = rp.GeneralizedPlant.from_matrices(
         [[-1.0]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], D21=[[1.0]]
     )
-    bare = rp.certify_sampled(plant, [[-1.0]], period=0.01)
+    bare = rp.implementation.certify_sampled(plant, [[-1.0]], period=0.01)
     assert "average" in bare.notes[0]
-    filtered = rp.certify_sampled(plant, [[-1.0]], period=0.01, anti_aliasing=20.0)
+    filtered = rp.implementation.certify_sampled(plant, [[-1.0]], period=0.01, anti_aliasing=20.0)
     assert filtered.notes == ()
     assert filtered.bound == pytest.approx(bare.bound, rel=1e-2)
     assert bare.bound == pytest.approx(0.5, rel=1e-2)
@@ -141,7 +141,7 @@ def test_unfiltered_noise_is_averaged_and_said_so():
 
 def test_a_loop_without_disturbance_has_norm_zero():
     plant = rp.GeneralizedPlant.from_matrices([[-1.0]], [[0.0]], [[1.0]], [[1.0]], [[1.0]])
-    found = rp.certify_sampled(plant, [[-1.0]], period=0.1)
+    found = rp.implementation.certify_sampled(plant, [[-1.0]], period=0.1)
     assert found.valid
     assert found.bound < 1e-25
 
@@ -150,13 +150,15 @@ def test_delays_round_the_loop_are_exact():
     lag = control.tf([1], [1, 1], inputs="u", outputs="y")
     plant = rp.GeneralizedPlant.from_loop(lag)
     late = plant.with_delay("u", 0.02).with_delay("y", 0.05)
-    exact = rp.certify_sampled(late, [[-1.0]], period=0.05)
-    same = rp.certify_sampled(plant, [[-1.0]], period=0.05, delay=0.07)
+    exact = rp.implementation.certify_sampled(late, [[-1.0]], period=0.05)
+    same = rp.implementation.certify_sampled(plant, [[-1.0]], period=0.05, delay=0.07)
     assert exact.valid
     assert exact.bound == pytest.approx(same.bound, rel=1e-6)
     np.testing.assert_allclose(np.sort(exact.poles), np.sort(same.poles), atol=1e-12)
     assert "are exact: 0.07 s round the loop" in exact.notes[0]
     # A filter beside delays, which stand before it.
-    filtered = rp.certify_sampled(plant.with_delay("u", 0.02), [[-1.0]], 0.05, anti_aliasing=5.0)
-    by_hand = rp.certify_sampled(plant, [[-1.0]], 0.05, 0.02, anti_aliasing=5.0)
+    filtered = rp.implementation.certify_sampled(
+        plant.with_delay("u", 0.02), [[-1.0]], 0.05, anti_aliasing=5.0
+    )
+    by_hand = rp.implementation.certify_sampled(plant, [[-1.0]], 0.05, 0.02, anti_aliasing=5.0)
     assert filtered.bound == pytest.approx(by_hand.bound, rel=1e-6)

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from robustpolish.implementation.sampled.energy_section import (
+from robustpolish.implementation.sampled.induced_norm import (
     Conflict,
     Section,
     hamiltonian,
     joined,
     phase_section,
 )
-from robustpolish.implementation.sampled.period_map import Phase
+from robustpolish.implementation.sampled.lifting import Phase
 
 
 def phase(length=1.0, D=0.0):

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
-from robustpolish.implementation.sampled.induced_norm import bracket, judge_gain, period_section
-from robustpolish.implementation.sampled.peak import peak_frequency
-from robustpolish.implementation.sampled.period_map import period_map
-from robustpolish.implementation.sampled.scaled_map import scaled
+from robustpolish.implementation.sampled.induced_norm import (
+    bracket,
+    judge_gain,
+    peak_frequency,
+    period_section,
+)
+from robustpolish.implementation.sampled.lifting import period_map, scaled
 from tests.implementation.designs import sampled_servo, servo
 
 

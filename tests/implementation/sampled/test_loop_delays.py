@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.implementation.sampled.loop_delays import loop_delay_taken_out
+from robustpolish.implementation.sampled.lifting import loop_delay_taken_out
 
 
 def plant(controls=2):

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from robustpolish.exact import balls
-from robustpolish.implementation.sampled.ball_section import period_balls
 from robustpolish.implementation.sampled.induced_norm import bracket, judge_gain, period_section
-from robustpolish.implementation.sampled.norm_proof import prove_above, prove_below
+from robustpolish.implementation.sampled.proof import period_balls, prove_above, prove_below
+from robustpolish.linear.arithmetic import balls
 from tests.implementation.sampled.test_induced_norm import loop
 
 

@@ -6,8 +6,7 @@ import pytest
 from scipy.linalg import expm
 
 import robustpolish as rp
-from robustpolish.implementation.sampled.period_map import period_map, split_delay
-from robustpolish.implementation.sampled.scaled_map import scaled
+from robustpolish.implementation.sampled.lifting import period_map, scaled, split_delay
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.03, 0.1, 0.27, 0.3])

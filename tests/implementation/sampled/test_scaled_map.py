@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from robustpolish.implementation.sampled.period_map import period_map
-from robustpolish.implementation.sampled.scaled_map import border_scale, scaled
+from robustpolish.implementation.sampled.lifting import border_scale, period_map, scaled
 from tests.implementation.designs import sampled_servo, servo
 
 

@@ -4,7 +4,7 @@ import control
 import numpy as np
 
 import robustpolish as rp
-from robustpolish.implementation.sampled.tone_gains import tone_gains
+from robustpolish.implementation.sampled.certificate import tone_gains
 from tests.implementation.designs import sampled_servo
 
 

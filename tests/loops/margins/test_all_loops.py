@@ -4,8 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.loops.given_loop import loop_of
-from robustpolish.loops.margins.all_loops import margins_at_once
+from robustpolish.loops.loop import loop_of
+from robustpolish.loops.margins import margins_at_once
 from robustpolish.loops.response import Response
 from tests.loops.loops_for_tests import SATELLITE, TEXTBOOK, delayed_poles, random_loop
 

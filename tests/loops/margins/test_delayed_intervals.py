@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.loops.given_loop import loop_of
-from robustpolish.loops.margins.all_loops import margins_at_once
-from robustpolish.loops.margins.delayed_intervals import DelayedIntervals
-from robustpolish.loops.margins.scaled_peak import best_scales
+from robustpolish.loops.disk_margins import DelayedIntervals
+from robustpolish.loops.loop import loop_of
+from robustpolish.loops.margins import margins_at_once
+from robustpolish.loops.scaled_peak import best_scales
 from tests.loops.loops_for_tests import random_loop
 
 

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from robustpolish.analysis import HinfNorm
-from robustpolish.loops.margins.disk import DiskMargin, decibel, disk_of
+from robustpolish.linear.norms.hinf import HinfNorm
+from robustpolish.loops.disk_margins import DiskMargin, decibel, disk_of
 
 
 def test_gain_and_phase_of_a_disk():

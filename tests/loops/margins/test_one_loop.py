@@ -4,8 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.loops.given_loop import loop_of
-from robustpolish.loops.margins.one_loop import margins_of
+from robustpolish.loops.loop import loop_of
+from robustpolish.loops.margins import margins_of
 from tests.loops.loops_for_tests import CONDITIONAL, TEXTBOOK, random_loop, s
 
 

@@ -7,8 +7,8 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.exact.realisation import realisation
-from robustpolish.loops.margins.scaled_peak import best_scales, interval, scaled_peak
+from robustpolish.linear.arithmetic.realisation import realisation
+from robustpolish.loops.scaled_peak import best_scales, interval, scaled_peak
 
 
 def test_scales_undo_units():

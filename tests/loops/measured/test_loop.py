@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.loops.measured.loop import MeasuredLoop
+from robustpolish.loops.measured import MeasuredLoop
 
 
 def lines_of(system, lines):

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.loops.measured.loop import MeasuredLoop
-from robustpolish.loops.measured.margins import measured_at_once, measured_margins
+from robustpolish.loops.measured import MeasuredLoop, measured_at_once, measured_margins
 
 s = control.tf("s")
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements.clock.axis import uniform_time
+from robustpolish.signals.time_axis import uniform_time
 
 GRID = np.arange(2000) * 1e-3
 

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements.clock.channel import find_time, is_text, seconds
-from robustpolish.measurements.raw import RawTable
+from robustpolish.signals.raw import RawTable
+from robustpolish.signals.time_axis import find_time, is_text, seconds
 
 
 def table(**columns):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.measurements.frequency.columns import responses_of
-from robustpolish.measurements.raw import RawTable
+from robustpolish.signals.frequency_response import responses_of
+from robustpolish.signals.raw import RawTable
 
 
 @pytest.mark.parametrize(

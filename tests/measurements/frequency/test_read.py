@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from robustpolish import InvalidInputError, read_frequency_response
-from robustpolish.measurements import holds_frequency_response, labelled_response
+from robustpolish.signals.frequency_response import holds_frequency_response, labelled_response
 
 LINES = np.array([1.0, 2.0, 4.0, 8.0])
 VALUES = np.array([2.0, 3j, -1.0, -0.5j]) * 1e-6

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from robustpolish import InvalidInputError
-from robustpolish.measurements.frequency.response import checked_response, labelled_response
+from robustpolish.signals.frequency_response import checked_response, labelled_response
 
 LINES = [1.0, 2.0, 3.0]
 

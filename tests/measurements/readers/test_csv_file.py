@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements import read_measurement
+from robustpolish.signals.read import read_measurement
 from tests.measurements.records import FORCE, MOTION, TIME, check, csv
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.measurements.readers.hdf5_heaps import check_heaps
+from robustpolish.signals.readers.hdf5 import check_heaps
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import scipy.io
 import scipy.sparse
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements import read_measurement
+from robustpolish.signals.read import read_measurement
 from tests.measurements.records import FORCE, MOTION, TIME, UNITS, check
 
 

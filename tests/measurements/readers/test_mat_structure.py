@@ -8,7 +8,7 @@ import pytest
 import scipy.io
 import scipy.sparse
 
-from robustpolish.measurements.readers.mat_structure import DamagedFileError, readable_variables
+from robustpolish.signals.readers.mat import DamagedFileError, readable_variables
 
 
 def content(compressed=False, **variables):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements.readers.named_arrays import real_vector, table_of
+from robustpolish.signals.readers.arrays import real_vector, table_of
 
 
 def sorted_out(chosen=None, **arrays):

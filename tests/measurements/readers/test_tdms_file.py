@@ -3,7 +3,7 @@
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements import read_measurement
+from robustpolish.signals.read import read_measurement
 from tests.measurements.records import FORCE, MOTION, check
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.measurements import read_measurement
-from robustpolish.measurements.readers.text_layout import find_layout
+from robustpolish.signals.read import read_measurement
+from robustpolish.signals.readers.csv import find_layout
 from tests.measurements.records import FORCE, MOTION, TIME, check, csv
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robustpolish.measurements import read_measurement
+from robustpolish.signals.read import read_measurement
 from tests.measurements.records import FORCE, MOTION, check, uff_record
 
 

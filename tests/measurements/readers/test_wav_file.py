@@ -6,7 +6,7 @@ import numpy as np
 import scipy.io
 import scipy.sparse
 
-from robustpolish.measurements import read_measurement
+from robustpolish.signals.read import read_measurement
 from tests.measurements.records import FORCE, MOTION
 
 

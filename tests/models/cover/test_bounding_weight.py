@@ -3,7 +3,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from robustpolish.models.cover.bounding_weight import bounding_weight, envelope
+from robustpolish.plants.uncertain.cover import bounding_weight, envelope
 
 OMEGA = np.geomspace(1e-3, 1e5, 300)
 S = 1j * OMEGA

@@ -10,7 +10,7 @@ from tests.models.cover.plants import RIGS, rig
 @pytest.mark.parametrize("kind", ["output", "input", "additive"])
 def test_every_plant_is_one_of_the_uncertain_system(kind):
     plants = [control.tf([1.0], [1.0, 0.2 * w, w**2]) for w in (20.0, 25.0, 30.0)]
-    found = rp.cover(plants, plants[1], kind=kind, order=4)
+    found = rp.uncertain.cover(plants, plants[1], kind=kind, order=4)
     assert found.covered
     W = np.abs(found.weight(1j * found.frequency).ravel())
     P0, P = plants[1](1j * found.frequency), plants[2](1j * found.frequency)
@@ -25,8 +25,8 @@ def test_every_plant_is_one_of_the_uncertain_system(kind):
 
 
 def test_model_in_the_middle_is_chosen():
-    found = rp.cover(RIGS, order=3)
-    tried = [rp.cover(RIGS, plant, order=0).errors.max() for plant in RIGS]
+    found = rp.uncertain.cover(RIGS, order=3)
+    tried = [rp.uncertain.cover(RIGS, plant, order=0).errors.max() for plant in RIGS]
     assert found.errors.max() == pytest.approx(min(tried))
     assert found.nominal.poles() == pytest.approx(RIGS[int(np.argmin(tried))].poles())
 
@@ -35,26 +35,26 @@ def test_several_signals():
     plant = control.ss(np.diag([-1.0, -2.0]), np.eye(2), [[1.0, 0.3], [0.2, 1.0]], np.zeros((2, 2)))
     family = [plant * np.diag([1 + a, 1 - a]) for a in (-0.2, 0.0, 0.2)]
     # A change of gains at the input has the same size at all frequencies there, and no weight.
-    found = rp.cover(family, kind="input", order=2)
+    found = rp.uncertain.cover(family, kind="input", order=2)
     assert found.weight.nstates == 0
     assert found.gains == pytest.approx(0.2)
     assert found.system.blocks[0].element.shape == (2, 2)
-    assert rp.cover(family, kind="output").errors.max() > 0.2
+    assert rp.uncertain.cover(family, kind="output").errors.max() > 0.2
 
 
 def test_unequal_numbers_of_signals():
     tall = control.ss([[-1.0]], [[1.0]], [[1.0], [2.0]], [[0.0], [0.0]])
     family = [tall, 1.1 * tall]
-    assert rp.cover(family, tall, kind="input", order=0).gains == pytest.approx(0.1)
+    assert rp.uncertain.cover(family, tall, kind="input", order=0).gains == pytest.approx(0.1)
     turned = [tall, control.ss([[-1.0]], [[1.0]], [[1.0], [2.1]], [[0.0], [0.0]])]
     with pytest.raises(rp.InvalidInputError, match='Take kind="additive" or "output"'):
-        rp.cover(turned, tall, kind="input")
-    assert rp.cover(turned, tall, kind="additive", order=2).system.shape == (2, 1)
+        rp.uncertain.cover(turned, tall, kind="input")
+    assert rp.uncertain.cover(turned, tall, kind="additive", order=2).system.shape == (2, 1)
 
 
 def test_sampled_plants():
     plants = [control.sample_system(p, 0.01, "zoh") for p in RIGS]
-    found = rp.cover(plants, plants[2], order=3)
+    found = rp.uncertain.cover(plants, plants[2], order=3)
     assert found.covered
     assert found.weight.dt == found.system.dt == 0.01
     assert (np.abs(found.weight.poles()) < 1).all()
@@ -72,16 +72,18 @@ def test_measured_responses():
         )
         for p in RIGS
     ]
-    found = rp.cover(responses, RIGS[2], order=3)
+    found = rp.uncertain.cover(responses, RIGS[2], order=3)
     assert found.covered
     assert found.frequency == pytest.approx(2 * np.pi * hertz)
     np.testing.assert_allclose(found.errors[2], 0, atol=1e-12)
     same = [control.FrequencyResponseData(r.values[:, 0, 0], 2 * np.pi * hertz) for r in responses]
-    np.testing.assert_allclose(rp.cover(same, RIGS[2], order=3).gains, found.gains, rtol=1e-9)
+    np.testing.assert_allclose(
+        rp.uncertain.cover(same, RIGS[2], order=3).gains, found.gains, rtol=1e-9
+    )
 
 
 def test_loop_that_is_proven_for_the_cover_is_stable_for_the_family():
-    found = rp.cover(RIGS, RIGS[2], order=5)
+    found = rp.uncertain.cover(RIGS, RIGS[2], order=5)
     gain = 0.5
     margin = rp.robust_stability((found.system * gain).feedback())
     assert margin.robust
@@ -93,7 +95,7 @@ def test_loop_that_is_proven_for_the_cover_is_stable_for_the_family():
 
 
 def test_what_it_says():
-    found = rp.cover(RIGS, RIGS[2], order=3)
+    found = rp.uncertain.cover(RIGS, RIGS[2], order=3)
     text = str(found)
     assert "relative error at the output" in text
     assert "nothing is known of the plants between" in text
@@ -101,7 +103,7 @@ def test_what_it_says():
     labels = [t.get_text() for t in found.plot().get_legend().get_texts()]
     assert labels[-1] == "weight"
     assert len(labels) == 6
-    many = rp.cover([rig(w) for w in np.linspace(20, 30, 9)], rig(25.0), order=1)
+    many = rp.uncertain.cover([rig(w) for w in np.linspace(20, 30, 9)], rig(25.0), order=1)
     assert len(many.plot().get_lines()) == 2
 
 
@@ -116,4 +118,4 @@ def test_what_it_says():
 )
 def test_bad_arguments(change, says):
     with pytest.raises(rp.InvalidInputError, match=says):
-        rp.cover(**({"plants": RIGS} | change))
+        rp.uncertain.cover(**({"plants": RIGS} | change))

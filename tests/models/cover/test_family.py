@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.models.cover.family import errors, read_family, response
+from robustpolish.plants.uncertain.cover import errors, read_family, response
 from tests.models.cover.plants import RIGS, rig
 
 

@@ -30,7 +30,7 @@ def test_damping_ratios_of_section_8_5():
 
 def test_equations_of_motion():
     """Each row of (8.46), written out."""
-    p = rp.AirBearingParameters()
+    p = rp.polishing.AirBearingParameters()
     c = p.damping(0.001)
     plant = rp.air_bearing(p, actuation="force")
     rng = np.random.default_rng(0)
@@ -73,7 +73,7 @@ def test_undamped_model_has_no_damping_at_all():
     np.testing.assert_allclose(
         np.linalg.eigvals(rp.air_bearing(dissipation=0).A).real, 0, atol=1e-7
     )
-    assert rp.AirBearingParameters().damping(0).c_Z == 0
+    assert rp.polishing.AirBearingParameters().damping(0).c_Z == 0
 
 
 def test_options_are_checked():

@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.models import (
-    AirBearingParameters,
-    MechanicalModel,
-    air_bearing,
-)
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 
 
 @pytest.mark.parametrize("actuation", ["force", "displacement"])

@@ -1,12 +1,7 @@
 """How a model shows itself."""
 
-from robustpolish.models import (
-    Damper,
-    Dof,
-    MechanicalModel,
-    Output,
-    Spring,
-)
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Output, Spring
 
 
 def test_the_table_shows_units_of_effects():

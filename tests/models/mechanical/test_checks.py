@@ -5,16 +5,11 @@ import pickle
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect, own_kind
 from robustpolish.errors import InvalidInputError
-from robustpolish.models import (
-    Damper,
-    Dof,
-    Input,
-    MechanicalModel,
-    Output,
-    Spring,
-)
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.user_defined import own_kind
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from tests.models.mechanical.two_masses import GROUND, two_masses
 
 

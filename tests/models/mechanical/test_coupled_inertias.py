@@ -8,8 +8,8 @@ from scipy.linalg import eigh
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.models.mechanical.data import share_of_couplings
-from robustpolish.simulation import simulate_model
+from robustpolish.machines.mechanical.data import share_of_couplings
+from robustpolish.machines.simulation.run import simulate_model
 
 G = 9.81
 PENDULUM = """

@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.models import (
-    Dof,
-    Input,
-    MechanicalModel,
-    Output,
-    Spring,
-)
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Dof, Input, Output, Spring
 from tests.models.mechanical.two_masses import two_masses
 
 

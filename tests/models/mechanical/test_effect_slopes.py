@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import RobustPolishWarning
-from robustpolish.models import (
-    Damper,
-    Dof,
-    MechanicalModel,
-    Output,
-    Spring,
-)
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Output, Spring
 from tests.models.mechanical.two_masses import two_masses
 
 

@@ -3,15 +3,9 @@
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from robustpolish.models import (
-    Damper,
-    Dof,
-    Input,
-    MechanicalModel,
-    Output,
-    Spring,
-)
-from robustpolish.simulation import linear_response
+from robustpolish.linear.response import linear_response
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from tests.models.mechanical.two_masses import two_masses
 
 

@@ -3,15 +3,11 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects import lookup, own_kind
 from robustpolish.errors import InvalidInputError
-from robustpolish.models import (
-    Damper,
-    Dof,
-    Input,
-    MechanicalModel,
-    Output,
-)
+from robustpolish.machines.effects.effect import lookup
+from robustpolish.machines.effects.user_defined import own_kind
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output
 
 
 def test_a_model_without_springs_integrates():

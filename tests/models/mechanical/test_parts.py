@@ -4,8 +4,15 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.models import Dof, Input, Output
-from robustpolish.models.mechanical.parts import imposed_by, number, places, text
+from robustpolish.machines.mechanical.parts import (
+    Dof,
+    Input,
+    Output,
+    imposed_by,
+    number,
+    places,
+    text,
+)
 
 GROUND = ("x", "ground")
 

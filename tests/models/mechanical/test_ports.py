@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects import own_kind
-from robustpolish.models import Output
-from robustpolish.models.mechanical.ports import (
+from robustpolish.machines.effects.user_defined import own_kind
+from robustpolish.machines.mechanical.data import (
     context_of,
     dynamic_effects,
     effect_ports,
     port_pairs,
     port_rows,
 )
+from robustpolish.machines.mechanical.parts import Output
 from tests.models.mechanical.two_masses import GROUND, two_masses
 
 BETWEEN = ("x", "x_m")

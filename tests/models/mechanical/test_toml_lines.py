@@ -2,7 +2,7 @@
 
 import pytest
 
-from robustpolish.models.mechanical.toml_lines import line_of
+from robustpolish.machines.mechanical.toml import line_of
 
 LINES = """\
 [dof."my x"]

@@ -47,7 +47,7 @@ def test_values_are_those_of_the_model():
     [
         ({"spring[7].stiffness": 0.1}, "key of model.parameters"),
         ({"spring[0].stiffness": "10 %"}, "share"),
-        ({"spring[0].stiffness": rp.uncertain_dynamics("d")}, "uncertain number"),
+        ({"spring[0].stiffness": rp.uncertain.dynamics("d")}, "uncertain number"),
         ({"spring[0].stiffness": (900, 1000)}, "around the nominal"),
         ({"dof.a.mass": 1.5}, "share below 1"),
         ({"dof.base.mass": 0.1}, "is 0"),
@@ -76,7 +76,7 @@ def test_numbers_of_an_ellipsoid():
     roots = np.tril(np.random.default_rng(0).uniform(0.01, 0.05, (5, 5)))
     known = {key: model().parameters[key] for key in KEYS}
     roots *= np.array(list(known.values()))[:, None]
-    fit = rp.uncertain_ellipsoid(known, roots, name="fit")
+    fit = rp.uncertain.ellipsoid(known, roots, name="fit")
     machine = model().uncertain({**fit, "spring[1].stiffness": 0.1})
     # A direction occurs as often as the numbers that it moves act in separate ways.
     copies = {block.element.name: block.copies for block in machine.blocks}
@@ -94,10 +94,10 @@ def test_numbers_of_an_ellipsoid():
 
 
 def test_number_of_a_formula_has_its_own_nominal_value():
-    grams = rp.uncertain_real("grams", 2100.0, percent=5)
+    grams = rp.uncertain.real("grams", 2100.0, percent=5)
     machine = model().uncertain({"dof.a.mass": grams / 1000})
     assert list(machine.elements) == ["grams"]
     wanted = model().with_parameters({"dof.a.mass": 2.15}).state_space()
     np.testing.assert_allclose(machine.at({"grams": 2150.0}).A, wanted.A, rtol=1e-10, atol=1e-9)
-    own = rp.uncertain_real("dof.a.mass", 2.0, percent=5)
+    own = rp.uncertain.real("dof.a.mass", 2.0, percent=5)
     assert list(model().uncertain({"dof.a.mass": own}).elements) == ["dof.a.mass"]

@@ -1,6 +1,7 @@
 """A small machine for tests, changed part by part."""
 
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 
 GROUND = ("x", "ground")
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.models.plant.elements import bilinear, lag, single_filter
+from robustpolish.plants.wired import bilinear, lag, single_filter
 
 HERTZ = 2000.0
 

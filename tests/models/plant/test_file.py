@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.base.saved import Fields, plain
 from robustpolish.errors import InvalidInputError
-from robustpolish.models.plant.blocks import named_system
-from robustpolish.models.plant.file import plant_content, system_content, system_from
-from robustpolish.models.plant.plant import plant_from
-from robustpolish.saved_file import Fields, plain
+from robustpolish.plants.blocks import named_system
+from robustpolish.plants.plant import plant_content, plant_from, system_content, system_from
 
 
 def read(plant, **changes):

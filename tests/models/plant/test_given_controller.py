@@ -6,7 +6,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.models.plant.given_controller import controller_system
+from robustpolish.plants.controllers import controller_system
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def test_a_transfer_function_closes_the_loop_as_its_realisation_does(plant):
     assert (loop.input_labels, loop.output_labels) == (["w1"], ["z1"])
     np.testing.assert_allclose(sorted(loop.poles().imag), [-np.sqrt(2.75), np.sqrt(2.75)])
     delayed = plant.with_delay("u1", 0.01).delayed_loop(K)
-    assert bool(rp.delay_stability(delayed))
+    assert bool(rp.linear.delay_stability(delayed))
 
 
 def test_what_does_not_fit_is_named(plant):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.models.plant.given_system import as_state_space, realised
+from robustpolish.plants.blocks import as_state_space, realised
 
 POINTS = 1j * np.array([0.0, 0.3, 1.7, 20.0])
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.models.plant.measured import between_lines, finite, rearranged
+from robustpolish.plants.blocks import between_lines, finite, rearranged
 
 OMEGA = 2 * np.pi * np.linspace(1.0, 5.0, 9)
 

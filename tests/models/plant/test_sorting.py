@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.models.plant.sorting import chosen_names, sorted_signals
+from robustpolish.plants.blocks import chosen_names, sorted_signals
 
 INS, OUTS = ["F", "d", "n", "V"], ["y", "z", "x"]
 

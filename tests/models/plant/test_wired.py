@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.models.plant.elements import lag
+from robustpolish.plants.wired import lag
 
 HERTZ = np.array([0.3, 2.0, 17.0])
 S = 2j * np.pi * HERTZ

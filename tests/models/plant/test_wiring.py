@@ -3,8 +3,8 @@
 import numpy as np
 
 import robustpolish as rp
-from robustpolish.models.plant.blocks import closed_loop
-from robustpolish.models.plant.wiring import Wiring
+from robustpolish.plants.blocks import closed_loop
+from robustpolish.plants.wiring import Wiring
 from tests.models.plant.random_plants import random_plant
 
 
@@ -14,8 +14,10 @@ def wiring():
 
 
 def test_lines_stand_last_among_disturbances_and_outputs():
-    line = rp.DelayLine("u2", 0.1, 2)
-    wired = wiring().delayed("input", 3, line).delayed("output", 3, rp.DelayLine("y1", 0.2))
+    line = rp.simulation.DelayLine("u2", 0.1, 2)
+    wired = (
+        wiring().delayed("input", 3, line).delayed("output", 3, rp.simulation.DelayLine("y1", 0.2))
+    )
     assert wired.disturbance_names == ("w1", "w2", "delay 1", "delay 2")
     assert wired.performance_names == ("z1", "z2", "delay 1", "delay 2")
     assert wired.control_names == ("u1", "u2", "u3")
@@ -30,9 +32,9 @@ def test_lines_stand_last_among_disturbances_and_outputs():
 
 
 def test_closing_the_loop_and_closing_the_delays_commute():
-    wired = wiring().delayed("input", 2, rp.DelayLine("u1", 0.1, 2))
+    wired = wiring().delayed("input", 2, rp.simulation.DelayLine("u1", 0.1, 2))
     K = np.random.default_rng(2).standard_normal((3, 2)) / 5
-    first = rp.DelayedSystem(closed_loop(wired, K), wired.lines).pade_model()
+    first = rp.simulation.DelayedSystem(closed_loop(wired, K), wired.lines).pade_model()
     model = rp.GeneralizedPlant(wired.pade_model(), 2, 3).closed_loop(K)
     for s in (0.0, 2j, 1 + 10j):
         np.testing.assert_allclose(first(s), model(s))

@@ -3,8 +3,13 @@ import math
 import numpy as np
 import pytest
 
-from robustpolish.models import RotorBearing, RotorDisc, ShaftSegment
-from robustpolish.models.rotor.assembly import Mesh, assembled
+from robustpolish.machines.rotor.assembly import (
+    Mesh,
+    RotorBearing,
+    RotorDisc,
+    ShaftSegment,
+    assembled,
+)
 
 
 def test_discs_and_bearings_divide_the_shaft():

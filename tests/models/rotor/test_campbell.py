@@ -2,8 +2,15 @@ import numpy as np
 import pytest
 
 from robustpolish import InvalidInputError
-from robustpolish.models import RotorBearing, RotorDisc, RotorModel, ShaftSegment
-from robustpolish.models.rotor.published import ANISOTROPIC, FAST, IN_RAD, ISOTROPIC, OVERHUNG
+from robustpolish.machines.rotor.assembly import RotorBearing, RotorDisc, ShaftSegment
+from robustpolish.machines.rotor.rotor import (
+    ANISOTROPIC,
+    FAST,
+    IN_RAD,
+    ISOTROPIC,
+    OVERHUNG,
+    RotorModel,
+)
 
 
 @pytest.mark.parametrize(

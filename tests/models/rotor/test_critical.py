@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from robustpolish import InvalidInputError
-from robustpolish.models import RotorModel, ShaftSegment
-from robustpolish.models.rotor.critical import critical_speeds
-from robustpolish.models.rotor.published import ANISOTROPIC, ISOTROPIC
+from robustpolish.machines.rotor.assembly import ShaftSegment
+from robustpolish.machines.rotor.modes import critical_speeds
+from robustpolish.machines.rotor.rotor import ANISOTROPIC, ISOTROPIC, RotorModel
 
 
 def test_an_unbalance_has_no_bounded_answer_there():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.models.rotor.element import inertia, motion, shapes, stiffness
+from robustpolish.machines.rotor.assembly import inertia, motion, shapes, stiffness
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.7])

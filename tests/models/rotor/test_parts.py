@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish import InvalidInputError
-from robustpolish.models import RotorBearing, RotorDisc, ShaftSegment
+from robustpolish.machines.rotor.assembly import RotorBearing, RotorDisc, ShaftSegment
 
 
 def test_a_hollow_section():

@@ -3,8 +3,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish import InvalidInputError
-from robustpolish.models import RotorModel
-from robustpolish.models.rotor.published import DAMPED, FAST, ISOTROPIC
+from robustpolish.machines.rotor.rotor import DAMPED, FAST, ISOTROPIC, RotorModel
 
 ENDS = {"left": 0.0, "right": 1.5}
 

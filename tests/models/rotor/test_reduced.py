@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from robustpolish import InvalidInputError
-from robustpolish.models.rotor.published import FAST, ISOTROPIC
+from robustpolish.machines.rotor.rotor import FAST, ISOTROPIC
 
 PLACES = [0.0, 0.5, 1.5]
 

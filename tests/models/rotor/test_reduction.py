@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from robustpolish import InvalidInputError
-from robustpolish.models import RotorModel, ShaftSegment
-from robustpolish.models.rotor.published import FAST, ISOTROPIC
-from robustpolish.models.rotor.reduction import reduction_basis
+from robustpolish.machines.rotor.assembly import ShaftSegment
+from robustpolish.machines.rotor.rotor import FAST, ISOTROPIC, RotorModel, reduction_basis
 
 PORTS = ISOTROPIC.assembly.ports([0.0, 0.5, 1.5])
 SYSTEM = ISOTROPIC.assembly.system

@@ -7,7 +7,8 @@ import pytest
 
 import robustpolish as rp
 from robustpolish import InvalidInputError
-from robustpolish.models import RotorBearing, RotorDisc, RotorModel, ShaftSegment
+from robustpolish.machines.rotor.assembly import RotorBearing, RotorDisc, ShaftSegment
+from robustpolish.machines.rotor.rotor import RotorModel
 
 CLAMP = RotorBearing(0.0, math.inf, tilting_stiffness=math.inf)
 PINS = [RotorBearing(0.0, math.inf), RotorBearing(1.0, math.inf)]
@@ -97,7 +98,7 @@ def test_frequencies_converge_with_the_fourth_power_of_the_elements():
 @pytest.mark.parametrize("elements", [1, 5])
 def test_a_force_at_the_tip_meets_3EI_over_l3(elements):
     rod = ShaftSegment(0.02, 0.003, young_modulus=2e11, shear_modulus=7.7e10, elements=elements)
-    thesis = rp.AirBearingParameters().k_x
+    thesis = rp.polishing.AirBearingParameters().k_x
     euler, timoshenko = (
         RotorModel([rod], bearings=[CLAMP], theory=theory).static_stiffness(0.02)
         for theory in ("euler", "timoshenko")

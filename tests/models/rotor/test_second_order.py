@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from robustpolish import InvalidInputError
-from robustpolish.models.rotor.second_order import SecondOrder
+from robustpolish.machines.rotor.assembly import SecondOrder
 
 
 def chain(mass=(2.0, 1.0), held=3e4, between=1e4, speed_terms=0.0):

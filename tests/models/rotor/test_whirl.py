@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.models import RotorBearing, RotorDisc, RotorModel, ShaftSegment
-from robustpolish.models.rotor.published import (
+from robustpolish.machines.rotor.assembly import RotorBearing, RotorDisc, ShaftSegment
+from robustpolish.machines.rotor.rotor import (
     ANISOTROPIC,
     DAMPED,
     DAMPED_HZ,
@@ -10,6 +10,7 @@ from robustpolish.models.rotor.published import (
     IN_RAD,
     ISOTROPIC,
     SHAFT,
+    RotorModel,
 )
 
 

@@ -3,11 +3,11 @@ import pytest
 
 import robustpolish as rp
 
-K = rp.uncertain_real("k", 10, percent=40)
+K = rp.uncertain.real("k", 10, percent=40)
 
 
 def test_names():
-    plant = rp.uncertain_system(
+    plant = rp.uncertain.system(
         [[0, 1], [-K, -1]], [[0], [1]], [[1, 0]], states=["x", "v"], inputs=["F"], outputs=["y"]
     )
     machine = plant.at({"k": 11})
@@ -17,15 +17,15 @@ def test_names():
 
 
 def test_sampling_time():
-    discrete = rp.uncertain_system([[0.05 * K]], [[1]], [[1]], 0, dt=0.1)
+    discrete = rp.uncertain.system([[0.05 * K]], [[1]], [[1]], 0, dt=0.1)
     assert discrete.nominal.dt == 0.1
     with pytest.raises(rp.InvalidInputError, match="sampling time"):
-        discrete * rp.uncertain_system([[-K]], [[1]], [[1]])
+        discrete * rp.uncertain.system([[-K]], [[1]], [[1]])
 
 
 def test_entries_of_arrays():
     A = np.array([[0, 1], [-K, -1.0]])
-    assert rp.uncertain_system(A, [0, 1], [1, 0]).at({"k": 12}).A[1, 0] == pytest.approx(-12)
+    assert rp.uncertain.system(A, [0, 1], [1, 0]).at({"k": 12}).A[1, 0] == pytest.approx(-12)
 
 
 @pytest.mark.parametrize(
@@ -35,10 +35,10 @@ def test_entries_of_arrays():
         (([[K]], [[1], [2]], [[1]]), "B: got shape"),
         (([[K]], [[1]], [[1]], [[1, 2]]), "D: got shape"),
         (([["a"]], [[1]], [[1]]), "A"),
-        (([[rp.uncertain_dynamics("d")]], [[1]], [[1]]), "dynamic"),
+        (([[rp.uncertain.dynamics("d")]], [[1]], [[1]]), "dynamic"),
         (([[K, 1], [2]], [[1]], [[1]]), "A"),
     ],
 )
 def test_bad_matrices(matrices, says):
     with pytest.raises(rp.InvalidInputError, match=says):
-        rp.uncertain_system(*matrices)
+        rp.uncertain.system(*matrices)

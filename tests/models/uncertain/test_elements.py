@@ -1,6 +1,6 @@
 import pytest
 
-from robustpolish.models.uncertain.elements import Block, DynamicElement, RealElement
+from robustpolish.plants.uncertain.elements import Block, DynamicElement, RealElement
 
 
 @pytest.mark.parametrize("value", [1.0, 2.0, 3.7, 5.0])

@@ -8,7 +8,7 @@ CENTRE = {"k": 10.0, "c": 1.0, "m": 2.0}
 
 
 def fit(**changes):
-    return rp.uncertain_ellipsoid(CENTRE, **({"covariance": P} | changes))
+    return rp.uncertain.ellipsoid(CENTRE, **({"covariance": P} | changes))
 
 
 def test_covariance_gives_the_confidence_region():
@@ -22,18 +22,18 @@ def test_covariance_gives_the_confidence_region():
 
 
 def test_what_a_covariance_calls_certain_is_certain():
-    one = rp.uncertain_ellipsoid({"k": 10, "c": 1}, covariance=[[4.0, 0.2], [0.2, 0.01]])
+    one = rp.uncertain.ellipsoid({"k": 10, "c": 1}, covariance=[[4.0, 0.2], [0.2, 0.01]])
     assert one.L.shape == (2, 1)
     assert (one["c"] / one["k"]).at({"k": 12.0}) == pytest.approx(1.1 / 12)
     with pytest.raises(rp.InvalidInputError, match="can have together"):
         one.directions({"k": 12.0, "c": 0.9})
-    both = rp.uncertain_ellipsoid({"k": 10, "g": 3}, covariance=[[4.0, 0.0], [0.0, 0.0]])
+    both = rp.uncertain.ellipsoid({"k": 10, "g": 3}, covariance=[[4.0, 0.0], [0.0, 0.0]])
     assert both["g"].at({}) == 3.0
 
 
 def test_result_does_not_depend_on_units():
     units = np.array([1e-9, 1.0, 1e9])
-    scaled = rp.uncertain_ellipsoid(
+    scaled = rp.uncertain.ellipsoid(
         dict(zip(CENTRE, np.array(list(CENTRE.values())) * units, strict=True)),
         covariance=P * units * units[:, None],
     )
@@ -63,7 +63,7 @@ def test_numbers_that_are_not_named_take_what_is_expected_of_them():
 def test_system_of_its_numbers():
     one = fit()
     k, c, m = one["k"], one["c"], one["m"]
-    plant = rp.uncertain_system([[0, 1], [-k / m, -c / m]], [[0], [1 / m]], [[1, 0]])
+    plant = rp.uncertain.system([[0, 1], [-k / m, -c / m]], [[0], [1 / m]], [[1, 0]])
     machine = plant.at({"k": 11.0, "c": 0.9, "m": 2.01})
     np.testing.assert_allclose(machine.A[1], [-11 / 2.01, -0.9 / 2.01])
     assert plant.numbers(one.directions({"k": 11.0}) | {"else": 1})["k"] == pytest.approx(11.0)
@@ -85,7 +85,7 @@ def test_samples_lie_evenly_in_the_ellipsoid():
 
 
 def test_shape_is_taken_as_it_is():
-    one = rp.uncertain_ellipsoid({"k": 10.0, "c": 1.0}, [[2.0], [0.1]])
+    one = rp.uncertain.ellipsoid({"k": 10.0, "c": 1.0}, [[2.0], [0.1]])
     assert one.ranges == {"k": (8.0, 12.0), "c": (0.9, 1.1)}
     assert one["k"].at({"ellipsoid[0]": 1.5}) == 13.0
     assert one.confidence is None
@@ -96,17 +96,17 @@ def test_shape_is_taken_as_it_is():
 @pytest.mark.parametrize(
     "call",
     [
-        lambda: rp.uncertain_ellipsoid({"k": 1.0}),
-        lambda: rp.uncertain_ellipsoid({"k": 1.0}, [[1.0]], covariance=[[1.0]]),
-        lambda: rp.uncertain_ellipsoid({}, [[1.0]]),
-        lambda: rp.uncertain_ellipsoid({"k": "one"}, [[1.0]]),
-        lambda: rp.uncertain_ellipsoid({"k": 1.0}, [[1.0], [2.0]]),
-        lambda: rp.uncertain_ellipsoid({"k": 1.0}, covariance=[[-1.0]]),
-        lambda: rp.uncertain_ellipsoid({"k": 1.0, "c": 1.0}, covariance=[[1, 2], [2, 1]]),
-        lambda: rp.uncertain_ellipsoid({"k": 1.0, "c": 1.0}, covariance=[[1, 0.5], [0, 1]]),
-        lambda: rp.uncertain_ellipsoid({"k": 1.0}, covariance=[[1.0]], confidence=95),
+        lambda: rp.uncertain.ellipsoid({"k": 1.0}),
+        lambda: rp.uncertain.ellipsoid({"k": 1.0}, [[1.0]], covariance=[[1.0]]),
+        lambda: rp.uncertain.ellipsoid({}, [[1.0]]),
+        lambda: rp.uncertain.ellipsoid({"k": "one"}, [[1.0]]),
+        lambda: rp.uncertain.ellipsoid({"k": 1.0}, [[1.0], [2.0]]),
+        lambda: rp.uncertain.ellipsoid({"k": 1.0}, covariance=[[-1.0]]),
+        lambda: rp.uncertain.ellipsoid({"k": 1.0, "c": 1.0}, covariance=[[1, 2], [2, 1]]),
+        lambda: rp.uncertain.ellipsoid({"k": 1.0, "c": 1.0}, covariance=[[1, 0.5], [0, 1]]),
+        lambda: rp.uncertain.ellipsoid({"k": 1.0}, covariance=[[1.0]], confidence=95),
         lambda: fit().directions({"stiffness": 1.0}),
-        lambda: fit()["k"] + rp.uncertain_ellipsoid({"k": 1.0}, [[1.0]])["k"],
+        lambda: fit()["k"] + rp.uncertain.ellipsoid({"k": 1.0}, [[1.0]])["k"],
     ],
 )
 def test_bad_ellipsoids_are_refused(call):

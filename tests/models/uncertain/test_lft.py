@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.models.uncertain.elements import Block, RealElement
-from robustpolish.models.uncertain.lft import (
+from robustpolish.plants.uncertain.elements import Block, RealElement
+from robustpolish.plants.uncertain.lft import (
     Lft,
     appended,
     block_slices,

@@ -1,6 +1,6 @@
 import numpy as np
 
-from robustpolish.models.uncertain.reduction import reduced_copies
+from robustpolish.plants.uncertain.lft import reduced_copies
 
 
 def test_copies_that_nothing_sees_go():

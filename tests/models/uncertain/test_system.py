@@ -4,7 +4,7 @@ import pytest
 
 import robustpolish as rp
 
-K, M = rp.uncertain_real("k", 10, percent=40), rp.uncertain_real("m", 2, range=(1, 5))
+K, M = rp.uncertain.real("k", 10, percent=40), rp.uncertain.real("m", 2, range=(1, 5))
 POINT = {"k": 7.0, "m": 3.0}
 
 
@@ -65,14 +65,14 @@ def test_copies_are_few():
     assert (K + K).blocks[0].copies == 1
     assert (K * M + 2 * K * M).blocks[0].copies == 1
     A = [[0, 1], [-K / M, -0.4 / M]]
-    plant = rp.uncertain_system(A, [0, 1 / M], [1, 0])
+    plant = rp.uncertain.system(A, [0, 1 / M], [1, 0])
     assert {b.element.name: b.copies for b in plant.blocks} == {"k": 1, "m": 1}
 
 
 def test_copies_do_not_depend_on_units():
-    big, small = rp.uncertain_real("b", 1e9, percent=5), rp.uncertain_real("s", 1e-9, percent=5)
+    big, small = rp.uncertain.real("b", 1e9, percent=5), rp.uncertain.real("s", 1e-9, percent=5)
     A = [[0, 1], [-big / small, -1e3 / small]]
-    plant = rp.uncertain_system(A, [0, 1 / small], [1, 0])
+    plant = rp.uncertain.system(A, [0, 1 / small], [1, 0])
     assert [b.copies for b in plant.blocks] == [1, 1]
     at = plant.at({"b": 1.02e9, "s": 0.97e-9})
     assert at.A[1, 0] == pytest.approx(-1.02e9 / 0.97e-9)
@@ -92,8 +92,8 @@ def test_skewed_range_meets_its_ends():
 
 
 def test_samples():
-    c = rp.uncertain_complex("c", 1, radius=0.3)
-    d = rp.uncertain_dynamics("d", (2, 3), bound=0.5)
+    c = rp.uncertain.complex("c", 1, radius=0.3)
+    d = rp.uncertain.dynamics("d", (2, 3), bound=0.5)
     numbers = K.sample(50, seed=3)
     assert min(numbers) >= 6
     assert max(numbers) <= 14
@@ -106,7 +106,7 @@ def test_samples():
 
 
 def test_dynamics_take_systems():
-    d = rp.uncertain_dynamics("d", bound=rp.weight(0.1, 10, 2))
+    d = rp.uncertain.dynamics("d", bound=rp.weight(0.1, 10, 2))
     lag = control.ss([[-1.0]], [[1.0]], [[0.5]], 0)
     closed = (1 + d).at({"d": lag})
     want = 1 + rp.weight(0.1, 10, 2)(3j) * lag(3j)
@@ -115,15 +115,15 @@ def test_dynamics_take_systems():
 
 def test_lft_and_connections():
     P = np.array([[1.0, 2.0], [3.0, 4.0]])
-    assert rp.lft(P, K).at({"k": 7}) == pytest.approx(1 + 2 * 7 * 3 / (1 - 4 * 7))
+    assert rp.uncertain.lft(P, K).at({"k": 7}) == pytest.approx(1 + 2 * 7 * 3 / (1 - 4 * 7))
     assert rp.feedback(2.0, K).at({"k": 7}) == pytest.approx(2 / 15)
     assert rp.feedback(K, 2.0, sign=1).at({"k": 7}) == pytest.approx(7 / (1 - 14))
-    both = rp.append(K, [[1.0, 2.0]])
+    both = rp.uncertain.append(K, [[1.0, 2.0]])
     assert both.shape == (2, 3)
 
 
 def test_interconnection_is_the_same_system():
-    plant = rp.uncertain_system([[-K]], [[1]], [[1]])
+    plant = rp.uncertain.system([[-K]], [[1]], [[1]])
     inside = plant.interconnection
     delta = plant.elements["k"].delta(12)
     assert delta == 0.5
@@ -146,7 +146,7 @@ def test_interconnection_is_the_same_system():
         (lambda: K.feedback(-0.1), "well posed"),
         (lambda: K.feedback([[1, 2]]), "1 x 1"),
         (lambda: K.feedback(1, sign=0), "sign"),
-        (lambda: K + rp.uncertain_real("k", 11, percent=40), "one meaning"),
+        (lambda: K + rp.uncertain.real("k", 11, percent=40), "one meaning"),
         (lambda: np.eye(2) * K * np.eye(3), "sizes that fit"),
         (lambda: K[0], "rows and columns"),
         (lambda: K[0, 3], "positions below 1"),
@@ -159,8 +159,8 @@ def test_bad_input(call, says):
 
 
 def test_signals_are_picked_by_name_and_by_position():
-    k = rp.uncertain_real("k", 10, percent=40)
-    system = rp.uncertain_system(
+    k = rp.uncertain.real("k", 10, percent=40)
+    system = rp.uncertain.system(
         [[0, 1], [-k, -2]], np.eye(2), np.eye(2), inputs=["F", "push"], outputs=["x", "v"]
     )
     picked = system[["v", 0], "push"]

@@ -2,7 +2,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 
-from robustpolish.plotting import plot_path_in_space
+from robustpolish.plots.charts import plot_path_in_space
 
 X, Y = np.linspace(0, 0.03, 7), np.linspace(0, 0.02, 5)
 MAP = xr.DataArray(np.add.outer(X, Y), {"x": X, "y": Y}, ("x", "y"), "depth", {"units": "m"})

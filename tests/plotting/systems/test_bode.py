@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 
-from robustpolish.plotting import plot_bode, plot_nyquist
+from robustpolish.plots.frequency import plot_bode, plot_nyquist
 
 LINES = np.linspace(1.0, 10.0, 50)
 RESPONSE = xr.DataArray(1 / (25.0 - LINES**2 + 0.5j * LINES), {"frequency": LINES}, "frequency")

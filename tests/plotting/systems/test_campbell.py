@@ -1,6 +1,6 @@
 import numpy as np
 
-from robustpolish.plotting import plot_campbell
+from robustpolish.plots.poles import plot_campbell
 
 SPEEDS = np.array([0.0, 100.0, 200.0])
 HZ = np.array([[10.0, 10.0, 5.0], [9.0, 11.0, 5.0], [8.0, 12.0, 5.0]])

@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from robustpolish import plotting
+from robustpolish import plots as plotting
 from tests.plotting.legends import names
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.plotting import plot_nichols, plot_nyquist_disks
+from robustpolish.plots.frequency import plot_nichols, plot_nyquist_disks
 
 OMEGA = np.geomspace(0.01, 100, 400)
 VALUES = 1 / (1j * OMEGA * (1j * OMEGA + 1))

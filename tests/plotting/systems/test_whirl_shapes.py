@@ -1,6 +1,6 @@
 import numpy as np
 
-from robustpolish.plotting import plot_whirl_shapes
+from robustpolish.plots.poles import plot_whirl_shapes
 
 
 def test_the_larger_axis_is_drawn_at_its_largest():

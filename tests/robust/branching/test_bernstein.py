@@ -2,7 +2,7 @@ import flint
 import numpy as np
 import pytest
 
-from robustpolish.robust.branching.bernstein import (
+from robustpolish.robust.branch_and_bound import (
     along,
     from_powers,
     from_values,

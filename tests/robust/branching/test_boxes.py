@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.exact.balls import midpoint
-from robustpolish.robust.branching.boxes import can_split, moved, split
-from robustpolish.robust.branching.branch import can_branch
+from robustpolish.linear.arithmetic.balls import midpoint
+from robustpolish.robust.branch_and_bound import can_branch, can_split, moved, split
 from robustpolish.robust.loop_model import LoopModel
 from tests.robust.loops import carts, column, random_loop
 
@@ -54,9 +53,9 @@ def test_both_bounds_are_drawn_together():
 
 def spring():
     """A spring that is known to 30 %, and two gains that are known to 10 %."""
-    k = rp.uncertain_real("k", 4, percent=30)
-    plant = rp.uncertain_system([[0, 1], [-k, -0.4]], [[0], [1]], [[1, 0]])
-    first, second = (rp.uncertain_dynamics(name, bound=0.1) for name in ("first", "second"))
+    k = rp.uncertain.real("k", 4, percent=30)
+    plant = rp.uncertain.system([[0, 1], [-k, -0.4]], [[0], [1]], [[1, 0]])
+    first, second = (rp.uncertain.dynamics(name, bound=0.1) for name in ("first", "second"))
     return rp.feedback(plant * (1 + first), 0.5 * (1 + second))
 
 

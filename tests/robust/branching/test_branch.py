@@ -5,16 +5,15 @@ import pytest
 from scipy.optimize import minimize
 
 import robustpolish as rp
-from robustpolish.robust.branching import branch
-from robustpolish.robust.branching.branch import branched, gauge_of
-from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.structure import DeltaBlock, Structure
+from robustpolish.robust import branch_and_bound as branch
+from robustpolish.robust.branch_and_bound import branched, gauge_of
+from robustpolish.robust.loop_model import DeltaBlock, LoopModel, Structure
 from tests.robust.loops import servo
 
 
 def chain(damping=0.01):
     """Three masses in a row between walls, with springs that are known to 20, 25 and 30 %."""
-    springs = [rp.uncertain_real(f"k{i}", 1 + 0.3 * i, percent=20 + 5 * i) for i in range(3)]
+    springs = [rp.uncertain.real(f"k{i}", 1 + 0.3 * i, percent=20 + 5 * i) for i in range(3)]
     K = [[0] * 3 for _ in range(3)]
     for i, k in enumerate(springs):
         K[i][i] = K[i][i] + k
@@ -26,7 +25,7 @@ def chain(damping=0.01):
         A[i][3 + i], A[3 + i][3 + i] = 1, -damping * (1 + i)
         for j in range(3):
             A[3 + i][j] = -1 * K[i][j] if K[i][j] != 0 else 0
-    return rp.uncertain_system(A, np.eye(6)[:, [3]], np.eye(6)[[2]])
+    return rp.uncertain.system(A, np.eye(6)[:, [3]], np.eye(6)[[2]])
 
 
 def cubic(seed):
@@ -34,9 +33,9 @@ def cubic(seed):
     random = np.random.default_rng(seed)
     centre = np.array([2.0, 3.0, 2.0]) * random.uniform(0.7, 1.3, 3)
     L = 0.3 * random.standard_normal((3, 3))
-    e = rp.uncertain_ellipsoid(dict(zip("abc", centre, strict=True)), shape=L)
+    e = rp.uncertain.ellipsoid(dict(zip("abc", centre, strict=True)), shape=L)
     A = [[0, 1, 0], [0, 0, 1], [-e["c"], -e["b"], -e["a"]]]
-    return centre, L, rp.uncertain_system(A, [[0], [0], [1]], [[1, 0, 0]])
+    return centre, L, rp.uncertain.system(A, [[0], [0], [1]], [[1, 0, 0]])
 
 
 def routh(centre, L):
@@ -70,8 +69,8 @@ def test_ellipsoid_of_a_mass():
     # m s^2 + c s + k: stable as long as all are positive, so the nearest of three planes counts
     centre = {"m": 2.0, "c": 0.5, "k": 3.0}
     L = np.array([[0.3, 0.1, 0.0], [0.05, 0.2, 0.04], [0.0, 0.6, 0.5]])
-    e = rp.uncertain_ellipsoid(centre, shape=L)
-    loop = rp.uncertain_system([[0, 1], [-e["k"] / e["m"], -e["c"] / e["m"]]], [[0], [1]], [[1, 0]])
+    e = rp.uncertain.ellipsoid(centre, shape=L)
+    loop = rp.uncertain.system([[0, 1], [-e["k"] / e["m"], -e["c"] / e["m"]]], [[0], [1]], [[1, 0]])
     truth = min(p / np.linalg.norm(row) for p, row in zip(centre.values(), L, strict=True))
     margin = rp.robust_stability(loop, gap=1e-6)
     assert margin.lower <= truth * (1 + 1e-12)
@@ -82,8 +81,8 @@ def test_ellipsoid_of_a_mass():
 def test_worst_gain_over_an_ellipsoid():
     # 1 / (s^2 + c s + k) has the gain 1 / (c sqrt(k - c^2 / 4)): least over the circle
     L = np.array([[0.1, 0.05], [0.2, 0.3]])
-    e = rp.uncertain_ellipsoid({"c": 0.5, "k": 2.0}, shape=L)
-    loop = rp.uncertain_system([[0, 1], [-e["k"], -e["c"]]], [[0], [1]], [[1, 0]])
+    e = rp.uncertain.ellipsoid({"c": 0.5, "k": 2.0}, shape=L)
+    loop = rp.uncertain.system([[0, 1], [-e["k"], -e["c"]]], [[0], [1]], [[1, 0]])
     angles = np.linspace(0, 2 * np.pi, 200001)
     c, k = np.array([[0.5], [2.0]]) + L @ np.array([np.cos(angles), np.sin(angles)])
     truth = (1 / (c * np.sqrt(k - c**2 / 4))).max()

@@ -2,20 +2,19 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.robust.branching.polynomials import family, is_small
-from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.structure import DeltaBlock
+from robustpolish.robust.branch_and_bound import family, is_small
+from robustpolish.robust.loop_model import DeltaBlock, LoopModel
 from tests.robust.branching.test_bernstein import value
 from tests.robust.loops import column, servo
 
 
 def springs(dt=0):
     """Two numbers, one of them twice in it, with direct feedthrough, two inputs and outputs."""
-    k, c = rp.uncertain_real("k", 2, percent=30), rp.uncertain_real("c", 1, percent=50)
+    k, c = rp.uncertain.real("k", 2, percent=30), rp.uncertain.real("c", 1, percent=50)
     A = [[0, 1], [-k * k, -c / (1 + 0.1 * k)]]
     if dt:
         A = [[0.5, 0.1], [-0.1 * k * k, 0.4 - 0.1 * c]]
-    return rp.uncertain_system(A, np.eye(2), [[1, k], [0, 1]], [[0, 0.1], [0.2, c]], dt=dt)
+    return rp.uncertain.system(A, np.eye(2), [[1, k], [0, 1]], [[0, 0.1], [0.2, c]], dt=dt)
 
 
 @pytest.mark.parametrize("dt", [0, 0.1])

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.robust.branching.probe import nearby, worst_signals
+from robustpolish.robust.branch_and_bound import nearby, worst_signals
 from robustpolish.robust.loop_model import LoopModel
 from tests.robust.loops import carts, servo
 

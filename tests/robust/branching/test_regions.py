@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.robust.branching.regions import Gauge, Region, bent, bound
+from robustpolish.robust.branch_and_bound import Gauge, Region, bent, bound
 
 ALONE = Gauge((0,), ())
 

@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.exact.balls import precision
+from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.numbers.one_number import proven_size
+from robustpolish.robust.real_parameters import proven_size
 from tests.robust.loops import servo
 
 
@@ -16,8 +16,8 @@ def repeated(seed):
     A = random.standard_normal((n, n))
     A -= (np.linalg.eigvals(A).real.max() + 0.3) * np.eye(n)
     change = random.standard_normal((n, r)) @ random.standard_normal((r, n))
-    p = rp.uncertain_real("p", 0, plus_minus=1)
-    return A, change, rp.uncertain_system(A + change * p, np.ones((n, 1)), np.ones((1, n)))
+    p = rp.uncertain.real("p", 0, plus_minus=1)
+    return A, change, rp.uncertain.system(A + change * p, np.ones((n, 1)), np.ones((1, n)))
 
 
 def exact(A, change):

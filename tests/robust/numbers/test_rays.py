@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.numbers.rays import crossings
+from robustpolish.robust.real_parameters import crossings
 from tests.robust.loops import carts, damper
 
 

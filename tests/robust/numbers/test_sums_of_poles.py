@@ -1,6 +1,6 @@
 import numpy as np
 
-from robustpolish.robust.numbers.sums_of_poles import both_sides
+from robustpolish.robust.real_parameters import both_sides
 
 
 def test_both_sides():

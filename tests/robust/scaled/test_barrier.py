@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.robust.scaled.barrier import Barrier
-from robustpolish.robust.scaled.centre import centre, started
-from robustpolish.robust.scaled.scalings import Inequality, Space
-from robustpolish.robust.structure import read_structure
+from robustpolish.robust.loop_model import read_structure
+from robustpolish.robust.scalings import Barrier, Inequality, Space, centre, started
 
 
 def test_slope_and_curvature_are_those_of_the_value():

@@ -1,9 +1,16 @@
 import numpy as np
 import pytest
 
-from robustpolish.robust.scaled.centre import EFFORT, centre, lowered, normalised, started
-from robustpolish.robust.scaled.scalings import Inequality, Space
-from robustpolish.robust.structure import read_structure
+from robustpolish.robust.loop_model import read_structure
+from robustpolish.robust.scalings import (
+    EFFORT,
+    Inequality,
+    Space,
+    centre,
+    lowered,
+    normalised,
+    started,
+)
 
 slycot = pytest.importorskip("slycot")
 

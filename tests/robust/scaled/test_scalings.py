@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.robust.scaled.scalings import Inequality, Space, balanced
-from robustpolish.robust.structure import read_structure
+from robustpolish.robust.loop_model import read_structure
+from robustpolish.robust.scalings import Inequality, Space, balanced
 
 
 def test_scalings_commute_with_delta():

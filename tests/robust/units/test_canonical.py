@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.exact.balls import magnitude, midpoint
-from robustpolish.robust.units.canonical import canonical
+from robustpolish.linear.arithmetic.balls import magnitude, midpoint
+from robustpolish.robust.loop_model import canonical
 
 RANDOM = np.random.default_rng(4)
 A, B, C, D = (RANDOM.standard_normal(shape) for shape in ((3, 3), (3, 3), (2, 3), (2, 3)))

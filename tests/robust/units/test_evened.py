@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.robust.units.evened import evened
+from robustpolish.robust.loop_model import evened
 
 
 @pytest.mark.parametrize("seed", range(3))

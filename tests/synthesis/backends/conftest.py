@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from robustpolish.synthesis.lmi.semidefinite import ConicForm
+from robustpolish.synthesis.lmi.program import ConicForm
 
 # The stacked columns of [[x0, x1], [x1, x0]].
 SYMMETRIC = csr_array(np.array([[1.0, 0, 0], [0, 1, 0], [0, 1, 0], [1, 0, 0]]))

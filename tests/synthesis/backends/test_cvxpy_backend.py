@@ -37,5 +37,5 @@ def test_a_solver_that_is_not_there_is_named(form):
 
 def test_missing_cvxpy_says_what_to_install(form, monkeypatch):
     monkeypatch.setitem(sys.modules, "cvxpy", None)
-    with pytest.raises(rp.MissingDependencyError, match="pip install cvxpy clarabel"):
+    with pytest.raises(rp.errors.MissingDependencyError, match="pip install cvxpy clarabel"):
         solve(form, None, 1e-9, None)

@@ -5,7 +5,7 @@ import sys
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram
+from robustpolish.synthesis.lmi.program import SemidefiniteProgram
 
 picos = pytest.importorskip("robustpolish.synthesis.backends.picos_backend")
 
@@ -36,5 +36,5 @@ def test_missing_picos_says_what_to_install(monkeypatch):
     t = program.scalar()
     program.positive(t)
     program.minimise(t)
-    with pytest.raises(rp.MissingDependencyError, match="pip install picos"):
+    with pytest.raises(rp.errors.MissingDependencyError, match="pip install picos"):
         program.solve("picos")

@@ -57,5 +57,5 @@ def test_missing_slycot_says_what_to_install(monkeypatch):
         return None if name == "slycot" else importlib.util.find_spec(name, *rest)
 
     monkeypatch.setattr(slycot_backend, "find_spec", found)
-    with pytest.raises(rp.MissingDependencyError, match="pip install slycot"):
+    with pytest.raises(rp.errors.MissingDependencyError, match="pip install slycot"):
         answer("SB10AD", scherer_1997())

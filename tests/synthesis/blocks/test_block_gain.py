@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from three_loops import blocks, plant
 
-from robustpolish.synthesis.blocks.placement import placed
-from robustpolish.synthesis.blocks.wiring import wired
 from robustpolish.synthesis.problem.scaling import scale_plant
+from robustpolish.synthesis.structured.block_wiring import placed, wired
 
 
 def test_back_is_the_gradient():

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from robustpolish.synthesis.blocks.coordinate import LEAST, Coordinate
+from robustpolish.synthesis.structured.block_parts import LEAST, Coordinate
 
 INF = math.inf
 CASES = [

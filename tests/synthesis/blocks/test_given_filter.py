@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.synthesis.blocks.given_filter import GivenFilter
+from robustpolish.synthesis.structured.block_parts import GivenFilter
 
 
 def test_another_unit_of_time_moves_its_frequencies():

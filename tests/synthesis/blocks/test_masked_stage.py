@@ -9,8 +9,8 @@ import robustpolish as rp
 @pytest.mark.parametrize(
     "block",
     [
-        rp.fixed_order(order=2, feedthrough=False),
-        rp.static_gain(["a", "b", "c"], ["u", "v"], structure=[[1, 0, 1], [0, 1, 0]]),
+        rp.tunable.fixed_order(order=2, feedthrough=False),
+        rp.tunable.static_gain(["a", "b", "c"], ["u", "v"], structure=[[1, 0, 1], [0, 1, 0]]),
     ],
 )
 def test_values_fill_the_free_entries_and_gradients_come_from_them(block):

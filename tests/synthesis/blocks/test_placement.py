@@ -7,13 +7,15 @@ from three_loops import blocks, plant
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.synthesis.blocks.placement import placed
+from robustpolish.synthesis.structured.block_wiring import placed
 
 
 def test_names_are_different_and_tell_the_signal():
-    placement = placed([rp.pid("x", "F"), rp.pid("x", "F"), rp.pid("x", "M")], plant())
+    placement = placed(
+        [rp.tunable.pid("x", "F"), rp.tunable.pid("x", "F"), rp.tunable.pid("x", "M")], plant()
+    )
     assert [s.name for _, _, s in placement.places] == ["pid_x", "pid_x_F", "pid_x_M"]
-    named = placed([rp.pid("x", "F", name="inner"), rp.pid("x", "F")], plant())
+    named = placed([rp.tunable.pid("x", "F", name="inner"), rp.tunable.pid("x", "F")], plant())
     assert [s.name for _, _, s in named.places] == ["inner", "pid_x"]
 
 
@@ -25,7 +27,7 @@ def test_mask_and_shared_numbers():
 
 def test_one_measurement_and_one_control_need_no_names():
     P = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
-    (block,) = placed(rp.pid(), P).blocks
+    (block,) = placed(rp.tunable.pid(), P).blocks
     assert (block.measurements, block.controls) == (P.measurement_names, P.control_names)
 
 
@@ -40,19 +42,22 @@ def idle():
         ([], "at least one block"),
         (None, "blocks to be tuned"),
         ([3], "a block, such as"),
-        ([rp.pid("y", "F")], "measurement: got 'y', expected one of x, v, p"),
-        ([rp.pid("x", "G")], "control: got 'G', expected one of F, M"),
-        ([rp.pid("x")], "control: got no name"),
-        ([rp.pid(["x", "v"], "F")], "a pid from 2 to 1 signals"),
-        ([rp.pid("x", "F", name="a"), rp.pid("v", "F", name="a")], "a name of its own"),
+        ([rp.tunable.pid("y", "F")], "measurement: got 'y', expected one of x, v, p"),
+        ([rp.tunable.pid("x", "G")], "control: got 'G', expected one of F, M"),
+        ([rp.tunable.pid("x")], "control: got no name"),
+        ([rp.tunable.pid(["x", "v"], "F")], "a pid from 2 to 1 signals"),
+        (
+            [rp.tunable.pid("x", "F", name="a"), rp.tunable.pid("v", "F", name="a")],
+            "a name of its own",
+        ),
         (
             [
-                rp.pid("x", "F", Kp=rp.tunable("k", low=0.0)),
-                rp.pid("v", "F", Kp=rp.tunable("k")),
+                rp.tunable.pid("x", "F", Kp=rp.tunable.tunable("k", low=0.0)),
+                rp.tunable.pid("v", "F", Kp=rp.tunable.tunable("k")),
             ],
             "one meaning of k",
         ),
-        ([rp.pid("x", "F", "P", Kp=1.0)], "a number to be tuned"),
+        ([rp.tunable.pid("x", "F", "P", Kp=1.0)], "a number to be tuned"),
     ],
 )
 def test_refuses(given, words):
@@ -62,12 +67,12 @@ def test_refuses(given, words):
 
 def test_refuses_blocks_without_effect():
     with pytest.raises(InvalidInputError, match="drives M, which moves nothing"):
-        placed([rp.pid("x", "M")], idle())
+        placed([rp.tunable.pid("x", "M")], idle())
 
 
 def test_discrete_plants_take_what_means_the_same_there():
     sampled = control.StateSpace(0.5 * np.eye(1), [[1.0]], [[1.0]], 0, 0.1)
     P = rp.GeneralizedPlant.from_loop(sampled)
     with pytest.raises(InvalidInputError, match=r"call design.discretize\(period\)"):
-        placed(rp.pid(), P)
-    assert len(placed(rp.fixed_order(order=1), P).numbers) == 4
+        placed(rp.tunable.pid(), P)
+    assert len(placed(rp.tunable.fixed_order(order=1), P).numbers) == 4

@@ -3,8 +3,7 @@
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.synthesis.blocks.slot import Slot, checked_slot
-from robustpolish.synthesis.blocks.tunable import tunable
+from robustpolish.synthesis.structured.block_parts import Slot, checked_slot, tunable
 
 TIME = Slot("Tf", None, time=1, low=0.0, search="positive")
 

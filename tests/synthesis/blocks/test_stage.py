@@ -3,7 +3,7 @@
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.synthesis.blocks.kinds.notch import Notch
+from robustpolish.synthesis.structured.blocks import Notch
 
 
 def test_a_filter_has_one_input_and_one_output():

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.synthesis.blocks.tunable import Tunable, tunable
+from robustpolish.synthesis.structured.block_parts import Tunable, tunable
 
 
 def test_knows_its_limits_as_floats():

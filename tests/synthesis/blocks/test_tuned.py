@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from robustpolish.synthesis.blocks.tuned import TunedBlock, TunedBlocks, TunedNumber
+from robustpolish.synthesis.structured.block_parts import TunedBlock, TunedBlocks, TunedNumber
 
 
 def tuned():

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from three_loops import blocks, plant
 
-from robustpolish.synthesis.blocks.placement import placed
-from robustpolish.synthesis.blocks.wiring import wired
 from robustpolish.synthesis.problem.scaling import scale_plant
+from robustpolish.synthesis.structured.block_wiring import placed, wired
 
 S, W = 2.3j, 2 * math.pi
 

@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.synthesis.certificate.achieved_norm import achieved_h2, achieved_hinf
+from robustpolish.synthesis.proofs.achieved_norm import achieved_h2, achieved_hinf
 
 
 def oscillators(frequencies, damping):

@@ -5,10 +5,14 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.exact import balls
-from robustpolish.synthesis import certify
-from robustpolish.synthesis.certificate.loop_balls import cayley, enclose_loop
-from robustpolish.synthesis.certificate.norm_proof import prove_hinf, prove_stability
+from robustpolish.linear.arithmetic import balls
+from robustpolish.synthesis.certificate import certify
+from robustpolish.synthesis.proofs.bounded_real import (
+    cayley,
+    enclose_loop,
+    prove_hinf,
+    prove_stability,
+)
 
 
 def first_order(gain=1.0, pole=1.0, dt=0):

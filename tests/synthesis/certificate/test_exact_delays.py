@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis.certificate.exact_delays import exact_delays
+from robustpolish.synthesis.certificate import exact_delays
 
 
 def plant(order=3, seconds=0.5):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.synthesis.certificate.frequency_response import responses
+from robustpolish.synthesis.proofs.frequency_response import responses
 
 
 @pytest.mark.parametrize(("n", "m", "p"), [(1, 1, 1), (2, 3, 1), (60, 2, 4)])

@@ -4,9 +4,13 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.exact import balls
-from robustpolish.synthesis.certificate.long_arithmetic import precise_candidate, precise_peak
-from robustpolish.synthesis.certificate.loop_balls import BITS, enclosed
+from robustpolish.linear.arithmetic import balls
+from robustpolish.synthesis.proofs.bounded_real import (
+    BITS,
+    enclosed,
+    precise_candidate,
+    precise_peak,
+)
 
 
 def loop_of(A, B, C, D=None):

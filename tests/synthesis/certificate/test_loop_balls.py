@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.exact import balls
-from robustpolish.synthesis.certificate.loop_balls import BITS, enclosed
+from robustpolish.linear.arithmetic import balls
+from robustpolish.synthesis.proofs.bounded_real import BITS, enclosed
 
 
 def plant(signals=1, dt=0):

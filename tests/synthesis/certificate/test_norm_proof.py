@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis.certificate.loop_balls import (
+from robustpolish.synthesis.proofs.bounded_real import (
     enclose_loop,
     enclosed,
+    prove_computed_norm,
     rounding_level,
 )
-from robustpolish.synthesis.certificate.norm_proof import prove_computed_norm
 
 
 def drawn(n, dt, seed):

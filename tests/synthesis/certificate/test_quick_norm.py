@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis.certificate import quick_norm as module
-from robustpolish.synthesis.certificate.quick_norm import quick_norm, state_scale
+from robustpolish.synthesis.proofs import achieved_norm as module
+from robustpolish.synthesis.proofs.achieved_norm import quick_norm, state_scale
 
 
 def test_a_narrow_resonance_beside_a_broad_one():

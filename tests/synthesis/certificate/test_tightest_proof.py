@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.exact import balls
-from robustpolish.synthesis.certificate.long_arithmetic import precise_peak
-from robustpolish.synthesis.certificate.loop_balls import enclose_loop
-from robustpolish.synthesis.certificate.norm_proof import prove_h2, prove_hinf, prove_stability
+from robustpolish.linear.arithmetic import balls
+from robustpolish.synthesis.proofs.bounded_real import (
+    enclose_loop,
+    precise_peak,
+    prove_h2,
+    prove_hinf,
+    prove_stability,
+)
 
 HIGH_GAIN = Path(__file__).with_name("high_gain.npz")
 

@@ -10,9 +10,9 @@ import robustpolish as rp
     "use",
     [
         lambda K: rp.compare_controllers({"PD": K}, rp.simulate_brush(duration=0.02)),
-        lambda K: rp.check_robustness(K, None),
+        lambda K: rp.simulation.check_robustness(K, None),
         lambda K: rp.monte_carlo(K, {}),
-        lambda K: rp.largest_period(K),
+        lambda K: rp.synthesis.largest_period(K),
     ],
 )
 def test_a_transfer_function_is_not_a_design_yet(use):

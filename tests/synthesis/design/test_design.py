@@ -40,7 +40,7 @@ def test_the_card_tells_what_is_known(design):
     assert text.startswith("Design (given): suboptimal\n")
     assert f"H-infinity norm     {norm:.6g}, proven to be at most 0.8" in text
     assert "no H-infinity norm below" not in text
-    spring = rp.PassiveElement("spring", ("x", "ground"), 5.0, "N/m")
+    spring = rp.results.PassiveElement("spring", ("x", "ground"), 5.0, "N/m")
     told = dataclasses.replace(
         design, norm="h2", backend="cvxpy", lower_bound=0.5, details={"elements": (spring,)}
     )

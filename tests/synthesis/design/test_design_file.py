@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.saved_file import read_saved, write_saved
-from robustpolish.synthesis.design.design_file import design_content, design_fields
+from robustpolish.base.saved import read_saved, write_saved
+from robustpolish.synthesis.design import design_content, design_fields
 
 
 def plant(dt=0.0):
@@ -57,7 +57,7 @@ def same_system(one, other):
 def test_a_design_comes_back(design, tmp_path):
     path = tmp_path / "design.json"
     design.save(path)
-    again = rp.Design.load(path)
+    again = rp.results.Design.load(path)
     same_system(again.plant.system, design.plant.system)
     same_system(again.controller, design.controller)
     same_system(again.closed_loop, design.plant.closed_loop(design.controller))
@@ -137,7 +137,7 @@ def narrow(content):
 )
 def test_a_file_is_not_believed(changed, change, message):
     with pytest.raises(rp.InvalidInputError, match=message):
-        rp.Design.load(changed(change))
+        rp.results.Design.load(changed(change))
 
 
 def test_details_of_every_kind_come_back(regulator, tmp_path):
@@ -147,7 +147,7 @@ def test_details_of_every_kind_come_back(regulator, tmp_path):
         "pole": np.complex128(-1.0 + 0.5j),
         "steps": [1, 2.5, "three", None, True],
         "inner": {"regions": (rp.Disk(-2.0, 1.5), rp.Sector(0.5, -1.0)), "limit": -np.inf},
-        "element": rp.PassiveElement("damper", ("x", "ground"), 30.0, "N s/m"),
+        "element": rp.results.PassiveElement("damper", ("x", "ground"), 30.0, "N s/m"),
         "filter": control.StateSpace([[-1.0]], [[2.0]], [[3.0]], [[4.0]], name="filter"),
     }
     path = tmp_path / "design.json"
@@ -172,6 +172,6 @@ def test_a_lower_bound_lies_below_the_norm(changed):
     with pytest.raises(
         rp.InvalidInputError, match=r"lower_bound: got .* expected at most the norm"
     ):
-        rp.Design.load(path)
+        rp.results.Design.load(path)
     # Files of older versions have none.
-    assert rp.Design.load(changed(lambda c: c.pop("lower_bound"))).lower_bound is None
+    assert rp.results.Design.load(changed(lambda c: c.pop("lower_bound"))).lower_bound is None

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis.design.reduced import _largest_sensitivity
+from robustpolish.synthesis.reduce import _largest_sensitivity
 from tests.implementation.designs import servo_design
 
 

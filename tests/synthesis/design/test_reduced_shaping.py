@@ -12,7 +12,9 @@ LEAD = (s / 45.69 + 1) * (s / 66.94 + 1) / (s / 800 + 1) ** 2 * (s + 3) / s
 
 
 def gamma_of(design):
-    return 1 / rp.ncf_margin(design.details["shaped_plant"], design.details["shaped_controller"])
+    return 1 / rp.uncertain.ncf_margin(
+        design.details["shaped_plant"], design.details["shaped_controller"]
+    )
 
 
 def test_gamma_decides_and_not_the_norm_in_units_of_the_plant():
@@ -78,5 +80,5 @@ def test_a_saved_design_is_judged_alike(tmp_path):
     design = rp.loop_shaping(MAGNET, W1=20.0 * LEAD)
     path = tmp_path / "design.json"
     design.save(path)
-    read = rp.Design.load(path).reduce(order=5)
+    read = rp.results.Design.load(path).reduce(order=5)
     assert read.details["gamma"] == pytest.approx(design.reduce(order=5).details["gamma"])

@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.synthesis.design.wanted_norm import (
-    ANY_NORM,
-    WantedNorm,
-    norm_in_words,
-    out_of_reach,
-)
+from robustpolish.synthesis.certificate import ANY_NORM, WantedNorm, norm_in_words, out_of_reach
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.synthesis.lmi.affine import Affine, symmetric_block
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram
+from robustpolish.synthesis.lmi.program import Affine, SemidefiniteProgram, symmetric_block
 
 RNG = np.random.default_rng(0)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis.lmi.limited import run_limited
+from robustpolish.synthesis.lmi.program import run_limited
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that fork")
 

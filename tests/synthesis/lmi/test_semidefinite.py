@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis.lmi.affine import symmetric_block
-from robustpolish.synthesis.lmi.semidefinite import BACKENDS, SemidefiniteProgram
+from robustpolish.synthesis.lmi.program import BACKENDS, SemidefiniteProgram, symmetric_block
 
 RNG = np.random.default_rng(0)
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from small_plants import static_plant
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
-from robustpolish.synthesis.lmi.stabilising_gain import stabilising_gain
-from robustpolish.synthesis.problem.static_loop import close_static
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.lmi.program import ProgramSolver, stabilising_gain
+from robustpolish.synthesis.problem.matrices import close_static
 
 solver = ProgramSolver("cvxpy", None, Budget(), accuracy=1e-7)
 

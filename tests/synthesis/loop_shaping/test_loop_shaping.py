@@ -42,8 +42,12 @@ def test_without_weights_the_certificate_is_that_of_gamma():
     G = control.tf([1], [1, 0, -4], inputs="F", outputs="phi")
     design = rp.loop_shaping(G)
     assert design.certificate.achieved == pytest.approx(design.details["gamma"])
-    assert 1 / design.certificate.achieved == pytest.approx(rp.ncf_margin(G, design.controller))
-    assert design.details["ncf_margin"] == pytest.approx(rp.ncf_margin(G, design.controller))
+    assert 1 / design.certificate.achieved == pytest.approx(
+        rp.uncertain.ncf_margin(G, design.controller)
+    )
+    assert design.details["ncf_margin"] == pytest.approx(
+        rp.uncertain.ncf_margin(G, design.controller)
+    )
     assert (design.controller.input_labels, design.controller.output_labels) == (["phi"], ["F"])
     assert design.plant.disturbance_names == ("disturbance_phi", "disturbance_F")
     assert design.certificate.achieved <= 1.1 * design.lower_bound
@@ -62,7 +66,7 @@ def test_weights_of_every_kind_make_the_shaped_loop(seed, dt):
     W2 = np.diag([2.0, 1.0])
     np.testing.assert_allclose(Gs(point), W2 @ G(point) * W1(point), rtol=1e-9)
     np.testing.assert_allclose(K(point), W1(point) * Ks(point) @ W2, rtol=1e-9)
-    assert rp.ncf_margin(Gs, Ks) == pytest.approx(1 / design.details["gamma"], rel=1e-6)
+    assert rp.uncertain.ncf_margin(Gs, Ks) == pytest.approx(1 / design.details["gamma"], rel=1e-6)
     assert design.details["gamma"] <= 1.1 * design.details["optimal_gamma"] * (1 + 1e-9)
     four_blocks = rp.output_feedback(rp.GeneralizedPlant.from_loop(Gs))
     assert four_blocks.lower_bound == pytest.approx(design.details["optimal_gamma"], rel=2e-3)
@@ -83,7 +87,7 @@ def test_a_plant_as_it_is_wired():
     assert design.plant.units["F"] == "N"
     assert dict(design.plant.limits) == {"F": 5.0}
     assert design.certificate.exact_delays.stability
-    assert rp.ncf_margin(plant, design.controller) > 0.2
+    assert rp.uncertain.ncf_margin(plant, design.controller) > 0.2
 
 
 def test_it_comes_back_from_its_file(tmp_path):
@@ -135,7 +139,8 @@ def test_a_shorter_controller_tells_what_it_costs():
     assert short.controller.nstates == full.controller.nstates - 2
     assert short.details["shaped_controller"].nstates == 2
     assert short.details["gamma"] == pytest.approx(
-        1 / rp.ncf_margin(short.details["shaped_plant"], short.details["shaped_controller"])
+        1
+        / rp.uncertain.ncf_margin(short.details["shaped_plant"], short.details["shaped_controller"])
     )
     assert full.details["optimal_gamma"] < short.details["gamma"] < 1.5 * full.details["gamma"]
     with pytest.raises(rp.SolverError, match=r"order 0 could not be certified.*ask for more"):

@@ -9,33 +9,35 @@ import robustpolish as rp
 
 def test_numbers_of_matlabs_documentation():
     P, C = control.tf([1, 2], [1, 5, 10]), control.tf([4.4], [1, 0])
-    assert rp.ncf_margin(P, C, sign=-1) == pytest.approx(0.1961, abs=5e-5)
+    assert rp.uncertain.ncf_margin(P, C, sign=-1) == pytest.approx(0.1961, abs=5e-5)
     slow = control.tf([4], [1, -0.001])
-    assert rp.ncf_margin(slow, 1, sign=-1) == pytest.approx(0.7069, abs=5e-5)
-    assert rp.ncf_margin(slow, control.tf([10], [1]), sign=-1) == pytest.approx(0.0995, abs=5e-5)
+    assert rp.uncertain.ncf_margin(slow, 1, sign=-1) == pytest.approx(0.7069, abs=5e-5)
+    assert rp.uncertain.ncf_margin(slow, control.tf([10], [1]), sign=-1) == pytest.approx(
+        0.0995, abs=5e-5
+    )
 
 
 @pytest.mark.parametrize(("g", "k"), [(0.5, -1.0), (3.0, -0.2), (0.5, 0.9)])
 def test_gains_in_closed_form(g, k):
     # |1 - g k| / sqrt((1 + g^2)(1 + k^2))
     expected = abs(1 - g * k) / np.sqrt((1 + g * g) * (1 + k * k))
-    assert rp.ncf_margin(control.tf([g], [1]), k) == pytest.approx(expected)
+    assert rp.uncertain.ncf_margin(control.tf([g], [1]), k) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_signs(sign):
     G = control.tf([2], [1, -1])
-    assert (rp.ncf_margin(G, 3.0 * sign, sign=-sign) > 0.2) == (sign * -sign < 0)
-    assert rp.ncf_margin(G, -3.0 * sign, sign=sign) == pytest.approx(
-        rp.ncf_margin(G, -3.0), rel=1e-9
+    assert (rp.uncertain.ncf_margin(G, 3.0 * sign, sign=-sign) > 0.2) == (sign * -sign < 0)
+    assert rp.uncertain.ncf_margin(G, -3.0 * sign, sign=sign) == pytest.approx(
+        rp.uncertain.ncf_margin(G, -3.0), rel=1e-9
     )
 
 
 def test_unstable_loops_have_none():
     G = control.tf([2], [1, -1])
-    assert rp.ncf_margin(G, 0.1) == 0
+    assert rp.uncertain.ncf_margin(G, 0.1) == 0
     hidden = control.ss([[-1.0, 0.0], [0.0, 1.0]], [[1.0], [0.0]], [[1.0, 0.0]], 0)
-    assert rp.ncf_margin(hidden, -1.0) == 0
+    assert rp.uncertain.ncf_margin(hidden, -1.0) == 0
 
 
 def test_a_grid_of_the_definition():
@@ -48,7 +50,7 @@ def test_a_grid_of_the_definition():
         S = np.linalg.inv(np.eye(2) - g @ k)
         block = np.vstack([np.eye(2), k]) @ S @ np.hstack([np.eye(2), g])
         worst = max(worst, np.linalg.norm(block, 2))
-    assert rp.ncf_margin(G, K) == pytest.approx(1 / worst, rel=1e-4)
+    assert rp.uncertain.ncf_margin(G, K) == pytest.approx(1 / worst, rel=1e-4)
 
 
 def test_delays_count_as_they_are():
@@ -57,15 +59,15 @@ def test_delays_count_as_they_are():
     omega = np.geomspace(1e-3, 50, 20000)
     g = np.exp(-0.5j * omega) / (1 + 1j * omega)
     chord = np.abs(1 + 3 * g) / np.sqrt((1 + np.abs(g) ** 2) * 10)
-    assert rp.ncf_margin(plant, -3.0) == pytest.approx(chord.min(), rel=1e-4)
-    assert rp.ncf_margin(plant, -6.0) == 0
+    assert rp.uncertain.ncf_margin(plant, -3.0) == pytest.approx(chord.min(), rel=1e-4)
+    assert rp.uncertain.ncf_margin(plant, -6.0) == 0
 
 
 def test_bad_arguments_are_named():
     G = control.tf([2], [1, -1])
     with pytest.raises(rp.InvalidInputError, match="sign: got 0"):
-        rp.ncf_margin(G, 1.0, sign=0)
+        rp.uncertain.ncf_margin(G, 1.0, sign=0)
     with pytest.raises(rp.InvalidInputError, match="controller: got shape"):
-        rp.ncf_margin(G, np.eye(2))
+        rp.uncertain.ncf_margin(G, np.eye(2))
     with pytest.raises(rp.InvalidInputError, match="plant: got None"):
-        rp.ncf_margin(None, 1.0)
+        rp.uncertain.ncf_margin(None, 1.0)

@@ -54,24 +54,26 @@ def by_turns(P1, P2):
     ],
 )
 def test_published_numbers(first, second, expected):
-    assert rp.nu_gap(first, second) == pytest.approx(expected, abs=6e-5)
-    assert rp.nu_gap(second, first) == pytest.approx(rp.nu_gap(first, second), rel=1e-6)
+    assert rp.uncertain.nu_gap(first, second) == pytest.approx(expected, abs=6e-5)
+    assert rp.uncertain.nu_gap(second, first) == pytest.approx(
+        rp.uncertain.nu_gap(first, second), rel=1e-6
+    )
 
 
 @pytest.mark.parametrize(("a", "b"), [(0.0, 1.0), (2.0, 3.0), (-1.0, 1.0), (1.0, -1.0), (0.3, -5)])
 def test_gains_have_the_chordal_distance(a, b):
     # No dynamics: det(1 + a b) must not vanish and turns never.
     expected = 1.0 if a * b == -1 else abs(a - b) / np.sqrt((1 + a * a) * (1 + b * b))
-    assert rp.nu_gap(tf([a], [1]), tf([b], [1])) == pytest.approx(expected)
+    assert rp.uncertain.nu_gap(tf([a], [1]), tf([b], [1])) == pytest.approx(expected)
 
 
 def test_first_order_plants_in_closed_form():
     # k/(s+a) and k/(s-a): |P1 - P2|^2 = 4 a^2 k^2 / (w^2 + a^2)^2, largest chord at rest where
     # k > a: 2 a k / (a^2 + k^2); else the determinant turns: 1.
     for a, k in ((0.1, 1.0), (0.5, 2.0), (1.0, 1.0001)):
-        found = rp.nu_gap(tf([k], [1, a]), tf([k], [1, -a]))
+        found = rp.uncertain.nu_gap(tf([k], [1, a]), tf([k], [1, -a]))
         assert found == pytest.approx(2 * a * k / (a * a + k * k), rel=1e-6)
-    assert rp.nu_gap(tf([1.0], [1, 2.0]), tf([1.0], [1, -2.0])) == 1.0
+    assert rp.uncertain.nu_gap(tf([1.0], [1, 2.0]), tf([1.0], [1, -2.0])) == 1.0
 
 
 @pytest.mark.parametrize(
@@ -91,13 +93,15 @@ def test_random_plants_of_unequal_orders_against_grids(kind):
     if kind % 2:
         P2 = control.ss(P1.A + 0.05 * rng.standard_normal(P1.A.shape), P1.B, P1.C, 0)
     expected = chordal(P1, P2, 1j * GRID[::10]) if by_turns(P1, P2) else 1.0
-    assert rp.nu_gap(P1, P2) == pytest.approx(expected, rel=2e-4)
+    assert rp.uncertain.nu_gap(P1, P2) == pytest.approx(expected, rel=2e-4)
 
 
 def test_a_pole_on_the_axis():
     # 1/s and 1/(s + a): the distance at rest is that of infinity and 1/a.
     a = 0.2
-    assert rp.nu_gap(tf([1], [1, 0]), tf([1], [1, a])) == pytest.approx(a / np.sqrt(1 + a * a))
+    assert rp.uncertain.nu_gap(tf([1], [1, 0]), tf([1], [1, a])) == pytest.approx(
+        a / np.sqrt(1 + a * a)
+    )
 
 
 def test_discrete_time_is_that_of_the_circle():
@@ -106,21 +110,23 @@ def test_discrete_time_is_that_of_the_circle():
     P1 = control.ss(A, rng.standard_normal((3, 2)), rng.standard_normal((2, 3)), 0, 0.1)
     P2 = control.ss(0.97 * A, P1.B, P1.C, [[0, 0.1], [0, 0]], 0.1)
     points = np.exp(1j * np.linspace(0, np.pi, 2001))
-    assert rp.nu_gap(P1, P2) == pytest.approx(chordal(P1, P2, points), rel=1e-4)
-    assert rp.nu_gap(P1, P1) == pytest.approx(0, abs=1e-7)
+    assert rp.uncertain.nu_gap(P1, P2) == pytest.approx(chordal(P1, P2, points), rel=1e-4)
+    assert rp.uncertain.nu_gap(P1, P1) == pytest.approx(0, abs=1e-7)
 
 
 def test_a_controller_keeps_what_the_gap_promises():
     P1, P2 = tf([1, 2], [1, 5, 10]), tf([1, 1], [1, 3, 10])
     K = rp.loop_shaping(P1).controller
-    gap, margin = rp.nu_gap(P1, P2), rp.ncf_margin(P1, K)
+    gap, margin = rp.uncertain.nu_gap(P1, P2), rp.uncertain.ncf_margin(P1, K)
     assert margin > gap
-    assert np.arcsin(rp.ncf_margin(P2, K)) >= np.arcsin(margin) - np.arcsin(gap) - 1e-9
+    assert np.arcsin(rp.uncertain.ncf_margin(P2, K)) >= np.arcsin(margin) - np.arcsin(gap) - 1e-9
 
 
 def test_a_generalised_plant_stands_for_its_part_from_u_to_y():
     P1, P2 = tf([1, 2], [1, 5, 10]), tf([1, 1], [1, 3, 10])
-    assert rp.nu_gap(rp.GeneralizedPlant.from_loop(P1), P2) == pytest.approx(rp.nu_gap(P1, P2))
+    assert rp.uncertain.nu_gap(rp.GeneralizedPlant.from_loop(P1), P2) == pytest.approx(
+        rp.uncertain.nu_gap(P1, P2)
+    )
 
 
 @pytest.mark.parametrize(
@@ -139,10 +145,10 @@ def test_a_generalised_plant_stands_for_its_part_from_u_to_y():
 )
 def test_what_cannot_be_compared_is_named(first, second, told):
     with pytest.raises(rp.InvalidInputError, match=told):
-        rp.nu_gap(first, second)
+        rp.uncertain.nu_gap(first, second)
 
 
 def test_a_hidden_unstable_mode_is_named():
     hidden = control.ss([[1.0, 0.0], [0.0, -1.0]], [[0.0], [1.0]], [[1.0, 1.0]], 0)
     with pytest.raises(rp.InfeasibleError):
-        rp.nu_gap(hidden, tf([1], [1, 1]))
+        rp.uncertain.nu_gap(hidden, tf([1], [1, 1]))

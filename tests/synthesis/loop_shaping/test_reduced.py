@@ -6,7 +6,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.synthesis.loop_shaping.coprime import coprime, loop_plant
-from robustpolish.synthesis.loop_shaping.reduced import reduced
+from robustpolish.synthesis.loop_shaping.loop_shaping import reduced
 
 
 def random_controller(seed, dt=0):
@@ -30,7 +30,7 @@ def test_fewer_states_stay_within_the_bound_of_the_gap(seed):
     # The nu-gap to the truncated one is at most the error of the factors, and that at most twice
     # the sum of the Hankel singular values left out.
     K = random_controller(seed)
-    gaps = [rp.nu_gap(K, control.ss(*reduced(K, order), 0)) for order in (5, 4, 3)]
+    gaps = [rp.uncertain.nu_gap(K, control.ss(*reduced(K, order), 0)) for order in (5, 4, 3)]
     assert gaps[0] < 1e-5
     assert gaps[0] <= gaps[1] + 1e-9
     assert reduced(K, 3).A.shape == (3, 3)

@@ -6,7 +6,7 @@ import pytest
 
 from robustpolish.errors import InvalidInputError
 from robustpolish.synthesis.loop_shaping.coprime import arrays_of
-from robustpolish.synthesis.loop_shaping.target import WantedLoop, gains
+from robustpolish.synthesis.loop_shaping.loop_shaping import WantedLoop, gains
 
 s = control.tf("s")
 

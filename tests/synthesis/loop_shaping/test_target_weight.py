@@ -6,8 +6,11 @@ import pytest
 
 from robustpolish.errors import InvalidInputError
 from robustpolish.synthesis.loop_shaping.coprime import arrays_of, in_series
-from robustpolish.synthesis.loop_shaping.target import WantedLoop
-from robustpolish.synthesis.loop_shaping.target_weight import limits_in_words, target_weight
+from robustpolish.synthesis.loop_shaping.loop_shaping import (
+    WantedLoop,
+    limits_in_words,
+    target_weight,
+)
 from robustpolish.synthesis.problem.matrices import SystemMatrices
 
 s = control.tf("s")

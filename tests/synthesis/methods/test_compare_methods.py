@@ -6,7 +6,7 @@ import pytest
 from published_plants import scherer_1997
 
 import robustpolish as rp
-from robustpolish.synthesis import compare_methods
+from robustpolish.synthesis.compare import compare_methods
 
 mpl.use("Agg")
 

@@ -6,9 +6,9 @@ from small_plants import FULL, oscillator, two_masses
 
 import robustpolish as rp
 from robustpolish.errors import InfeasibleError, InvalidInputError
-from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.methods.output_feedback import output_feedback
-from robustpolish.synthesis.methods.static_output_feedback import static_output_feedback
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
+from robustpolish.synthesis.structured.methods import static_output_feedback
 
 
 def compleib(shared, name):

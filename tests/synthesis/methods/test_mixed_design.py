@@ -5,9 +5,10 @@ import pytest
 from small_plants import oscillator
 
 import robustpolish as rp
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.methods import mixed_design, structured_design
-from robustpolish.synthesis.structured_search.policy import POLICY
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.structured import methods as structured_design
+from robustpolish.synthesis.structured import mixed as mixed_design
+from robustpolish.synthesis.structured.search import POLICY
 
 ARGUMENTS = [
     ({"hinf_bound": 1.0}, "hinf_bound"),

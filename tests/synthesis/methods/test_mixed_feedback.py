@@ -5,10 +5,11 @@ import pytest
 from small_plants import oscillator
 
 import robustpolish as rp
-from robustpolish.analysis import h2_norm, hinf_norm
-from robustpolish.synthesis.methods.mixed_feedback import mixed_output_feedback
-from robustpolish.synthesis.problem.channels import channel
+from robustpolish.linear.norms.h2 import h2_norm
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.synthesis.problem.matrices import channel
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
+from robustpolish.synthesis.structured.mixed import mixed_output_feedback
 
 
 def test_bound_on_the_other_norm_is_kept_and_costs():

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from small_plants import regular_plant
 
-from robustpolish.analysis import h2_norm, hinf_norm
 from robustpolish.errors import InfeasibleError, SolverError
-from robustpolish.models import GeneralizedPlant, air_bearing
-from robustpolish.synthesis.methods.observer_feedback import observer_feedback
-from robustpolish.synthesis.structured_search.observer_structure import observer_controller
+from robustpolish.linear.norms.h2 import h2_norm
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.polishing.air_bearing import air_bearing
+from robustpolish.synthesis.structured.methods import observer_feedback
+from robustpolish.synthesis.structured.observer import observer_controller
 
 
 def lqg_norm(plant):

@@ -21,7 +21,7 @@ from published_plants import (
 from scipy import linalg
 
 import robustpolish as rp
-from robustpolish.synthesis import output_feedback
+from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 
 PUBLISHED = [
     (scherer_1997, 9.508),

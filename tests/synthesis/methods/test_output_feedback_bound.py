@@ -10,7 +10,7 @@ from published_plants import mit_lecture, quadruple_tank, scherer_1997
 from scipy import linalg
 
 import robustpolish as rp
-from robustpolish.synthesis import output_feedback
+from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 
 TOLERANCE = 4e-3
 
@@ -105,7 +105,7 @@ def test_the_bound_is_shown_and_kept_in_a_file(tmp_path):
     design = output_feedback(scherer_1997())
     assert f"no H-infinity norm below  {design.lower_bound:.6g}" in " ".join(str(design).split(" "))
     design.save(tmp_path / "design.json")
-    assert rp.Design.load(tmp_path / "design.json").lower_bound == design.lower_bound
+    assert rp.results.Design.load(tmp_path / "design.json").lower_bound == design.lower_bound
 
 
 def same_controller(first, second):

@@ -7,7 +7,7 @@ import pytest
 from hard_plants import wild_plant
 
 import robustpolish as rp
-from robustpolish.synthesis import output_feedback
+from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 
 
 def outcome(seed, norm):

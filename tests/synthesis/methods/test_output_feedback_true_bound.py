@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.long_calls import Budget
+from robustpolish.base.budget import Budget
 from robustpolish.synthesis.problem.scaling import SolverPlant
-from robustpolish.synthesis.riccati.infimum import lower_bound
+from robustpolish.synthesis.riccati.gamma import lower_bound
 
 
 def weighted_servo(seed):
@@ -70,7 +70,7 @@ def test_an_estimate_of_the_infimum_is_no_bound(monkeypatch):
     found = lower_bound(SolverPlant.of(plant, mapped=True).matrices, 1e-4, Budget())
     assert found is not None
     monkeypatch.setattr(
-        "robustpolish.synthesis.output_search.part_search.lower_bound",
+        "robustpolish.synthesis.riccati.gamma.lower_bound",
         lambda *_: found._replace(proven=False, how="estimated"),
     )
     design = rp.output_feedback(plant)

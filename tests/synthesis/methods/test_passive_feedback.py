@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from robustpolish.analysis import hinf_norm
 from robustpolish.errors import InvalidInputError
-from robustpolish.models import GeneralizedPlant, air_bearing
-from robustpolish.synthesis.methods.passive_feedback import passive_feedback
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.polishing.air_bearing import air_bearing
+from robustpolish.synthesis.structured.methods import passive_feedback
 
 
 def absorber(ratio):

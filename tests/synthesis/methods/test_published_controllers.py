@@ -7,7 +7,10 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.synthesis import PUBLISHED_CONTROLLERS, published_gain
+from robustpolish.polishing.thesis.published_controllers import (
+    PUBLISHED_CONTROLLERS,
+    published_gain,
+)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis import Disk, HalfPlane, Sector, state_feedback
+from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
+from robustpolish.synthesis.state_feedback.state_feedback import state_feedback
 
 # Prices from "almost free" to "almost forbidden", in m per unit of u.
 WEIGHTS = (1e-7, 1e-5, 1e-3)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis import Disk, HalfPlane, state_feedback
+from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane
+from robustpolish.synthesis.state_feedback.state_feedback import state_feedback
 
 
 def random_plant(seed, discrete=False, feedthrough=False, wild=False):

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from small_plants import FULL, two_masses
 
-from robustpolish.analysis import h2_norm, hinf_norm
 from robustpolish.errors import InfeasibleError, InvalidInputError, SolverError
-from robustpolish.models import GeneralizedPlant, air_bearing
-from robustpolish.synthesis.methods.static_output_feedback import static_output_feedback
+from robustpolish.linear.norms.h2 import h2_norm
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.polishing.air_bearing import air_bearing
+from robustpolish.synthesis.structured.methods import static_output_feedback
 
 # Best published values (HIFOO, hinfstruct and searches), COMPleib names.
 PUBLISHED = {

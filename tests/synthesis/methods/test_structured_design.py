@@ -4,18 +4,14 @@ import numpy as np
 import pytest
 from small_plants import oscillator
 
+from robustpolish.base.budget import Budget
 from robustpolish.errors import InfeasibleError, InvalidInputError, SolverError
-from robustpolish.long_calls import Budget
-from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.certificate.certificate import Norm
-from robustpolish.synthesis.methods.structured_design import (
-    Orders,
-    checked_bound,
-    design_structured,
-)
-from robustpolish.synthesis.problem.decoupling import decoupled_parts
-from robustpolish.synthesis.structured_search.policy import POLICY
-from robustpolish.synthesis.structured_search.static_structure import StaticStructure
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.certificate import Norm
+from robustpolish.synthesis.problem.scaling import decoupled_parts
+from robustpolish.synthesis.structured.methods import Orders, checked_bound, design_structured
+from robustpolish.synthesis.structured.search import POLICY
+from robustpolish.synthesis.structured.structures import StaticStructure
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from small_plants import oscillator, two_masses
 
 import robustpolish as rp
 from robustpolish.errors import InfeasibleError, InvalidInputError, SolverError
-from robustpolish.synthesis.methods.structured_output_feedback import structured_output_feedback
+from robustpolish.synthesis.structured.methods import structured_output_feedback
 
 
 def lag(numerator=1.0, denominator=(1.0, 1.0)):
@@ -19,7 +19,7 @@ def lag(numerator=1.0, denominator=(1.0, 1.0)):
 
 def test_pi_reaches_the_full_order_bound_of_a_lag():
     plant = lag()
-    design = structured_output_feedback(plant, rp.pid("x", kind="PI", sign=-1))
+    design = structured_output_feedback(plant, rp.tunable.pid("x", kind="PI", sign=-1))
     best = rp.output_feedback(plant)
     assert design.certificate.valid
     assert best.lower_bound <= design.certificate.achieved <= 1.001 * best.certificate.achieved
@@ -37,9 +37,9 @@ def test_pi_reaches_the_full_order_bound_of_a_lag():
 def test_both_notations_of_the_sign_give_the_same_loop():
     # x' = x + w + u with |Kp| up to 3: the norm 1 / (3 - 1) is reached at the limit.
     plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
-    Kp = rp.tunable("Kp", low=-3.0, high=3.0)
+    Kp = rp.tunable.tunable("Kp", low=-3.0, high=3.0)
     for sign in (1, -1):
-        design = structured_output_feedback(plant, rp.pid(kind="P", Kp=Kp, sign=sign))
+        design = structured_output_feedback(plant, rp.tunable.pid(kind="P", Kp=Kp, sign=sign))
         assert design.certificate.achieved == pytest.approx(0.5)
         (number,) = design.details["blocks"]["pid_y1"].numbers
         assert number.value == -3.0 * sign
@@ -52,7 +52,7 @@ def test_decentralised_gains_of_all_states_are_the_regulator():
     plant = rp.GeneralizedPlant.from_matrices(
         P.A, P.B1[:, :1], P.B2, P.C1, np.eye(2), D12=P.D12, measurements=["x", "v"], controls=["F"]
     )
-    blocks = [rp.pid("x", kind="P", sign=-1), rp.pid("v", kind="P", sign=-1)]
+    blocks = [rp.tunable.pid("x", kind="P", sign=-1), rp.tunable.pid("v", kind="P", sign=-1)]
     design = structured_output_feedback(plant, blocks, "h2")
     _, _, best = control.care(plant.A, plant.B2, np.diag([1.0, 0.0]), [[0.25]])
     found = design.details["blocks"]
@@ -61,8 +61,10 @@ def test_decentralised_gains_of_all_states_are_the_regulator():
 
 def test_unstable_starts_limits_and_shared_numbers():
     plant = two_masses([[1.0, 0.5, 0, 0], [0, 0, 1.0, 0.5]])
-    k = rp.tunable("k", 0.0, low=-5.0, high=5.0)
-    blocks = [rp.pid(y, u, "P", Kp=k) for y, u in zip(("y1", "y2"), ("u1", "u2"), strict=True)]
+    k = rp.tunable.tunable("k", 0.0, low=-5.0, high=5.0)
+    blocks = [
+        rp.tunable.pid(y, u, "P", Kp=k) for y, u in zip(("y1", "y2"), ("u1", "u2"), strict=True)
+    ]
     plant = plant.replace(measurements=["y1", "y2"])
     assert not rp.certify(plant, np.zeros((2, 2))).stable
     design = structured_output_feedback(plant, blocks)
@@ -78,8 +80,10 @@ def test_unstable_starts_limits_and_shared_numbers():
 
 def test_held_numbers_stay_and_bounds_hold():
     plant = lag()
-    Kp = rp.tunable("Kp", 0.5, low=0.4, high=0.6)
-    block = rp.pid("x", kind="PD", Kp=Kp, Tf=0.25, sign=-1) * rp.low_pass(damping=0.7)
+    Kp = rp.tunable.tunable("Kp", 0.5, low=0.4, high=0.6)
+    block = rp.tunable.pid("x", kind="PD", Kp=Kp, Tf=0.25, sign=-1) * rp.tunable.low_pass(
+        damping=0.7
+    )
     design = structured_output_feedback(plant, block)
     blocks = design.details["blocks"]
     assert 0.4 <= blocks["pid_x"]["Kp"] <= 0.6
@@ -88,19 +92,19 @@ def test_held_numbers_stay_and_bounds_hold():
 
 
 def test_integral_action_that_nobody_asked_for_is_told():
-    design = structured_output_feedback(oscillator(), rp.pid(sign=-1))
+    design = structured_output_feedback(oscillator(), rp.tunable.pid(sign=-1))
     assert design.certificate.valid
     assert design.details["idle_integrals"] == ("pid_y1.Ki",)
     assert "asks for no integral action" in design.message
 
 
 def test_from_the_blocks_to_code_and_files(tmp_path):
-    design = structured_output_feedback(lag(), rp.pid("x", kind="PI", sign=-1), target=0.6)
+    design = structured_output_feedback(lag(), rp.tunable.pid("x", kind="PI", sign=-1), target=0.6)
     design.save(tmp_path / "design.json")
     again = rp.load(tmp_path / "design.json")
     assert again.details["blocks"].blocks == design.details["blocks"].blocks
     started = structured_output_feedback(
-        lag(), rp.pid("x", kind="PI", sign=-1), initial=again, target=0.6
+        lag(), rp.tunable.pid("x", kind="PI", sign=-1), initial=again, target=0.6
     )
     assert started.certificate.achieved <= 0.6
     sampled = design.discretize(0.01)
@@ -112,7 +116,7 @@ def test_from_the_blocks_to_code_and_files(tmp_path):
 def test_fixed_order_on_a_discrete_plant():
     G = control.StateSpace([[1.1]], [[1.0]], [[1.0]], 0, 0.1)
     design = structured_output_feedback(
-        rp.GeneralizedPlant.from_loop(G), rp.fixed_order(order=1), target=3.0
+        rp.GeneralizedPlant.from_loop(G), rp.tunable.fixed_order(order=1), target=3.0
     )
     assert design.certificate.valid
     assert design.controller.dt == 0.1
@@ -122,7 +126,9 @@ def test_a_wrong_sign_is_suspected():
     unstable = lag(1.0, (1.0, -1.0))
     with pytest.raises(SolverError, match="sign=-1 is negative feedback"):
         structured_output_feedback(
-            unstable, rp.pid("x", kind="P", Kp=rp.tunable("Kp", low=0.0)), time_limit=20
+            unstable,
+            rp.tunable.pid("x", kind="P", Kp=rp.tunable.tunable("Kp", low=0.0)),
+            time_limit=20,
         )
 
 
@@ -139,7 +145,7 @@ def test_a_wrong_sign_is_suspected():
     ],
 )
 def test_refuses(given, words):
-    arguments = {"plant": lag(), "blocks": [rp.pid("x", kind="PI")], **given}
+    arguments = {"plant": lag(), "blocks": [rp.tunable.pid("x", kind="PI")], **given}
     with pytest.raises(InvalidInputError, match=words):
         structured_output_feedback(**arguments)
 
@@ -148,7 +154,7 @@ def test_refuses_a_plant_between_nothing():
     G = control.ss([[-1.0]], [[1.0]], [[1.0]], 0)
     plant = rp.GeneralizedPlant(G, measurements=1, controls=1)
     with pytest.raises(InvalidInputError, match="0 disturbances w and 0 performance outputs z"):
-        structured_output_feedback(plant, rp.pid())
+        structured_output_feedback(plant, rp.tunable.pid())
 
 
 def wood_berry():
@@ -169,7 +175,7 @@ def wood_berry():
 @pytest.mark.slow
 def test_two_pi_loops_of_a_column_have_the_signs_of_the_literature():
     plant = wood_berry()
-    blocks = [rp.pid("xD", "R", "PI", sign=-1), rp.pid("xB", "S", "PI", sign=-1)]
+    blocks = [rp.tunable.pid("xD", "R", "PI", sign=-1), rp.tunable.pid("xB", "S", "PI", sign=-1)]
     design = structured_output_feedback(plant, blocks)
     best = rp.output_feedback(plant)
     # Full order reaches 0.58; Luyben's gains are 0.375 and -0.075.
@@ -188,7 +194,7 @@ def test_a_free_state_space_is_the_fixed_order_feedback(shared, name, order):
     plant = rp.GeneralizedPlant.from_matrices(*(data[f"{name}/{key}"] for key in names))
     mask = np.ones((order + plant.nu, order + plant.ny))
     known = rp.static_output_feedback(plant, structure=mask, order=order)
-    block = rp.fixed_order(order=order) if order else rp.static_gain()
+    block = rp.tunable.fixed_order(order=order) if order else rp.tunable.static_gain()
     found = structured_output_feedback(plant, block)
     assert found.certificate.achieved == pytest.approx(known.certificate.achieved, rel=0.01)
 
@@ -198,4 +204,4 @@ def test_fixed_modes_are_named():
         [[1.0, 0.0], [0.0, -1.0]], [[1.0], [1.0]], [[0.0], [1.0]], [[1.0, 1.0]], [[1.0, 1.0]]
     )
     with pytest.raises(InfeasibleError, match=r"no gain moves the mode \+1"):
-        structured_output_feedback(plant, rp.pid())
+        structured_output_feedback(plant, rp.tunable.pid())

@@ -5,8 +5,8 @@ import time
 import numpy as np
 import pytest
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.nonsmooth import bfgs
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.nonsmooth.descent import bfgs
 
 
 def test_it_walks_along_a_kink():

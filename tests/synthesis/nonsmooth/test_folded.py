@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.nonsmooth import Folded, MaskedGain, bfgs
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.nonsmooth.descent import Folded, bfgs
+from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
 
 BOUNDS = (np.array([-1.0, 0.0, -np.inf, -np.inf]), np.array([2.0, np.inf, 3.0, np.inf]))
 FOLDED = Folded(MaskedGain(np.ones((2, 2), bool)), BOUNDS)

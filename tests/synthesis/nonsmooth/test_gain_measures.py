@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from random_loops import assert_gradient
 
-from robustpolish.synthesis.nonsmooth import FrobeniusMeasure, GainMeasure
+from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure, GainMeasure
 
 RNG = np.random.default_rng(7)
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from random_loops import assert_gradient, random_gain, random_loop, scalar_loop
 
-from robustpolish.analysis import h2_norm
-from robustpolish.synthesis.nonsmooth import H2Measure
-from robustpolish.synthesis.problem.static_loop import augmented
+from robustpolish.linear.norms.h2 import h2_norm
+from robustpolish.synthesis.nonsmooth.measures import H2Measure
+from robustpolish.synthesis.problem.matrices import augmented
 
 
 @pytest.mark.parametrize("discrete", [False, True])

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 from random_loops import assert_gradient, random_gain, random_loop, scalar_loop
 
-from robustpolish.analysis import hinf_norm
-from robustpolish.synthesis.nonsmooth import HinfMeasure
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.static_loop import augmented, controller_loop
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.synthesis.nonsmooth.measures import HinfMeasure
+from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented, controller_loop
 
 NO_GAIN = np.zeros((1, 1))
 

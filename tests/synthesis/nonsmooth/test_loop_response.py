@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from random_loops import random_loop, scalar_loop
 
-from robustpolish.synthesis.nonsmooth.loop_response import LoopResponse
-from robustpolish.synthesis.problem.static_loop import close_static
+from robustpolish.synthesis.nonsmooth.measures import LoopResponse
+from robustpolish.synthesis.problem.matrices import close_static
 
 
 def response(loop):

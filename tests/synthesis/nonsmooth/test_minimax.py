@@ -3,15 +3,10 @@
 import numpy as np
 import pytest
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.nonsmooth import (
-    ActivePiece,
-    GainMeasure,
-    MaskedGain,
-    Problem,
-    Requirement,
-    minimax,
-)
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.nonsmooth.descent import ActivePiece, Problem, Requirement, minimax
+from robustpolish.synthesis.nonsmooth.measures import GainMeasure
+from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
 
 ONE_ROW = MaskedGain(np.ones((1, 2), bool))
 

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 from random_loops import random_loop
 
-from robustpolish.synthesis.nonsmooth import MaskedGain, ObserverGain, PositiveElements
+from robustpolish.synthesis.nonsmooth.parametrisations import (
+    MaskedGain,
+    ObserverGain,
+    PositiveElements,
+)
 
 RNG = np.random.default_rng(5)
 MASK = np.array([[True, False, True], [True, True, False]])

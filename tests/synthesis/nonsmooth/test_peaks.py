@@ -5,11 +5,9 @@ import numpy as np
 import pytest
 from random_loops import random_loop, scalar_loop
 
-from robustpolish.analysis import hinf_norm
-from robustpolish.synthesis.nonsmooth.loop_response import LoopResponse
-from robustpolish.synthesis.nonsmooth.peaks import highest_peak, local_peaks
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.static_loop import close_static
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.synthesis.nonsmooth.measures import LoopResponse, highest_peak, local_peaks
+from robustpolish.synthesis.problem.matrices import PlantMatrices, close_static
 
 
 def response(loop):

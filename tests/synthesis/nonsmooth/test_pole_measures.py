@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from random_loops import assert_gradient, random_gain, random_loop, scalar_loop
 
-from robustpolish.synthesis.nonsmooth import (
+from robustpolish.synthesis.nonsmooth.measures import (
     FrobeniusMeasure,
     GainMeasure,
     HinfMeasure,
@@ -12,8 +12,7 @@ from robustpolish.synthesis.nonsmooth import (
     StabilityMeasure,
     WorstMeasure,
 )
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.static_loop import augmented
+from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented
 
 
 @pytest.mark.parametrize("discrete", [False, True])

@@ -3,14 +3,9 @@
 import numpy as np
 import pytest
 
-from robustpolish.synthesis.nonsmooth import (
-    ActivePiece,
-    FrobeniusMeasure,
-    GainMeasure,
-    MaskedGain,
-    Problem,
-    Requirement,
-)
+from robustpolish.synthesis.nonsmooth.descent import ActivePiece, Problem, Requirement
+from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure, GainMeasure
+from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
 
 FREE = MaskedGain(np.array([[True, False], [True, True]]))
 SIZE = FrobeniusMeasure()

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from output_tasks import unstable_lag
 
-from robustpolish.long_calls import Budget
-from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.output_search.choice import choose
-from robustpolish.synthesis.output_search.engine import Candidate, Found, Task, examine
+from robustpolish.base.budget import Budget
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.output_feedback.engine import Candidate, Found, Task, examine
+from robustpolish.synthesis.output_feedback.search import choose
 from robustpolish.synthesis.problem.matrices import Controller
 from robustpolish.synthesis.problem.scaling import SolverPlant
-from robustpolish.synthesis.riccati.infimum import LowerBound
+from robustpolish.synthesis.riccati.gamma import LowerBound
 
 
 def priced_lag(price=1.0, unit=1.0):

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from output_tasks import settings, task, unstable_lag
 
-from robustpolish.long_calls import Budget
-from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.output_search.engine import Candidate, Found, Task, examine
-from robustpolish.synthesis.output_search.riccati_ladder import RiccatiLadder
+from robustpolish.base.budget import Budget
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.output_feedback.engine import Candidate, Found, Task, examine
+from robustpolish.synthesis.output_feedback.riccati import RiccatiLadder
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
-from robustpolish.synthesis.riccati.infimum import LowerBound
+from robustpolish.synthesis.riccati.gamma import LowerBound
 
 LAG = task(unstable_lag(), bounded=False)
 

@@ -9,11 +9,10 @@ from output_tasks import LAG_HINF, settings, task, unstable_lag
 from small_plants import regular_plant
 
 import robustpolish as rp
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.design.wanted_norm import WantedNorm
-from robustpolish.synthesis.output_search.engine import Found
-from robustpolish.synthesis.output_search.lmi import LmiHinf
-from robustpolish.synthesis.output_search.policy import POLICY
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.certificate import WantedNorm
+from robustpolish.synthesis.output_feedback.engine import POLICY, Found
+from robustpolish.synthesis.output_feedback.lmi import LmiHinf
 
 
 def test_the_hinf_optimum_is_reached_within_the_tolerance():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from output_tasks import LAG_H2, settings, task, unstable_lag
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.output_search.lmi_h2 import LmiH2
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.output_feedback.lmi import LmiH2
 
 
 def test_the_h2_optimum_is_reached():

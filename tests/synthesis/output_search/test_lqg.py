@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from output_tasks import LAG_H2, settings, task, unstable_lag
 
-from robustpolish.long_calls import Budget
-from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.output_search.lqg import Lqg
+from robustpolish.base.budget import Budget
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.output_feedback.riccati import Lqg
 
 
 def search(plant, budget=None):

@@ -7,8 +7,8 @@ import pytest
 from hard_plants import heat_rod
 
 import robustpolish as rp
-from robustpolish.synthesis.methods import output_feedback as module
-from robustpolish.synthesis.output_search import part_search
+from robustpolish.synthesis.output_feedback import output_feedback as module
+from robustpolish.synthesis.output_feedback import search as part_search
 
 POINTS = 80
 

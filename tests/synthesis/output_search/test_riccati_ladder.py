@@ -6,9 +6,9 @@ from hard_plants import flexible_structure
 from output_tasks import LAG_HINF, settings, task, unstable_lag
 from published_plants import scherer_1997
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.output_search.policy import POLICY
-from robustpolish.synthesis.output_search.riccati_ladder import RiccatiLadder
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.output_feedback.engine import POLICY
+from robustpolish.synthesis.output_feedback.riccati import RiccatiLadder
 
 
 def search(problem, budget=None):

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from output_tasks import LAG_H2, LAG_HINF, settings, task, unstable_lag
 
-from robustpolish.long_calls import Budget
+from robustpolish.base.budget import Budget
 from robustpolish.synthesis.backends.slycot_backend import SlycotAnswer
-from robustpolish.synthesis.certificate.certificate import Norm
-from robustpolish.synthesis.output_search import slycot
-from robustpolish.synthesis.output_search.policy import POLICY
+from robustpolish.synthesis.certificate import Norm
+from robustpolish.synthesis.output_feedback import lmi as slycot
+from robustpolish.synthesis.output_feedback.engine import POLICY
 
 
 def search(norm: Norm = "hinf", plant=None):

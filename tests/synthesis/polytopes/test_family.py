@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robustpolish.synthesis.polytopes.family import LyapunovFamily, combined
+from robustpolish.synthesis.scheduled.polytope import LyapunovFamily, combined
 
 
 def test_one_for_all_and_one_for_each():

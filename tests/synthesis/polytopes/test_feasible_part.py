@@ -5,11 +5,17 @@ import pytest
 from polytope_examples import solver
 
 import robustpolish as rp
-from robustpolish.synthesis.polytopes.family import LyapunovFamily
-from robustpolish.synthesis.polytopes.feasible_part import refused_vertices, share_with_gain
-from robustpolish.synthesis.polytopes.inequalities import Question
-from robustpolish.synthesis.polytopes.state_gain import GainProblem
-from robustpolish.synthesis.polytopes.vertices import polytope, scaled_vertices
+from robustpolish.synthesis.scheduled.polytope import (
+    LyapunovFamily,
+    Question,
+    polytope,
+    scaled_vertices,
+)
+from robustpolish.synthesis.scheduled.robust_state_feedback import (
+    GainProblem,
+    refused_vertices,
+    share_with_gain,
+)
 
 
 def pushed(gain):

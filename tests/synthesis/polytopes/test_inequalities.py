@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from polytope_examples import held_mass
 
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram
-from robustpolish.synthesis.polytopes.family import LyapunovFamily
-from robustpolish.synthesis.polytopes.inequalities import (
+from robustpolish.synthesis.lmi.program import SemidefiniteProgram
+from robustpolish.synthesis.problem.matrices import PlantMatrices, state_gain_norm
+from robustpolish.synthesis.scheduled.polytope import (
+    LyapunovFamily,
     Question,
     Slack,
     Terms,
@@ -15,8 +16,6 @@ from robustpolish.synthesis.polytopes.inequalities import (
     with_gain,
     with_slack,
 )
-from robustpolish.synthesis.problem.full_state import state_gain_norm
-from robustpolish.synthesis.problem.matrices import PlantMatrices
 
 
 @pytest.mark.parametrize("norm", ["hinf", "h2"])

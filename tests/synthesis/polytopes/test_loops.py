@@ -6,8 +6,8 @@ import pytest
 from polytope_examples import held_mass
 
 import robustpolish as rp
-from robustpolish.synthesis.polytopes.loops import output_loop, state_loop, uncertain_loop
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
+from robustpolish.synthesis.scheduled.proof import output_loop, state_loop, uncertain_loop
 
 F = np.array([[-1.0, -2.0]])
 
@@ -26,8 +26,8 @@ def test_state_and_output_feedback_in_balls():
 
 
 def test_the_loop_of_an_uncertain_system():
-    k = rp.uncertain_real("k", 5.0, percent=80)
-    mass = rp.uncertain_system([[0, 1], [-k, -0.1]], [[0, 0], [1, 1]], [[1, 0]], 0)
+    k = rp.uncertain.real("k", 5.0, percent=80)
+    mass = rp.uncertain.system([[0, 1], [-k, -0.1]], [[0, 0], [1, 1]], [[1, 0]], 0)
     loop = uncertain_loop(mass, 1, F).at({"k": 7.0})
     assert pytest.approx(np.array([[0, 1], [-8, -2.1]])) == loop.A
     assert (loop.ninputs, loop.noutputs) == (1, 1)

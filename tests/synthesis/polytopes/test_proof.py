@@ -6,10 +6,9 @@ import pytest
 from polytope_examples import oscillator, sampled, solver
 
 import robustpolish as rp
-from robustpolish.exact import balls
-from robustpolish.synthesis.polytopes.family import LyapunovFamily
-from robustpolish.synthesis.polytopes.inequalities import Question
-from robustpolish.synthesis.polytopes.proof import prove
+from robustpolish.linear.arithmetic import balls
+from robustpolish.synthesis.scheduled.polytope import LyapunovFamily, Question
+from robustpolish.synthesis.scheduled.proof import prove
 
 
 def norm_of(matrices, norm, dt):

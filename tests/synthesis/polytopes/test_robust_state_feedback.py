@@ -8,15 +8,15 @@ import pytest
 from polytope_examples import held_mass, two_masses
 
 import robustpolish as rp
-from robustpolish.deadline import OutOfTimeError
+from robustpolish.base.budget import OutOfTimeError
 
-k = rp.uncertain_real("k", 5.0, range=(1.0, 9.0))
-m = rp.uncertain_real("m", 1.0, percent=50)
+k = rp.uncertain.real("k", 5.0, range=(1.0, 9.0))
+m = rp.uncertain.real("m", 1.0, percent=50)
 
 
 def uncertain_mass(stiffness, mass):
     A = [[0, 1], [-stiffness / mass, -0.1 / mass]]
-    return rp.uncertain_system(A, [[0, 0], [1 / mass, 1 / mass]], [[1, 0]], 0)
+    return rp.uncertain.system(A, [[0, 0], [1 / mass, 1 / mass]], [[1, 0]], 0)
 
 
 @pytest.mark.parametrize("norm", ["hinf", pytest.param("h2", marks=pytest.mark.slow)])
@@ -60,7 +60,7 @@ def test_a_common_matrix_bounds_a_spring_that_jumps():
 
 def test_a_proof_that_there_is_time_for_is_enough(monkeypatch):
     """The inequalities prove a bound by themselves; the worst case would only make it smaller."""
-    module = importlib.import_module("robustpolish.synthesis.polytopes.robust_state_feedback")
+    module = importlib.import_module("robustpolish.synthesis.scheduled.robust_state_feedback")
 
     def over(loop):
         raise OutOfTimeError("The time was over.")
@@ -104,8 +104,8 @@ def test_refusals():
     direct = held_mass(1.0).replace(D11=[[1.0], [0.0]])
     with pytest.raises(rp.InvalidInputError, match="H2 norm is infinite"):
         rp.robust_state_feedback([direct], "h2")
-    b = rp.uncertain_real("b", 0.2, range=(-0.6, 1.0))
-    lag = rp.uncertain_system([[1.0]], [[1.0, b]], [[1.0]], 0)
+    b = rp.uncertain.real("b", 0.2, range=(-0.6, 1.0))
+    lag = rp.uncertain.system([[1.0]], [[1.0, b]], [[1.0]], 0)
     with pytest.raises(rp.SolverError, match=r"For \d+ % of it") as caught:
         rp.robust_state_feedback(lag, controls=1, control_weight=1.0)
     assert "scheduled_feedback" in str(caught.value)

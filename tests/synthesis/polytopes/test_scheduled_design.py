@@ -6,8 +6,8 @@ import xarray as xr
 
 import robustpolish as rp
 
-k = rp.uncertain_real("k", 5.0, range=(1.0, 9.0))
-PLANT = rp.uncertain_system([[0, 1], [-k, -0.1]], [[0, 0], [1, 1]], [[1, 0]], 0)
+k = rp.uncertain.real("k", 5.0, range=(1.0, 9.0))
+PLANT = rp.uncertain.system([[0, 1], [-k, -0.1]], [[0, 0], [1, 1]], [[1, 0]], 0)
 
 
 @pytest.fixture(scope="module")

@@ -9,14 +9,14 @@ import xarray as xr
 
 import robustpolish as rp
 
-k = rp.uncertain_real("k", 5.0, range=(1.0, 9.0))
+k = rp.uncertain.real("k", 5.0, range=(1.0, 9.0))
 PRICE, NOISE = 1.0, 0.1
 T = np.arange(0, 80, 0.04)
 
 
 def mass(stiffness, outputs=2, pushed=1.0):
     """A mass on a spring; the position is z, and y too."""
-    return rp.uncertain_system(
+    return rp.uncertain.system(
         [[0, 1], [-stiffness, -0.1]], [[0, 0], [1, pushed]], [[1, 0]] * outputs, 0
     )
 
@@ -80,7 +80,7 @@ def test_rates_lower_the_bound_and_keep_it(scheduled):
 
 
 def test_state_feedback_with_rates():
-    plant = rp.uncertain_system([[0, k], [-1, 0.5]], [[1, 0], [0, 1]], [[1, 0]], 0)
+    plant = rp.uncertain.system([[0, k], [-1, 0.5]], [[1, 0], [0, 1]], [[1, 0]], 0)
     jumps = rp.scheduled_feedback(plant, controls=1, control_weight=PRICE)
     slow = rp.scheduled_feedback(plant, controls=1, control_weight=PRICE, rates={"k": 0.1})
     fixed = rp.robust_state_feedback(plant, controls=1, control_weight=PRICE, lyapunov="common")
@@ -93,8 +93,8 @@ def test_state_feedback_with_rates():
 
 
 def test_two_numbers_of_which_one_is_bent():
-    m = rp.uncertain_real("m", 1.0, percent=30)
-    plant = rp.uncertain_system([[0, 1], [-k / m, -0.1 / m]], [[0, 0], [1 / m, 1]], [[1, 0]], 0)
+    m = rp.uncertain.real("m", 1.0, percent=30)
+    plant = rp.uncertain.system([[0, 1], [-k / m, -0.1 / m]], [[0, 0], [1 / m, 1]], [[1, 0]], 0)
     design = rp.scheduled_feedback(plant, controls=1, control_weight=PRICE, rates={"m": 0.1})
     assert len(design.controllers) == 4
     assert design.rates == {"k": np.inf, "m": 0.1}
@@ -107,8 +107,8 @@ def test_two_numbers_of_which_one_is_bent():
 
 
 def test_sampled_state_feedback():
-    a = rp.uncertain_real("a", 0.6, range=(0.3, 0.9))
-    plant = rp.uncertain_system([[1.1, a], [0, 0.9]], [[0, 0], [1, 1]], [[1, 0]], 0, dt=True)
+    a = rp.uncertain.real("a", 0.6, range=(0.3, 0.9))
+    plant = rp.uncertain.system([[1.1, a], [0, 0.9]], [[0, 0], [1, 1]], [[1, 0]], 0, dt=True)
     design = rp.scheduled_feedback(plant, controls=1, control_weight=PRICE)
     assert max(float(rp.hinf_norm(design.closed_loop({"a": v}))) for v in (0.3, 0.5, 0.9)) < (
         design.bound
@@ -118,23 +118,23 @@ def test_sampled_state_feedback():
 
 
 def test_numbers_that_reach_the_controls_are_filtered_as_told():
-    gain = rp.uncertain_real("gain", 1.0, percent=50)
+    gain = rp.uncertain.real("gain", 1.0, percent=50)
     plant = mass(5.0, outputs=1, pushed=gain)
     with pytest.raises(rp.InvalidInputError, match=r"B2.*fast lag before the controls"):
         rp.scheduled_feedback(plant, controls=1, control_weight=PRICE)
     lag = control.ss([[-50.0]], [[50.0]], [[1.0]], 0)
-    filtered = plant * rp.append(np.eye(1), lag)
+    filtered = plant * rp.uncertain.append(np.eye(1), lag)
     assert rp.scheduled_feedback(filtered, controls=1, control_weight=PRICE).bound < 2.0
 
 
 def test_refusals(scheduled):
     with pytest.raises(rp.InvalidInputError, match=r"C2.*behind the measurements"):
-        seen = rp.uncertain_system([[0, 1], [-5, -0.1]], [[0, 0], [1, 1]], [[1, 0], [k, 0]], 0)
+        seen = rp.uncertain.system([[0, 1], [-5, -0.1]], [[0, 0], [1, 1]], [[1, 0], [k, 0]], 0)
         rp.scheduled_feedback(seen, controls=1, measurements=1)
     with pytest.raises(rp.InvalidInputError, match="not on a line"):
         rp.scheduled_feedback(mass(k * k), controls=1)
     with pytest.raises(rp.InvalidInputError, match="numbers of their own"):
-        fit = rp.uncertain_ellipsoid({"k": 5.0}, [[1.0]])
+        fit = rp.uncertain.ellipsoid({"k": 5.0}, [[1.0]])
         rp.scheduled_feedback(mass(fit["k"]), controls=1)
     with pytest.raises(rp.InvalidInputError, match="rates"):
         rp.scheduled_feedback(mass(k), controls=1, rates={"K": 1.0})

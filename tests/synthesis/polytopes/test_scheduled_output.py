@@ -6,8 +6,8 @@ import pytest
 from polytope_examples import solver
 
 import robustpolish as rp
-from robustpolish.synthesis.polytopes.scheduled_output import scheduled_controllers
 from robustpolish.synthesis.problem.matrices import PlantMatrices, close
+from robustpolish.synthesis.scheduled.scheduled_feedback import scheduled_controllers
 
 
 def seen_mass(stiffness):

@@ -5,11 +5,14 @@ import pytest
 from polytope_examples import held_mass, solver, two_masses
 
 import robustpolish as rp
-from robustpolish.synthesis.polytopes.family import LyapunovFamily
-from robustpolish.synthesis.polytopes.inequalities import Question
-from robustpolish.synthesis.polytopes.state_gain import GainProblem, candidates
-from robustpolish.synthesis.polytopes.vertices import polytope, scaled_vertices
-from robustpolish.synthesis.problem.full_state import state_gain_norm
+from robustpolish.synthesis.problem.matrices import state_gain_norm
+from robustpolish.synthesis.scheduled.polytope import (
+    LyapunovFamily,
+    Question,
+    polytope,
+    scaled_vertices,
+)
+from robustpolish.synthesis.scheduled.robust_state_feedback import GainProblem, candidates
 
 
 def best(plants, norm, makes, scheduled=False):

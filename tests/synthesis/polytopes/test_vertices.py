@@ -5,20 +5,20 @@ import pytest
 from polytope_examples import held_mass
 
 import robustpolish as rp
-from robustpolish.synthesis.polytopes.vertices import (
+from robustpolish.synthesis.scheduled.polytope import (
     bends_of,
     polytope,
     scaled_vertices,
     shrunk_matrices,
 )
 
-k = rp.uncertain_real("k", 5.0, range=(1.0, 9.0))
-m = rp.uncertain_real("m", 1.0, percent=50)
+k = rp.uncertain.real("k", 5.0, range=(1.0, 9.0))
+m = rp.uncertain.real("m", 1.0, percent=50)
 B = [[0, 0], [1, 1]]
 
 
 def spring_mass(stiffness, mass=1.0):
-    return rp.uncertain_system(
+    return rp.uncertain.system(
         [[0, 1], [-stiffness / mass, -0.1 / mass]], [[0, 0], [1 / mass, 1 / mass]], [[1, 0]], 0
     )
 
@@ -30,7 +30,7 @@ def spring_mass(stiffness, mass=1.0):
         # Affine in k and in 1 / m, the other held.
         (spring_mass(k, m), True),
         # A nominal value beside the middle is a fraction of the delta, and the number itself.
-        (spring_mass(rp.uncertain_real("k", 2.0, range=(1.0, 9.0))), True),
+        (spring_mass(rp.uncertain.real("k", 2.0, range=(1.0, 9.0))), True),
         (spring_mass(k * k), False),
         (spring_mass(k + 1 / k), False),
     ],
@@ -81,7 +81,7 @@ def test_refusals():
     with pytest.raises(rp.InvalidInputError, match="controls"):
         polytope(spring_mass(k), None, None)
     with pytest.raises(rp.InvalidInputError, match="real numbers only"):
-        polytope(spring_mass(k) * (1 + 0.1 * rp.uncertain_dynamics("d", 2)), 1, None)
+        polytope(spring_mass(k) * (1 + 0.1 * rp.uncertain.dynamics("d", 2)), 1, None)
     with pytest.raises(rp.InvalidInputError, match="no choice of signals"):
         polytope([held_mass(1.0)], 1, None)
     with pytest.raises(rp.InvalidInputError, match="list of GeneralizedPlant"):

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from hard_plants import random_plant
 
-from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.problem.bilinear import to_continuous, to_discrete
-from robustpolish.synthesis.problem.matrices import Controller
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.problem.matrices import Controller, to_continuous, to_discrete
 
 
 def sampled(seed, eigenvalues=None):

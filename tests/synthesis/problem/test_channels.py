@@ -5,7 +5,7 @@ import pytest
 from small_plants import oscillator
 
 import robustpolish as rp
-from robustpolish.synthesis.problem.channels import channel
+from robustpolish.synthesis.problem.matrices import channel
 
 
 def test_signals_come_in_the_order_asked_for():

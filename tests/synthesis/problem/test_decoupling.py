@@ -4,9 +4,9 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis import hinf_norm
-from robustpolish.models import air_bearing
-from robustpolish.synthesis.problem.decoupling import decoupled_parts, joined_controller, undivided
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.polishing.air_bearing import air_bearing
+from robustpolish.synthesis.problem.scaling import decoupled_parts, joined_controller, undivided
 
 
 def test_the_air_bearing_is_three_axes():

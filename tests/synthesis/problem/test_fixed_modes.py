@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_plants import static_plant
 
-from robustpolish.synthesis.problem.fixed_modes import unstable_fixed_modes
+from robustpolish.synthesis.problem.preflight import unstable_fixed_modes
 
 
 def test_fixed_modes_of_full_and_patterned_gains():

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from hard_plants import random_plant
 
-from robustpolish.synthesis.problem.full_state import (
+from robustpolish.synthesis.problem.matrices import (
+    PlantMatrices,
     compressed,
     in_states,
     is_regular,
@@ -17,7 +18,6 @@ from robustpolish.synthesis.problem.full_state import (
     with_noise,
     with_price,
 )
-from robustpolish.synthesis.problem.matrices import PlantMatrices
 
 # x' = x + w + u, z = (x, u), y = x; with u = -3 x it is 1/(s + 2) times (1, -3).
 SCALAR = PlantMatrices(

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hard_plants import random_plant
 
-from robustpolish.analysis import hinf_norm
+from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,

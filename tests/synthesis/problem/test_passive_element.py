@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis.problem.passive_element import PassiveElement
+from robustpolish.synthesis.problem.pole_regions import PassiveElement
 
 
 @pytest.mark.parametrize(
@@ -21,7 +21,7 @@ def test_an_element_in_words(element, text):
 
 
 def test_elements_are_compared_by_value_and_do_not_change():
-    one, other = (rp.PassiveElement("damper", ("x", "y"), 5.0, "N s/m") for _ in range(2))
+    one, other = (rp.results.PassiveElement("damper", ("x", "y"), 5.0, "N s/m") for _ in range(2))
     assert one == other
     assert one != dataclasses.replace(one, coefficient=6.0)
     assert len({one, other}) == 1

@@ -5,8 +5,8 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.models import air_bearing
-from robustpolish.synthesis.problem.channels import channel
+from robustpolish.polishing.air_bearing import air_bearing
+from robustpolish.synthesis.problem.matrices import channel
 from robustpolish.synthesis.problem.preflight import diagnose, noisy, priced
 
 

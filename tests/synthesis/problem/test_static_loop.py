@@ -6,8 +6,12 @@ import pytest
 from hard_plants import random_plant
 from small_plants import static_plant
 
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.static_loop import augmented, close_static, controller_loop
+from robustpolish.synthesis.problem.matrices import (
+    PlantMatrices,
+    augmented,
+    close_static,
+    controller_loop,
+)
 
 POINTS = (0.0, 1j, 0.5 - 3j)
 

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 from hard_plants import flexible_structure, heat_rod, mass_chain
 
-from robustpolish.models import GeneralizedPlant
+from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.scaling import SolverPlant
-from robustpolish.synthesis.problem.truncation import truncated
+from robustpolish.synthesis.problem.scaling import SolverPlant, truncated
 
 
 def matrices(plant):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.exact.balls import precision
+from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.riccati.half_plane import LongPlant
+from robustpolish.synthesis.riccati.lower_bound import LongPlant
 
 
 def out_of_reach(plant, gamma, bits=768):

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.long_calls import Budget
+from robustpolish.base.budget import Budget
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import scale_plant
-from robustpolish.synthesis.riccati.infimum import lower_bound
-from robustpolish.synthesis.riccati.proof import PROVABLE_STATES, PROVEN
-from robustpolish.synthesis.riccati.reduction import reduced_halves
+from robustpolish.synthesis.riccati.gamma import lower_bound, reduced_halves
+from robustpolish.synthesis.riccati.lower_bound import PROVABLE_STATES, PROVEN
 from tests.synthesis.weighted_servos import drawn, realisations
 
 # Infima of the full-order H-infinity norm of COMPleib plants, most of them singular.

@@ -8,7 +8,7 @@ from published_plants import zhou_h2
 from small_plants import regular_plant
 
 import robustpolish as rp
-from robustpolish.analysis import h2_norm
+from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, close
 from robustpolish.synthesis.riccati.lqg import cancel_feedthrough, h2_lower_bound, lqg
 

@@ -3,10 +3,10 @@
 import pytest
 
 import robustpolish as rp
-from robustpolish.deadline import OutOfTimeError
+from robustpolish.base.budget import OutOfTimeError
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.riccati import proof
-from robustpolish.synthesis.riccati.proof import proven_bound
+from robustpolish.synthesis.riccati import lower_bound as proof
+from robustpolish.synthesis.riccati.lower_bound import proven_bound
 
 
 def plant():

@@ -5,12 +5,11 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.long_calls import Budget
+from robustpolish.base.budget import Budget
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import SolverPlant
-from robustpolish.synthesis.riccati.infimum import lower_bound
-from robustpolish.synthesis.riccati.proof import PROVEN
-from robustpolish.synthesis.riccati.reduction import reduced_halves
+from robustpolish.synthesis.riccati.gamma import lower_bound, reduced_halves
+from robustpolish.synthesis.riccati.lower_bound import PROVEN
 
 
 def levitation(delay, weight):

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.problem.full_state import measuring_states, state_gain_norm
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.riccati.state import RiccatiStateEngine, least_state_norm
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.problem.matrices import PlantMatrices, measuring_states, state_gain_norm
+from robustpolish.synthesis.state_feedback.riccati import RiccatiStateEngine, least_state_norm
 
 # x' = x + w + u, z = (x, u).
 SCALAR = PlantMatrices.of(

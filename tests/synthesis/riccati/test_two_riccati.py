@@ -7,17 +7,21 @@ from hard_plants import random_plant
 from published_plants import scherer_1997
 from small_plants import oscillator
 
-from robustpolish.analysis import hinf_norm
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.problem.full_state import state_gain_norm
-from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, close
-from robustpolish.synthesis.riccati.infimum import search_gamma
-from robustpolish.synthesis.riccati.state import lqr_gain
-from robustpolish.synthesis.riccati.two_riccati import (
+from robustpolish.base.budget import Budget
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.synthesis.problem.matrices import (
+    Controller,
+    PlantMatrices,
+    close,
+    state_gain_norm,
+)
+from robustpolish.synthesis.riccati.gamma import (
     central_controller,
     has_full_rank,
     normalise,
+    search_gamma,
 )
+from robustpolish.synthesis.state_feedback.riccati import lqr_gain
 
 
 def norm_of(plant, K):

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.methods.state_feedback import ENGINES
-from robustpolish.synthesis.problem.full_state import measuring_states, state_gain_norm
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.problem.matrices import PlantMatrices, measuring_states, state_gain_norm
 from robustpolish.synthesis.problem.scaling import scale_plant
+from robustpolish.synthesis.state_feedback.state_feedback import ENGINES
 
 
 def priced_mass():
@@ -62,7 +61,7 @@ def test_a_slow_machine_finds_the_same_gain(options, monkeypatch):
 def test_the_end_of_the_work_is_no_lack_of_time(monkeypatch):
     from dataclasses import replace
 
-    from robustpolish.synthesis.methods import state_feedback as module
+    from robustpolish.synthesis.state_feedback import state_feedback as module
 
     short = replace(module.POLICY, work=3e2)
     monkeypatch.setattr(module, "POLICY", short)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robustpolish.synthesis.state_search.message import message
+from robustpolish.synthesis.state_feedback.search import message
 
 PLAIN = {
     "status": "suboptimal",

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
+from robustpolish.base.budget import Budget
 from robustpolish.errors import SolverError
-from robustpolish.long_calls import Budget
-from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.certificate.certificate import Norm
-from robustpolish.synthesis.lmi.state.engine import LmiStateEngine
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.certificate import Norm
 from robustpolish.synthesis.problem.pole_regions import HalfPlane
-from robustpolish.synthesis.riccati.state import RiccatiStateEngine
-from robustpolish.synthesis.state_search.part_search import solve_parts
+from robustpolish.synthesis.state_feedback.lmi import LmiStateEngine
+from robustpolish.synthesis.state_feedback.riccati import RiccatiStateEngine
+from robustpolish.synthesis.state_feedback.search import solve_parts
 
 
 def lag(a=-1.0, price=1.0, force=1.0, watched=1.0, state="x"):

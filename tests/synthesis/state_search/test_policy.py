@@ -2,7 +2,7 @@
 
 import pytest
 
-from robustpolish.synthesis.state_search.policy import POLICY, StatePolicy
+from robustpolish.synthesis.state_feedback.engine import POLICY, StatePolicy
 
 
 def test_prices_fall_step_by_step_from_no_control_to_rounding_errors():

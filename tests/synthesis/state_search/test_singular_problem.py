@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.certificate.certificate import Norm
-from robustpolish.synthesis.problem.full_state import measuring_states, state_gain_norm
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.riccati.state import RiccatiStateEngine
-from robustpolish.synthesis.state_search.singular_problem import almost_no_control, solve_singular
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.certificate import Norm
+from robustpolish.synthesis.problem.matrices import PlantMatrices, measuring_states, state_gain_norm
+from robustpolish.synthesis.state_feedback.riccati import RiccatiStateEngine
+from robustpolish.synthesis.state_feedback.search import almost_no_control, solve_singular
 
 
 def free_control(A, B1, B2, C1):

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.certificate.certificate import Norm
-from robustpolish.synthesis.problem.full_state import state_gain_norm
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.riccati.state import RiccatiStateEngine
-from robustpolish.synthesis.state_search.engine import StateGain
-from robustpolish.synthesis.state_search.smallest_gain import SmallestGain
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.certificate import Norm
+from robustpolish.synthesis.problem.matrices import PlantMatrices, state_gain_norm
+from robustpolish.synthesis.state_feedback.engine import StateGain
+from robustpolish.synthesis.state_feedback.riccati import RiccatiStateEngine
+from robustpolish.synthesis.state_feedback.search import SmallestGain
 from tests.synthesis.state_search.test_part_search import lag
 
 

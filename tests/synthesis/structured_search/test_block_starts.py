@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.blocks.loop_units import LoopUnits
-from robustpolish.synthesis.blocks.placement import placed
+from robustpolish.base.budget import Budget
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import scale_plant
-from robustpolish.synthesis.structured_search.block_starts import BlockStarts
+from robustpolish.synthesis.structured.block_structure import BlockStarts
+from robustpolish.synthesis.structured.block_wiring import LoopUnits, placed
 
 
 def starts(block, initial=None):
@@ -28,8 +27,8 @@ def numbers(found, count):
 
 
 def test_given_values_come_first_and_are_not_forgotten():
-    Kp = rp.tunable("Kp", 7.0, low=1.0, high=9.0)
-    found = numbers(starts(rp.pid(kind="PI", Kp=Kp), {"pid_y[0].Ki": -0.3}), 40)
+    Kp = rp.tunable.tunable("Kp", 7.0, low=1.0, high=9.0)
+    found = numbers(starts(rp.tunable.pid(kind="PI", Kp=Kp), {"pid_y[0].Ki": -0.3}), 40)
     assert found[0] == pytest.approx([7.0, -0.3])
     assert (found[:, 0] >= 1.0).all()
     assert (found[:, 0] <= 9.0).all()
@@ -37,7 +36,7 @@ def test_given_values_come_first_and_are_not_forgotten():
 
 
 def test_free_gains_come_with_both_signs_and_the_rest_positive():
-    found = numbers(starts(rp.pid()), 40)
+    found = numbers(starts(rp.tunable.pid()), 40)
     assert (found[:, 3] > 0).all()
     assert 5 < (found[1:, 0] > 0).sum() < 35
     alike = (np.sign(found[:, 0]) == np.sign(found[:, 2])).mean()
@@ -45,7 +44,7 @@ def test_free_gains_come_with_both_signs_and_the_rest_positive():
 
 
 def test_limits_turn_signs_round():
-    positive = {n: rp.tunable(n, low=0.0) for n in ("Kp", "Ki", "Kd")}
-    assert (numbers(starts(rp.pid(**positive)), 40) > 0).all()
-    negative = numbers(starts(rp.pid(kind="PI", Ki=rp.tunable("Ki", high=0.0))), 40)
+    positive = {n: rp.tunable.tunable(n, low=0.0) for n in ("Kp", "Ki", "Kd")}
+    assert (numbers(starts(rp.tunable.pid(**positive)), 40) > 0).all()
+    negative = numbers(starts(rp.tunable.pid(kind="PI", Ki=rp.tunable.tunable("Ki", high=0.0))), 40)
     assert (negative[:, 1] < 0).all()

@@ -3,10 +3,10 @@
 import numpy as np
 from small_plants import FULL, two_masses
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.problem.decoupling import undivided
-from robustpolish.synthesis.structured_search.grown_starts import GrownStarts
-from robustpolish.synthesis.structured_search.static_structure import StaticStructure
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.problem.scaling import undivided
+from robustpolish.synthesis.structured.order_starts import GrownStarts
+from robustpolish.synthesis.structured.structures import StaticStructure
 
 
 def test_grown_controllers_keep_the_norm_of_the_shorter_one():

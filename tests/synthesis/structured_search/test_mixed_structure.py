@@ -7,17 +7,15 @@ import pytest
 from hard_plants import rescaled
 from small_plants import oscillator
 
-from robustpolish.analysis import h2_norm, hinf_norm
-from robustpolish.long_calls import Budget
-from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.problem.channels import channel
-from robustpolish.synthesis.problem.decoupling import undivided
+from robustpolish.base.budget import Budget
+from robustpolish.linear.norms.h2 import h2_norm
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.problem.matrices import channel
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
-from robustpolish.synthesis.structured_search.mixed_structure import (
-    InequalityStart,
-    MixedStructure,
-)
-from robustpolish.synthesis.structured_search.policy import POLICY
+from robustpolish.synthesis.problem.scaling import undivided
+from robustpolish.synthesis.structured.search import POLICY
+from robustpolish.synthesis.structured.structures import InequalityStart, MixedStructure
 
 PLANT = rescaled(oscillator(), seed=8, decades=2)[0]
 

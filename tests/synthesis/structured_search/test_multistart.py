@@ -3,16 +3,11 @@
 import numpy as np
 import pytest
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.nonsmooth import (
-    ActivePiece,
-    FrobeniusMeasure,
-    MaskedGain,
-    Problem,
-    Requirement,
-)
-from robustpolish.synthesis.structured_search.multistart import descend_from, stabilise
-from robustpolish.synthesis.structured_search.policy import Effort
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.nonsmooth.descent import ActivePiece, Problem, Requirement
+from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure
+from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
+from robustpolish.synthesis.structured.search import Effort, descend_from, stabilise
 
 EDGE = 3.0
 

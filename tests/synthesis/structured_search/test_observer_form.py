@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from small_plants import regular_plant
 
-from robustpolish.synthesis.structured_search.observer_form import observer_form
-from robustpolish.synthesis.structured_search.observer_structure import observer_controller
+from robustpolish.synthesis.structured.observer import observer_controller, observer_form
 
 
 def test_any_strictly_proper_controller_is_an_observer():

@@ -8,17 +8,17 @@ from hard_plants import rescaled
 from output_tasks import LAG_H2, LAG_HINF, unstable_lag
 from small_plants import regular_plant
 
+from robustpolish.base.budget import Budget
 from robustpolish.errors import InfeasibleError, InvalidInputError
-from robustpolish.long_calls import Budget
-from robustpolish.models import GeneralizedPlant, air_bearing
-from robustpolish.synthesis.problem.decoupling import decoupled_parts, undivided
-from robustpolish.synthesis.structured_search.observer_structure import (
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.polishing.air_bearing import air_bearing
+from robustpolish.synthesis.problem.scaling import decoupled_parts, undivided
+from robustpolish.synthesis.structured.observer import (
     ObserverStructure,
     RiccatiStarts,
     observer_controller,
 )
-from robustpolish.synthesis.structured_search.policy import POLICY
-from robustpolish.synthesis.structured_search.structure import Norm, PartDesign, PartProblem
+from robustpolish.synthesis.structured.search import POLICY, Norm, PartDesign, PartProblem
 
 
 def stated(plant, norm: Norm = "hinf"):

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from small_plants import oscillator
 
+from robustpolish.base.budget import Budget
 from robustpolish.errors import SolverError
-from robustpolish.long_calls import Budget
-from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.problem.decoupling import undivided
-from robustpolish.synthesis.structured_search.part_search import design_part
-from robustpolish.synthesis.structured_search.policy import POLICY
-from robustpolish.synthesis.structured_search.static_structure import StaticStructure
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.problem.scaling import undivided
+from robustpolish.synthesis.structured.search import POLICY, design_part
+from robustpolish.synthesis.structured.structures import StaticStructure
 
 
 def lag(price=1.0, a=-1.0, unit=1.0):

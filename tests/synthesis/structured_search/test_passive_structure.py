@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from robustpolish.long_calls import Budget
-from robustpolish.models import GeneralizedPlant, air_bearing
-from robustpolish.synthesis.problem.decoupling import decoupled_parts, undivided
-from robustpolish.synthesis.structured_search.passive_structure import Mechanics, PassiveStructure
-from robustpolish.synthesis.structured_search.policy import POLICY
-from robustpolish.synthesis.structured_search.structure import PartDesign
+from robustpolish.base.budget import Budget
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.polishing.air_bearing import air_bearing
+from robustpolish.synthesis.problem.scaling import decoupled_parts, undivided
+from robustpolish.synthesis.structured.search import POLICY, PartDesign
+from robustpolish.synthesis.structured.structures import Mechanics, PassiveStructure
 
 # Two masses of 2 kg and 0.5 kg on springs to the ground, in q and p, with a force on each.
 MASSES, STIFFNESS = np.diag([2.0, 0.5]), np.diag([8.0, 3.0])

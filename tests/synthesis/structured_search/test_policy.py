@@ -1,6 +1,6 @@
 """What follows from the thresholds of the structured searches."""
 
-from robustpolish.synthesis.structured_search.policy import POLICY, Effort, StructuredPolicy
+from robustpolish.synthesis.structured.search import POLICY, Effort, StructuredPolicy
 
 
 def test_agreement_needs_no_more_descents_than_are_asked_for():

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from small_plants import FULL, two_masses
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.static_loop import augmented
-from robustpolish.synthesis.structured_search.reduced_starts import ReducedStarts, padded
-from robustpolish.synthesis.structured_search.structure import norm_measure
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented
+from robustpolish.synthesis.structured.order_starts import ReducedStarts, padded
+from robustpolish.synthesis.structured.search import norm_measure
 
 
 @pytest.mark.parametrize("norm", ["hinf", "h2"])

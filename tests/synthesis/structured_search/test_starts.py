@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from small_plants import static_plant
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.structured_search.policy import POLICY
-from robustpolish.synthesis.structured_search.starts import (
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.structured.search import POLICY
+from robustpolish.synthesis.structured.starts import (
     DrawnStarts,
     KnownStarts,
     RegulatorStart,

@@ -9,12 +9,12 @@ from hard_plants import rescaled
 from random_loops import scalar_loop
 from small_plants import FULL, oscillator, two_masses
 
+from robustpolish.base.budget import Budget
 from robustpolish.errors import InfeasibleError, InvalidInputError
-from robustpolish.long_calls import Budget
-from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.nonsmooth import AffineGain, MaskedGain
-from robustpolish.synthesis.problem.decoupling import decoupled_parts, undivided
-from robustpolish.synthesis.structured_search.static_structure import (
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.nonsmooth.parametrisations import AffineGain, MaskedGain
+from robustpolish.synthesis.problem.scaling import decoupled_parts, undivided
+from robustpolish.synthesis.structured.structures import (
     StaticStructure,
     free_gain,
     resting,

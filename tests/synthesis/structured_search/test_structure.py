@@ -8,12 +8,13 @@ from hard_plants import rescaled
 from random_loops import scalar_loop
 from small_plants import oscillator
 
-from robustpolish.analysis import h2_norm, hinf_norm
 from robustpolish.errors import InfeasibleError
-from robustpolish.models import GeneralizedPlant
-from robustpolish.synthesis.nonsmooth import MaskedGain
+from robustpolish.linear.norms.h2 import h2_norm
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
 from robustpolish.synthesis.problem.scaling import scale_plant
-from robustpolish.synthesis.structured_search.structure import (
+from robustpolish.synthesis.structured.search import (
     Norm,
     PartProblem,
     bound_in_words,

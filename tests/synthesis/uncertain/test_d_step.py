@@ -2,13 +2,20 @@ import numpy as np
 import pytest
 import uncertain_plants
 
-from robustpolish.synthesis.problem.matrices import Controller
-from robustpolish.synthesis.problem.static_loop import augmented, close_static
-from robustpolish.synthesis.uncertain.d_step import scaled_plant, scalings_of, unscaled
-from robustpolish.synthesis.uncertain.levels import grid, levels
-from robustpolish.synthesis.uncertain.problem import RobustProblem, stacked
-from robustpolish.synthesis.uncertain.responses import LoopResponses
-from robustpolish.synthesis.uncertain.scaling_fit import Filter
+from robustpolish.synthesis.problem.matrices import Controller, augmented, close_static
+from robustpolish.synthesis.uncertain.dk_iteration import (
+    Filter,
+    scaled_plant,
+    scalings_of,
+    unscaled,
+)
+from robustpolish.synthesis.uncertain.scaled_gain import (
+    LoopResponses,
+    RobustProblem,
+    grid,
+    levels,
+    stacked,
+)
 
 
 @pytest.fixture

@@ -1,11 +1,9 @@
 import numpy as np
 import pytest
 
-from robustpolish.robust.structure import DeltaBlock, Structure
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.static_loop import close_static
-from robustpolish.synthesis.uncertain.holes import holes
-from robustpolish.synthesis.uncertain.scaled_gain import Scalings
+from robustpolish.robust.loop_model import DeltaBlock, Structure
+from robustpolish.synthesis.problem.matrices import PlantMatrices, close_static
+from robustpolish.synthesis.uncertain.scaled_gain import Scalings, holes
 
 
 def _resonance(damping):

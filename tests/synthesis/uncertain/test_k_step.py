@@ -3,12 +3,10 @@ import pytest
 import uncertain_plants
 
 import robustpolish as rp
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.problem.static_loop import augmented, close_static
-from robustpolish.synthesis.uncertain.d_step import scaled_plant, unscaled
-from robustpolish.synthesis.uncertain.k_step import k_step
-from robustpolish.synthesis.uncertain.problem import RobustProblem, stacked
-from robustpolish.synthesis.uncertain.responses import LoopResponses
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.problem.matrices import augmented, close_static
+from robustpolish.synthesis.uncertain.dk_iteration import k_step, scaled_plant, unscaled
+from robustpolish.synthesis.uncertain.scaled_gain import LoopResponses, RobustProblem, stacked
 
 
 @pytest.mark.parametrize(("name", "signals"), [("lag", 1), ("two_masses", 1), ("column", 2)])

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.robust.structure import DeltaBlock, Structure
-from robustpolish.synthesis.uncertain.levels import grid, levels
+from robustpolish.robust.loop_model import DeltaBlock, Structure
+from robustpolish.synthesis.uncertain.scaled_gain import grid, levels
 
 
 def test_levels_are_those_of_the_matrices():

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from robustpolish.synthesis.problem.matrices import Controller
-from robustpolish.synthesis.uncertain.modal_gain import ModalGain
-from robustpolish.synthesis.uncertain.problem import unstacked
+from robustpolish.synthesis.uncertain.scaled_gain import ModalGain, unstacked
 
 
 def _response(K, s):

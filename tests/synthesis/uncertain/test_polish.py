@@ -2,15 +2,17 @@ import numpy as np
 import pytest
 import uncertain_plants
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.problem.matrices import Controller
-from robustpolish.synthesis.problem.static_loop import augmented
-from robustpolish.synthesis.uncertain.levels import grid, levels
-from robustpolish.synthesis.uncertain.modal_gain import ModalGain
-from robustpolish.synthesis.uncertain.polish import Polish, Polished, damping
-from robustpolish.synthesis.uncertain.problem import RobustProblem
-from robustpolish.synthesis.uncertain.responses import LoopResponses
-from robustpolish.synthesis.uncertain.scaled_gain import Scalings
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.problem.matrices import Controller, augmented
+from robustpolish.synthesis.uncertain.scaled_gain import (
+    LoopResponses,
+    ModalGain,
+    RobustProblem,
+    Scalings,
+    grid,
+    levels,
+)
+from robustpolish.synthesis.uncertain.search import Polish, Polished, damping
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import uncertain_plants
 
 import robustpolish as rp
 from robustpolish.synthesis.problem.matrices import Controller
-from robustpolish.synthesis.uncertain.problem import RobustProblem, stacked, unstacked
+from robustpolish.synthesis.uncertain.scaled_gain import RobustProblem, stacked, unstacked
 
 
 def test_level_and_controller_are_those_of_the_plant():
@@ -29,8 +29,8 @@ def test_level_and_controller_are_those_of_the_plant():
 
 
 def test_every_copy_becomes_a_complex_number_of_its_own():
-    m = rp.uncertain_real("m", 1.0, percent=10)
-    plant = rp.uncertain_system([[-m]], [[1.0, m * m]], [[1.0], [m]])
+    m = rp.uncertain.real("m", 1.0, percent=10)
+    plant = rp.uncertain.system([[-m]], [[1.0, m * m]], [[1.0], [m]])
     problem = RobustProblem.of(plant, 1, 1, 1.0)
     copies = problem.structure.blocks[0].copies
     assert copies > 1

@@ -2,10 +2,8 @@ import numpy as np
 import pytest
 from uncertain_plants import two_masses
 
-from robustpolish.synthesis.problem.matrices import Controller
-from robustpolish.synthesis.problem.static_loop import close_static
-from robustpolish.synthesis.uncertain.problem import RobustProblem
-from robustpolish.synthesis.uncertain.responses import LoopResponses
+from robustpolish.synthesis.problem.matrices import Controller, close_static
+from robustpolish.synthesis.uncertain.scaled_gain import LoopResponses, RobustProblem
 
 OMEGA = np.array([0.0, 0.3, 1.4, 20.0, np.inf])
 

@@ -1,7 +1,7 @@
 from uncertain_plants import lag
 
 import robustpolish as rp
-from robustpolish.synthesis.uncertain.robust_design import RobustDesign
+from robustpolish.synthesis.uncertain.robust_output_feedback import RobustDesign
 
 
 def test_a_design_shows_what_is_proven():

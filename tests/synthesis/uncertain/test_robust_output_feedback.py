@@ -6,7 +6,7 @@ import pytest
 from uncertain_plants import column, lag, two_masses
 
 import robustpolish as rp
-from robustpolish.deadline import OutOfTimeError
+from robustpolish.base.budget import OutOfTimeError
 
 
 def test_lag_is_robust_with_named_signals_and_a_proof():
@@ -35,8 +35,8 @@ def test_signals_may_stand_anywhere():
 
 
 def test_discrete_plants_are_mapped_and_proven_as_they_are():
-    b = rp.uncertain_real("b", 0.1, percent=20)
-    plant = rp.uncertain_system(
+    b = rp.uncertain.real("b", 0.1, percent=20)
+    plant = rp.uncertain.system(
         [[0.99]], [[0.1, 0.0, b]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 0.5], [0, 0.1, 0]],
         0.1,
     )  # fmt: skip
@@ -46,8 +46,8 @@ def test_discrete_plants_are_mapped_and_proven_as_they_are():
 
 
 def test_uncertainty_that_is_too_large_is_told():
-    b = rp.uncertain_real("b", 1.0, range=(-0.5, 2.5))  # some machines cannot be moved at all
-    plant = rp.uncertain_system(
+    b = rp.uncertain.real("b", 1.0, range=(-0.5, 2.5))  # some machines cannot be moved at all
+    plant = rp.uncertain.system(
         [[0.5]], [[1.0, 0.0, b]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]]
     )
     design = rp.robust_output_feedback(plant, 1, 1, gamma=100.0, order=1, effort=0.05)
@@ -57,8 +57,8 @@ def test_uncertainty_that_is_too_large_is_told():
 
 
 def test_a_mode_that_nothing_moves_is_named():
-    k = rp.uncertain_real("k", 1.0, percent=10)
-    plant = rp.uncertain_system([[-k, 0], [0, 1.0]], [[1, 1], [1, 0]], [[1, 0], [1, 1]])
+    k = rp.uncertain.real("k", 1.0, percent=10)
+    plant = rp.uncertain.system([[-k, 0], [0, 1.0]], [[1, 1], [1, 0]], [[1, 0], [1, 1]])
     design = rp.robust_output_feedback(plant, 1, 1)
     assert design.status == "no controller"
     assert design.controller is None
@@ -99,8 +99,8 @@ def test_a_structure_is_kept_and_proven():
 
 
 def test_dynamics_enter_a_structure_by_their_worst_cases():
-    error = rp.uncertain_dynamics("error", bound=0.3)
-    plant = lag() * rp.append(np.eye(2), 1 + error)
+    error = rp.uncertain.dynamics("error", bound=0.3)
+    plant = lag() * rp.uncertain.append(np.eye(2), 1 + error)
     design = rp.robust_output_feedback(plant, 1, 1, gamma=1.0, structure=[[1]], effort=0.05)
     assert design.status == "robust"
     assert design.performance.proven
@@ -110,8 +110,8 @@ def test_dynamics_enter_a_structure_by_their_worst_cases():
 
 @pytest.mark.slow
 def test_numbers_of_a_discrete_plant_are_searched_as_they_are():
-    b = rp.uncertain_real("b", 0.1, percent=20)
-    plant = rp.uncertain_system(
+    b = rp.uncertain.real("b", 0.1, percent=20)
+    plant = rp.uncertain.system(
         [[0.99]], [[0.1, 0.0, b]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 0.5], [0, 0.1, 0]],
         0.1,
     )  # fmt: skip

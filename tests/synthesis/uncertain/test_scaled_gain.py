@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.robust.scaled.centre import lowered, started
-from robustpolish.robust.scaled.scalings import Inequality, Space
-from robustpolish.robust.structure import DeltaBlock, Structure
+from robustpolish.robust.loop_model import DeltaBlock, Structure
+from robustpolish.robust.scalings import Inequality, Space, lowered, started
 from robustpolish.synthesis.uncertain.scaled_gain import ScaledGain, Scalings
 
 BLOCKS = (

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.synthesis.uncertain.scaling_fit import Filter, beside, fitted, scaled_norms
+from robustpolish.synthesis.uncertain.dk_iteration import Filter, beside, fitted, scaled_norms
 
 OMEGA = np.array([0.0, *np.geomspace(1e-3, 1e3, 60), np.inf])
 

@@ -3,9 +3,9 @@ import pytest
 from uncertain_plants import lag
 
 import robustpolish as rp
+from robustpolish.base.budget import Budget
 from robustpolish.errors import SolverError
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.uncertain.problem import RobustProblem
+from robustpolish.synthesis.uncertain.scaled_gain import RobustProblem
 from robustpolish.synthesis.uncertain.search import POLICY, Search
 
 
@@ -43,8 +43,8 @@ def test_frequencies_that_a_proof_needs_join(problem):
 
 def test_too_few_states_are_told():
     # An unstable oscillator that no gain on its position stabilises.
-    k = rp.uncertain_real("k", 1.0, percent=10)
-    plant = rp.uncertain_system(
+    k = rp.uncertain.real("k", 1.0, percent=10)
+    plant = rp.uncertain.system(
         [[0, 1], [-k, 0.1]], [[0, 0, 0], [1, 0, 1]], [[1, 0], [0, 0], [1, 0]],
         [[0, 0, 0], [0, 0, 1], [0, 1, 0]],
     )  # fmt: skip

@@ -3,10 +3,8 @@ import pytest
 import uncertain_plants
 
 from robustpolish.synthesis.problem.matrices import Controller
-from robustpolish.synthesis.uncertain.levels import grid, levels
-from robustpolish.synthesis.uncertain.problem import RobustProblem
-from robustpolish.synthesis.uncertain.responses import LoopResponses
-from robustpolish.synthesis.uncertain.shortening import level_with, shorter
+from robustpolish.synthesis.uncertain.dk_iteration import level_with, shorter
+from robustpolish.synthesis.uncertain.scaled_gain import LoopResponses, RobustProblem, grid, levels
 
 
 def test_shorter_controllers_are_stable_and_come_near():

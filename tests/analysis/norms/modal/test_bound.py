@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.modal import bound
-from robustpolish.analysis.norms.modal.expansion import ORDER
+from robustpolish.linear.norms import modal_peak as bound
+from robustpolish.linear.norms.modal_expansion import ORDER
 
 
 def series(*terms):

@@ -4,10 +4,10 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.modal.cover import FAR, first_pieces, overlapping
-from robustpolish.analysis.norms.modal.modal_form import modal_form
-from robustpolish.analysis.poles.eigen import eigensystem
-from robustpolish.exact.realisation import realisation
+from robustpolish.linear.arithmetic.realisation import realisation
+from robustpolish.linear.eigen import eigensystem
+from robustpolish.linear.norms.modal_expansion import FAR, first_pieces, overlapping
+from robustpolish.linear.norms.modal_form import modal_form
 
 
 @pytest.mark.parametrize("damping", [0.5, 1e-3, 1e-8])

@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.modal.cover import FAR
-from robustpolish.analysis.norms.modal.expansion import ORDER, expand, expand_far, expansion_error
-from robustpolish.analysis.norms.modal.modal_form import modal_form
-from robustpolish.analysis.norms.modal.modes import modes_of
-from robustpolish.analysis.poles.eigen import eigensystem
+from robustpolish.linear.eigen import eigensystem
+from robustpolish.linear.norms.modal_expansion import (
+    FAR,
+    ORDER,
+    expand,
+    expand_far,
+    expansion_error,
+)
+from robustpolish.linear.norms.modal_form import modal_form, modes_of
 from tests.analysis.norms.random_models import model, response
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.modal.inverse import inverse, signals
-from robustpolish.analysis.poles.eigen import eigensystem
+from robustpolish.linear.eigen import eigensystem
+from robustpolish.linear.norms.modal_expansion import inverse, signals
 
 
 def vectors(A):

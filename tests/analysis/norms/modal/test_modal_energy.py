@@ -6,12 +6,12 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.gramian import exact_energy
-from robustpolish.analysis.norms.modal.modal_energy import modal_energy
-from robustpolish.analysis.norms.modal.modal_form import modal_form
-from robustpolish.analysis.poles.eigen import eigensystem
-from robustpolish.exact.rational import ExactModel
-from robustpolish.exact.realisation import realisation, rescaled
+from robustpolish.linear.arithmetic.rational import ExactModel
+from robustpolish.linear.arithmetic.realisation import realisation, rescaled
+from robustpolish.linear.eigen import eigensystem
+from robustpolish.linear.norms.gramian import exact_energy
+from robustpolish.linear.norms.h2 import modal_energy
+from robustpolish.linear.norms.modal_form import modal_form
 from tests.analysis.norms.random_models import model
 
 

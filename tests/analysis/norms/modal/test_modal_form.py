@@ -5,10 +5,10 @@ import flint
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.modal.modal_form import modal_form
-from robustpolish.analysis.poles.eigen import eigensystem
-from robustpolish.exact.balls import precision
-from robustpolish.exact.realisation import realisation
+from robustpolish.linear.arithmetic.balls import precision
+from robustpolish.linear.arithmetic.realisation import realisation
+from robustpolish.linear.eigen import eigensystem
+from robustpolish.linear.norms.modal_form import modal_form
 from tests.analysis.norms.random_models import model, response
 
 

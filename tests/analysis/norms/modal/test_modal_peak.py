@@ -4,12 +4,12 @@ import control
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.crossings import crossings
-from robustpolish.analysis.norms.modal.modal_form import modal_form
-from robustpolish.analysis.norms.modal.modal_peak import _search, modal_peak
-from robustpolish.analysis.poles.eigen import eigensystem
-from robustpolish.exact.rational import ExactModel, fraction
-from robustpolish.exact.realisation import realisation, rescaled
+from robustpolish.linear.arithmetic.rational import ExactModel, fraction
+from robustpolish.linear.arithmetic.realisation import realisation, rescaled
+from robustpolish.linear.eigen import eigensystem
+from robustpolish.linear.norms.modal_form import modal_form
+from robustpolish.linear.norms.modal_peak import _search, modal_peak
+from robustpolish.linear.norms.peak import crossings
 from tests.analysis.norms.random_models import model
 
 

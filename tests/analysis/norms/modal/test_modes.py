@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.modal.modal_form import modal_form
-from robustpolish.analysis.norms.modal.modes import modes_of
-from robustpolish.analysis.poles.eigen import eigensystem
+from robustpolish.linear.eigen import eigensystem
+from robustpolish.linear.norms.modal_form import modal_form, modes_of
 from tests.analysis.norms.random_models import model
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.modal.small_hermitian import eigen, largest_gain
+from robustpolish.linear.norms.modal_peak import eigen, largest_gain
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7])

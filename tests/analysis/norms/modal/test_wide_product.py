@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from robustpolish.analysis.norms.modal.wide_product import wide_product
+from robustpolish.linear.norms.modal_form import wide_product
 
 
 @pytest.mark.parametrize("inner", [5, 80])

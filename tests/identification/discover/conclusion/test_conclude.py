@@ -5,17 +5,20 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.effects import Effect, Motion, force_with
-from robustpolish.identification.decays.cut import Cut
-from robustpolish.identification.discover.conclusion.conclude import conclude
-from robustpolish.identification.discover.search import RefittedEffect, Turn
 from robustpolish.identification.fit.prepared import PreparedRecord
-from robustpolish.identification.laws.learn import CURVES, KINDS, ONE_CURVE, OVER_TIME
 from robustpolish.identification.observer.kalman import FREE, Level
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
-from robustpolish.identification.screening.screen import ScreenedEffect, Screening
-from robustpolish.models import Damper, Dof, Input, MechanicalModel, Output, Spring
+from robustpolish.identification.structure.decays import Cut
+from robustpolish.identification.structure.screening import ScreenedEffect, Screening
+from robustpolish.identification.structure.spline_laws import CURVES, KINDS, ONE_CURVE, OVER_TIME
+from robustpolish.identification.structure.state import RefittedEffect, Turn
+from robustpolish.identification.structure.verdict import conclude
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.evaluate import force_with
+from robustpolish.machines.effects.kind import Motion
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from tests.identification.discover.searches import refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
 
@@ -75,9 +78,9 @@ def test_what_was_added_is_the_finding():
     assert found.reasons[-1].endswith("% of the error above the noise.")
 
 
-LEARN = "robustpolish.identification.discover.conclusion.unknown_law.learn"
-CUT_DECAYS = "robustpolish.identification.discover.conclusion.unknown_law.cut_decays"
-BETTER_SHAPE = "robustpolish.identification.discover.conclusion.verdict.better_shape"
+LEARN = "robustpolish.identification.structure.spline_laws.learn"
+CUT_DECAYS = "robustpolish.identification.structure.decays.cut_decays"
+BETTER_SHAPE = "robustpolish.identification.structure.spline_laws.better_shape"
 THREE = (
     Effect("cubic_stiffness", PLACE, {"stiffness": 100.0}),
     Effect("quadratic_damping", PLACE, {"coefficient": 1.0}),
@@ -204,7 +207,7 @@ def test_what_explains_a_part_is_kept_and_the_rest_is_told():
 def test_what_helps_a_bit_and_has_no_size_gets_no_name(monkeypatch):
     """Of a spring that drifts a mass that hangs somewhere takes a part, whatever that weighs."""
     monkeypatch.setattr(
-        "robustpolish.identification.discover.conclusion.verdict.undetermined",
+        "robustpolish.identification.structure.score.undetermined",
         lambda *_, **__: "stiffness",
     )
     monkeypatch.setattr(LEARN, lambda *_: None)
@@ -313,7 +316,7 @@ def test_a_friction_that_turns_over_gently_has_no_memory(monkeypatch):
     """What a jump leaves at every reversal speaks for Dahl's law, until the jump is rounded."""
     instead = {"dahl_friction": [Effect("coulomb_friction", PLACE, {"force": 1.0})]}
     monkeypatch.setattr(
-        "robustpolish.identification.discover.conclusion.final_fit.nearly_the_same",
+        "robustpolish.identification.structure.moves_replace.nearly_the_same",
         lambda _, model, at: instead.get(model.effects[at].kind, []),
     )
     speed = 0.1 * np.std(V)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect
-from robustpolish.identification.discover.conclusion import final_fit as module
-from robustpolish.identification.discover.conclusion.final_fit import Final, final_fit
-from robustpolish.identification.discover.search import Search
+from robustpolish.identification.structure import verdict as module
+from robustpolish.identification.structure.state import Search
+from robustpolish.identification.structure.verdict import Final, final_fit
+from robustpolish.machines.effects.effect import Effect
 from tests.identification.discover.searches import STRIBECK, judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
 

@@ -6,12 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from robustpolish.effects import Effect
-from robustpolish.identification.discover.conclusion import unknown_law as laws
-from robustpolish.identification.discover.conclusion.final_fit import final_fit
-from robustpolish.identification.discover.conclusion.verdict import Verdict
-from robustpolish.identification.discover.search import RefittedEffect
-from robustpolish.identification.screening.screen import ScreenedEffect
+from robustpolish.identification.structure import verdict as laws
+from robustpolish.identification.structure.screening import ScreenedEffect
+from robustpolish.identification.structure.state import RefittedEffect
+from robustpolish.identification.structure.verdict import Verdict, final_fit
+from robustpolish.machines.effects.effect import Effect
 from tests.effects.learned_curves import law_of, surface_of
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import search_of

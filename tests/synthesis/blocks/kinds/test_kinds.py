@@ -26,23 +26,27 @@ def low_pass(f, damping=None):
 
 
 CASES = {
-    "PID": (rp.pid("x"), [2.0, -3.0, 0.7, 0.2], pid(2.0, -3.0, 0.7, 0.2)),
-    "PI": (rp.pid("x", kind="pi"), [2.0, -3.0], pid(2.0, -3.0)),
-    "PD": (rp.pid("x", kind="PD"), [2.0, 0.7, 0.2], pid(2.0, 0.0, 0.7, 0.2)),
-    "P": (rp.pid("x", kind="P"), [2.0], 2.0),
-    "I": (rp.pid("x", kind="I"), [2.0], 2.0 / S),
-    "D": (rp.pid("x", kind="D"), [0.7, 0.2], pid(kd=0.7, tf=0.2)),
-    "ID": (rp.pid("x", kind="ID"), [-3.0, 0.7, 0.2], pid(0.0, -3.0, 0.7, 0.2)),
+    "PID": (rp.tunable.pid("x"), [2.0, -3.0, 0.7, 0.2], pid(2.0, -3.0, 0.7, 0.2)),
+    "PI": (rp.tunable.pid("x", kind="pi"), [2.0, -3.0], pid(2.0, -3.0)),
+    "PD": (rp.tunable.pid("x", kind="PD"), [2.0, 0.7, 0.2], pid(2.0, 0.0, 0.7, 0.2)),
+    "P": (rp.tunable.pid("x", kind="P"), [2.0], 2.0),
+    "I": (rp.tunable.pid("x", kind="I"), [2.0], 2.0 / S),
+    "D": (rp.tunable.pid("x", kind="D"), [0.7, 0.2], pid(kd=0.7, tf=0.2)),
+    "ID": (rp.tunable.pid("x", kind="ID"), [-3.0, 0.7, 0.2], pid(0.0, -3.0, 0.7, 0.2)),
     "lead": (
-        rp.lead_lag("x"),
+        rp.tunable.lead_lag("x"),
         [1.5, 0.3, 0.9],
         1.5 * (1 + S / (W * 0.3)) / (1 + S / (W * 0.9)),
     ),
-    "notch": (rp.notch("x"), [0.4, 0.1, 0.6], notch(0.4, 0.1, 0.6)),
-    "first": (rp.low_pass("x", order=1), [0.4], low_pass(0.4)),
-    "second": (rp.low_pass("x"), [0.4, 0.6], low_pass(0.4, 0.6)),
-    "gain": (rp.static_gain("x", "u"), [1.5], 1.5),
-    "order 1": (rp.fixed_order("x", "u", order=1), [-2.0, 1.1, 0.7, 0.3], 0.77 / (S + 2.0) + 0.3),
+    "notch": (rp.tunable.notch("x"), [0.4, 0.1, 0.6], notch(0.4, 0.1, 0.6)),
+    "first": (rp.tunable.low_pass("x", order=1), [0.4], low_pass(0.4)),
+    "second": (rp.tunable.low_pass("x"), [0.4, 0.6], low_pass(0.4, 0.6)),
+    "gain": (rp.tunable.static_gain("x", "u"), [1.5], 1.5),
+    "order 1": (
+        rp.tunable.fixed_order("x", "u", order=1),
+        [-2.0, 1.1, 0.7, 0.3],
+        0.77 / (S + 2.0) + 0.3,
+    ),
 }
 
 

@@ -11,9 +11,9 @@ from robustpolish.errors import InvalidInputError
 )
 def test_refuses(given, argument):
     with pytest.raises(InvalidInputError, match=f"^{argument}: got"):
-        rp.lead_lag("x", **given)
+        rp.tunable.lead_lag("x", **given)
 
 
 def test_gain_has_units_and_corners_are_in_hertz():
-    (stage,) = rp.lead_lag("x").stages
+    (stage,) = rp.tunable.lead_lag("x").stages
     assert [slot.unit(["m"], ["N"]) for slot in stage.slots] == ["N/m", "Hz", "Hz"]

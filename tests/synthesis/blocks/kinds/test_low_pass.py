@@ -18,11 +18,11 @@ from robustpolish.errors import InvalidInputError
 )
 def test_refuses(given, argument):
     with pytest.raises(InvalidInputError, match=f"^{argument}: got"):
-        rp.low_pass("x", **given)
+        rp.tunable.low_pass("x", **given)
 
 
 def test_states_follow_the_order():
-    assert [rp.low_pass("x", order=n).stages[0].states for n in (1, 2)] == [
+    assert [rp.tunable.low_pass("x", order=n).stages[0].states for n in (1, 2)] == [
         ("filtered",),
         ("filtered", "rate"),
     ]

@@ -13,10 +13,10 @@ from robustpolish.errors import InvalidInputError
 )
 def test_refuses(given, argument):
     with pytest.raises(InvalidInputError, match=f"^{argument}: got"):
-        rp.notch("x", **given)
+        rp.tunable.notch("x", **given)
 
 
 def test_depth_one_is_no_notch():
-    (stage,) = rp.notch("x").stages
+    (stage,) = rp.tunable.notch("x").stages
     M = stage.matrix(np.array([3.0, 1.0, 0.5]))
     assert (M[2] == [0.0, 0.0, 1.0]).all()

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from small_plants import oscillator
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.lmi.mixed.output import Specification, mixed_start
-from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
-from robustpolish.synthesis.methods.mixed_feedback import mixed_output_feedback
-from robustpolish.synthesis.nonsmooth import HinfMeasure
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.lmi.mixed import Specification, mixed_start
+from robustpolish.synthesis.lmi.program import ProgramSolver
+from robustpolish.synthesis.nonsmooth.measures import HinfMeasure
+from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented
 from robustpolish.synthesis.problem.pole_regions import HalfPlane
-from robustpolish.synthesis.problem.static_loop import augmented
+from robustpolish.synthesis.structured.mixed import mixed_output_feedback
 
 
 def test_inequalities_alone_come_within_their_back_off():

@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 from small_plants import oscillator
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.lmi.mixed.output import Specification
-from robustpolish.synthesis.lmi.mixed.state import mixed_state_start
-from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
-from robustpolish.synthesis.problem.full_state import state_gain_norm
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.lmi.mixed import Specification, mixed_state_start
+from robustpolish.synthesis.lmi.program import ProgramSolver
+from robustpolish.synthesis.problem.matrices import PlantMatrices, state_gain_norm
 from robustpolish.synthesis.problem.pole_regions import HalfPlane
-from robustpolish.synthesis.riccati.state import RiccatiStateEngine, lqr_gain
+from robustpolish.synthesis.state_feedback.riccati import RiccatiStateEngine, lqr_gain
 
 BACK_OFF = 1.02
 MATRICES = PlantMatrices.of(oscillator())

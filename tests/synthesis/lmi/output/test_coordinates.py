@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from hard_plants import random_plant
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.lmi.output.coordinates import balanced_states
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.lmi.output_feedback import balanced_states
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.riccati.infimum import lower_bound
-from robustpolish.synthesis.riccati.two_riccati import normalise
+from robustpolish.synthesis.riccati.gamma import lower_bound, normalise
 
 
 def test_both_solutions_are_equal_and_diagonal_in_the_new_states():

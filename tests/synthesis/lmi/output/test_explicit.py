@@ -6,13 +6,16 @@ import pytest
 from hard_plants import random_plant
 from published_plants import scherer_1997
 
-from robustpolish.analysis import hinf_norm
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.lmi.output.explicit import explicit_controller
-from robustpolish.synthesis.lmi.output.projected import rebalanced, solve_projected
-from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
+from robustpolish.base.budget import Budget
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.synthesis.lmi.output_feedback import (
+    explicit_controller,
+    rebalanced,
+    solve_projected,
+)
+from robustpolish.synthesis.lmi.program import ProgramSolver
 from robustpolish.synthesis.problem.matrices import PlantMatrices, close, with_price_and_noise
-from robustpolish.synthesis.riccati.infimum import lower_bound
+from robustpolish.synthesis.riccati.gamma import lower_bound
 
 
 @pytest.mark.parametrize(

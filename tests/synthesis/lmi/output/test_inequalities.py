@@ -7,8 +7,7 @@ from hard_plants import random_plant
 from published_plants import zhou_h2
 from scipy.linalg import block_diag
 
-from robustpolish.synthesis.lmi.affine import Affine
-from robustpolish.synthesis.lmi.output.inequalities import (
+from robustpolish.synthesis.lmi.output_feedback import (
     Unknowns,
     bounded_real,
     coupling,
@@ -17,7 +16,7 @@ from robustpolish.synthesis.lmi.output.inequalities import (
     size_of,
     stacked,
 )
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram
+from robustpolish.synthesis.lmi.program import Affine, SemidefiniteProgram
 from robustpolish.synthesis.problem.matrices import PlantMatrices, close
 
 NOTHING = np.zeros(0)

@@ -5,11 +5,11 @@ from hard_plants import random_plant
 from published_plants import scherer_1997
 from scipy import linalg
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.lmi.output.projected import rebalanced, solve_projected
-from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.lmi.output_feedback import rebalanced, solve_projected
+from robustpolish.synthesis.lmi.program import ProgramSolver
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.riccati.infimum import lower_bound
+from robustpolish.synthesis.riccati.gamma import lower_bound
 
 
 def solver(work=np.inf):

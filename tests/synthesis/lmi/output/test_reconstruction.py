@@ -7,12 +7,17 @@ from changed_variables import changed, drawn
 from hard_plants import random_plant
 from published_plants import scherer_1997
 
-from robustpolish.analysis import hinf_norm
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.lmi.output.inequalities import bounded_real, loop_terms
-from robustpolish.synthesis.lmi.output.projected import rebalanced, solve_projected
-from robustpolish.synthesis.lmi.output.reconstruction import conditioned, reconstruct
-from robustpolish.synthesis.lmi.semidefinite import ProgramSolver
+from robustpolish.base.budget import Budget
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.synthesis.lmi.output_feedback import (
+    bounded_real,
+    conditioned,
+    loop_terms,
+    rebalanced,
+    reconstruct,
+    solve_projected,
+)
+from robustpolish.synthesis.lmi.program import ProgramSolver
 from robustpolish.synthesis.problem.matrices import PlantMatrices, close
 
 

@@ -5,10 +5,9 @@ import pytest
 from hard_plants import random_plant
 from scipy.linalg import solve_continuous_lyapunov
 
-from robustpolish.synthesis.lmi.state.coordinates import Coordinates
-from robustpolish.synthesis.problem.full_state import measuring_states, state_gain_norm
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.riccati.state import lqr_gain
+from robustpolish.synthesis.problem.matrices import PlantMatrices, measuring_states, state_gain_norm
+from robustpolish.synthesis.state_feedback.lmi import Coordinates
+from robustpolish.synthesis.state_feedback.riccati import lqr_gain
 
 PLANT = measuring_states(PlantMatrices.of(random_plant(4, 1, singular=False)))
 RNG = np.random.default_rng(0)

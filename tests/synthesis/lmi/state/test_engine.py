@@ -5,12 +5,11 @@ import pytest
 from hard_plants import random_plant
 from small_plants import oscillator
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.lmi.state.engine import LmiStateEngine
-from robustpolish.synthesis.problem.full_state import measuring_states, state_gain_norm
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.problem.matrices import PlantMatrices, measuring_states, state_gain_norm
 from robustpolish.synthesis.problem.pole_regions import HalfPlane, Sector
-from robustpolish.synthesis.riccati.state import least_state_norm, lqr_gain
+from robustpolish.synthesis.state_feedback.lmi import LmiStateEngine
+from robustpolish.synthesis.state_feedback.riccati import least_state_norm, lqr_gain
 
 OSCILLATOR = measuring_states(PlantMatrices.of(oscillator()))
 

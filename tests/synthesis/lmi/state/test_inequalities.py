@@ -4,19 +4,17 @@ import numpy as np
 import pytest
 from hard_plants import random_plant
 
-from robustpolish.synthesis.lmi.affine import Affine
-from robustpolish.synthesis.lmi.semidefinite import SemidefiniteProgram
-from robustpolish.synthesis.lmi.state.inequalities import (
+from robustpolish.synthesis.lmi.program import Affine, SemidefiniteProgram
+from robustpolish.synthesis.problem.matrices import PlantMatrices, measuring_states, state_gain_norm
+from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
+from robustpolish.synthesis.state_feedback.lmi import (
     gain_inequality,
     h2_inequality,
     hinf_inequality,
     region_inequalities,
     region_matrix,
 )
-from robustpolish.synthesis.problem.full_state import measuring_states, state_gain_norm
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
-from robustpolish.synthesis.riccati.state import lqr_gain
+from robustpolish.synthesis.state_feedback.riccati import lqr_gain
 
 
 def held_plant(discrete, feedthrough):

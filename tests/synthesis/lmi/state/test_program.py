@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 from small_plants import oscillator
 
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.certificate.certificate import Norm
-from robustpolish.synthesis.lmi.state.coordinates import Coordinates
-from robustpolish.synthesis.lmi.state.engine import LmiStateEngine
-from robustpolish.synthesis.lmi.state.program import Demand, StatePrograms
-from robustpolish.synthesis.problem.full_state import measuring_states, state_gain_norm
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.certificate import Norm
+from robustpolish.synthesis.problem.matrices import PlantMatrices, measuring_states, state_gain_norm
 from robustpolish.synthesis.problem.pole_regions import HalfPlane
-from robustpolish.synthesis.riccati.state import RiccatiStateEngine, lqr_gain
+from robustpolish.synthesis.state_feedback.lmi import (
+    Coordinates,
+    Demand,
+    LmiStateEngine,
+    StatePrograms,
+)
+from robustpolish.synthesis.state_feedback.riccati import RiccatiStateEngine, lqr_gain
 
 PLANT = measuring_states(PlantMatrices.of(oscillator()))
 PLAIN = Coordinates.plain(PLANT, 1.0)

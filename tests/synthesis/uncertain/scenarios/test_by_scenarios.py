@@ -3,10 +3,9 @@ import pytest
 from uncertain_plants import lag
 
 import robustpolish as rp
+from robustpolish.base.budget import Budget
 from robustpolish.errors import InfeasibleError
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.uncertain.scenarios.by_scenarios import FreeSearch, with_structure
-from robustpolish.synthesis.uncertain.scenarios.machines import Machines
+from robustpolish.synthesis.uncertain.scenarios import FreeSearch, Machines, with_structure
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +38,9 @@ def test_a_structure_reaches_the_same_and_the_same_numbers_again(found):
 
 
 def test_a_pattern_that_moves_nothing_is_refused():
-    k = rp.uncertain_real("k", 1.0, percent=10)
+    k = rp.uncertain.real("k", 1.0, percent=10)
     # The control that moves the unstable state stays zero.
-    plant = rp.uncertain_system(
+    plant = rp.uncertain.system(
         [[k, 0], [0, -1.0]], [[1, 1, 0], [1, 0, 1]], [[1, 1], [0, 1], [1, 0]], 0
     )
     with pytest.raises(InfeasibleError):

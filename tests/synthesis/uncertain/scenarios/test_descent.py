@@ -4,20 +4,19 @@ import pytest
 from uncertain_plants import two_masses
 
 import robustpolish as rp
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.problem.decoupling import undivided
+from robustpolish.base.budget import Budget
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.structured_search.policy import Effort
-from robustpolish.synthesis.structured_search.static_structure import StaticStructure
-from robustpolish.synthesis.uncertain.scenarios.descent import Descent
-from robustpolish.synthesis.uncertain.scenarios.machines import Machines
+from robustpolish.synthesis.problem.scaling import undivided
+from robustpolish.synthesis.structured.search import Effort
+from robustpolish.synthesis.structured.structures import StaticStructure
+from robustpolish.synthesis.uncertain.scenarios import Descent, Machines
 
 
 @pytest.fixture
 def descent():
     """A static gain on the lags 1 / (s + a), a = 1 and -1, with a price on u and noise on y."""
-    a = rp.uncertain_real("a", 0.0, range=(-1.0, 1.0))
-    plant = rp.uncertain_system(
+    a = rp.uncertain.real("a", 0.0, range=(-1.0, 1.0))
+    plant = rp.uncertain.system(
         [[-a]], [[1.0, 0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 0.2], [0, 0.1, 0]]
     )
     machines = Machines(plant, 1, 1)

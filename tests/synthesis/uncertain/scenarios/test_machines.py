@@ -4,14 +4,14 @@ import pytest
 from uncertain_plants import lag, two_masses
 
 import robustpolish as rp
-from robustpolish.synthesis.uncertain.scenarios.machines import Machines
+from robustpolish.synthesis.uncertain.scenarios import Machines
 
 
 def scattered():
     """Three numbers, of which two are directions of an ellipsoid."""
-    fit = rp.uncertain_ellipsoid({"k": 10.0, "c": 1.0}, [[2.0, 0.0], [0.1, 0.1]])
-    b = rp.uncertain_real("b", 1.0, range=(0.5, 2.0))
-    return rp.uncertain_system([[0, 1], [-fit["k"], -fit["c"]]], [[0, 0], [1, b]], [[1, 0], [1, 0]])
+    fit = rp.uncertain.ellipsoid({"k": 10.0, "c": 1.0}, [[2.0, 0.0], [0.1, 0.1]])
+    b = rp.uncertain.real("b", 1.0, range=(0.5, 2.0))
+    return rp.uncertain.system([[0, 1], [-fit["k"], -fit["c"]]], [[0, 0], [1, b]], [[1, 0], [1, 0]])
 
 
 def test_a_machine_is_the_system_at_its_values():
@@ -21,8 +21,8 @@ def test_a_machine_is_the_system_at_its_values():
 
 
 def test_what_is_not_named_is_nominal_and_complex_numbers_become_systems():
-    a, b = rp.uncertain_complex("a", 1.0, radius=0.3), rp.uncertain_real("b", 1.0, percent=20)
-    plant = rp.uncertain_system([[-1.0]], [[1, b]], [[1.0], [a]], 0)
+    a, b = rp.uncertain.complex("a", 1.0, radius=0.3), rp.uncertain.real("b", 1.0, percent=20)
+    plant = rp.uncertain.system([[-1.0]], [[1, b]], [[1.0], [a]], 0)
     machines = Machines(plant, 1, 1)
     assert machines.at({"b": 1.2}).C2[0, 0] == pytest.approx(1.0)
     there = machines.at({"a": 1 + 0.3j}, omega=2.0)
@@ -41,8 +41,8 @@ def test_corners_are_the_ends_of_numbers_and_on_the_surface_of_ellipsoids():
 
 
 def test_of_many_numbers_some_corners_are_drawn_always_the_same():
-    numbers = [rp.uncertain_real(f"k{i}", 1.0, percent=10) for i in range(9)]
-    plant = rp.uncertain_system([[-sum(numbers)]], [[1, 1]], [[1.0], [1.0]], 0)
+    numbers = [rp.uncertain.real(f"k{i}", 1.0, percent=10) for i in range(9)]
+    plant = rp.uncertain.system([[-sum(numbers)]], [[1, 1]], [[1.0], [1.0]], 0)
     corners = Machines(plant, 1, 1).corners()
     assert len(corners) == 128
     assert corners == Machines(plant, 1, 1).corners()
@@ -59,7 +59,7 @@ def test_a_witness_moves_outward_to_the_bounds():
 
 
 def test_a_machine_that_is_not_well_posed_is_none():
-    b = rp.uncertain_real("b", 0.5, range=(0.0, 1.0))
-    plant = rp.uncertain_system([[-1.0]], [[1, 1]], [[1.0], [1.0]], 0)
-    machines = Machines(plant * rp.append(1 / (1 - b), control.ss([], [], [], 1)), 1, 1)
+    b = rp.uncertain.real("b", 0.5, range=(0.0, 1.0))
+    plant = rp.uncertain.system([[-1.0]], [[1, 1]], [[1.0], [1.0]], 0)
+    machines = Machines(plant * rp.uncertain.append(1 / (1 - b), control.ss([], [], [], 1)), 1, 1)
     assert machines.at({"b": 1.0}) is None

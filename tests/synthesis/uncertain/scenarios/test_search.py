@@ -3,12 +3,11 @@ import pytest
 from uncertain_plants import lag
 
 import robustpolish as rp
-from robustpolish.long_calls import Budget
-from robustpolish.synthesis.problem.decoupling import undivided
-from robustpolish.synthesis.structured_search.policy import Effort
-from robustpolish.synthesis.structured_search.static_structure import StaticStructure
-from robustpolish.synthesis.uncertain.scenarios.machines import Machines
-from robustpolish.synthesis.uncertain.scenarios.search import POLICY, ScenarioSearch
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.problem.scaling import undivided
+from robustpolish.synthesis.structured.search import Effort
+from robustpolish.synthesis.structured.structures import StaticStructure
+from robustpolish.synthesis.uncertain.scenarios import POLICY, Machines, ScenarioSearch
 
 
 def searching(plant):
@@ -19,8 +18,8 @@ def searching(plant):
 
 def bent():
     """A lag whose damping is a parabola of a number: the worst machine is in the middle."""
-    b = rp.uncertain_real("b", 0.2, range=(-1.0, 1.0))
-    return rp.uncertain_system(
+    b = rp.uncertain.real("b", 0.2, range=(-1.0, 1.0))
+    return rp.uncertain.system(
         [[-0.1 - b * b]], [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]],
         [[0, 0, 0], [0, 0, 0.5], [0, 0.1, 0]],
     )  # fmt: skip

@@ -1,1 +1,0 @@
-"""Systems with delays: their Pade models, exact responses, roots and stability."""

@@ -1,1 +1,0 @@
-"""Modes, stability, zeros, and which modes can be moved or seen."""

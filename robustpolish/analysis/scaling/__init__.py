@@ -1,1 +1,0 @@
-"""State-space matrices as plain arrays, their units and their decoupled parts."""

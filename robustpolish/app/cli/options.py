@@ -1,0 +1,345 @@
+"""What the subcommands share: progress, JSON, errors and exit codes."""
+
+from __future__ import annotations
+
+import functools
+import json
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+import xarray as xr
+
+from robustpolish.base.atomic_writes import check_new_file, write_file
+from robustpolish.base.budget import someone_looks, working
+from robustpolish.base.checks import described, invalid
+from robustpolish.base.saved import plain
+from robustpolish.errors import InvalidInputError, RobustPolishError
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.polishing.air_bearing import AirBearingParameters
+from robustpolish.signals.frequency_response import read_frequency_response
+from robustpolish.signals.read import read_measurement
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def options(*several: Callable[[F], F]) -> Callable[[F], F]:
+    """Return several decorators as one; the help shows options in this order."""
+
+    def decorated(command: F) -> F:
+        for decorator in reversed(several):
+            command = decorator(command)
+        return command
+
+    return decorated
+
+
+def choice(name: str, values: Sequence[str], what: str | None = None) -> Callable[[F], F]:
+    """Return an option that takes one of several words, the first by default."""
+    kind = click.Choice(values)
+    return click.option(name, type=kind, default=values[0], show_default=True, help=what)
+
+
+brush_options = options(
+    click.option(
+        "--run", type=click.IntRange(1, 4), default=1, show_default=True, help="Table 9.2."
+    ),
+    choice(
+        "--simulator",
+        ("physical", "listing"),
+        "Well-posed contact, or the thesis's listing with its defects.",
+    ),
+    click.option("--duration", default=5.0, show_default=True, help="Seconds."),
+)
+"""What a run of the brush needs."""
+
+
+def reports_errors(command: F) -> F:
+    """Turn the package's errors into a message and an exit code.
+
+    2 means bad input, 1 that no certified answer was found or none exists; anything else is a
+    defect of the program and keeps its traceback.
+    """
+
+    @functools.wraps(command)
+    def wrapped(*args: Any, **kwargs: Any) -> Any:
+        try:
+            return command(*args, **kwargs)
+        except InvalidInputError as error:
+            click.echo(f"Error: {error}", err=True)
+            sys.exit(2)
+        except RobustPolishError as error:
+            click.echo(f"Error: {error}", err=True)
+            sys.exit(1)
+
+    return wrapped  # type: ignore[return-value]
+
+
+result_options = options(
+    click.option(
+        "--json",
+        "json_out",
+        is_flag=False,
+        flag_value="-",
+        metavar="[FILE]",
+        help="Write the result as JSON to FILE, or to standard output.",
+    ),
+    click.option("--force", is_flag=True, help="Replace existing results."),
+    reports_errors,
+)
+"""How a command gives its result, or an error."""
+
+
+PICTURES = (".png", ".svg", ".pdf")
+"""How the names of pictures end."""
+
+
+def check_json(json_out: str | None, force: bool) -> None:
+    """Refuse a file for JSON that could not be written, before anything is computed."""
+    if json_out not in (None, "-"):
+        check_new_file(json_out, force)
+
+
+@contextmanager
+def stages(what: str) -> Iterator[Callable[[str], None]]:
+    """Name the stages of a command: in one bar on a terminal, elsewhere by a line for each.
+
+    Parameters
+    ----------
+    what : str
+        What the command does, such as "Designing".
+
+    Yields
+    ------
+    callable
+        Takes the name of the stage that begins. Long calls of the package name theirs by
+        themselves, in the bar only.
+
+    Examples
+    --------
+    >>> with stages("Polishing") as tell:
+    ...     tell("first coat")
+    """
+    with working(what, stages=True) as tell:
+        yield (lambda name: tell(name.removesuffix(" ..."))) if someone_looks() else _line
+
+
+def _line(name: str) -> None:
+    click.echo(name if name.endswith(" ...") else f"... {name}", err=True)
+
+
+def show(content: Mapping[str, Any], text: str, json_out: str | None, force: bool = False) -> None:
+    """Print a result as text, or as JSON for "-"; for a file name, write the JSON there too."""
+    if json_out == "-":
+        click.echo(to_json(content))
+        return
+    if json_out is not None:
+        write_file(json_out, to_json(content) + "\n", force)
+    click.echo(text)
+
+
+def to_json(content: Mapping[str, Any]) -> str:
+    """Return strict JSON: arrays as lists, infinities as strings, NaN as null."""
+    return json.dumps(plain(content, nan=None), indent=2, allow_nan=False, default=_complex)
+
+
+def _complex(value: complex) -> dict[str, Any]:
+    """Return the parts of a complex number, the one kind of value that JSON does not know."""
+    return plain({"real": value.real, "imag": value.imag}, nan=None)
+
+
+# The options that choose the machine.
+
+READINGS = {
+    "published": AirBearingParameters.as_published,
+    "printed": AirBearingParameters.as_printed,
+    "corrected": AirBearingParameters.corrected,
+}
+
+
+machine_options = options(
+    click.option(
+        "--parameters",
+        "reading",
+        type=click.Choice(list(READINGS)),
+        default="published",
+        show_default=True,
+        help="Reading of the thesis: the published numbers, table 9.1 as printed, or the "
+        "physically right inertia.",
+    ),
+    click.option(
+        "--dissipation",
+        type=float,
+        default=0.001,
+        show_default=True,
+        help="Share of the energy lost per cycle, n in (8.23).",
+    ),
+)
+"""Which machine: --parameters and --dissipation."""
+
+
+# Options of the subcommands that read a measurement.
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a measurement is to be read, as said on the command line.
+
+    Attributes
+    ----------
+    table, time : str or None
+    sampling_rate : float or None
+        In Hz.
+    between : (float, float) or None
+        In s.
+    max_bytes : float or None
+        Largest size of a file, also of what it unpacks to.
+    units, renames : tuple of str
+        As in ``x=mm`` and ``old=new``.
+    """
+
+    table: str | None = None
+    time: str | None = None
+    sampling_rate: float | None = None
+    between: tuple[float, float] | None = None
+    max_bytes: float | None = None
+    units: tuple[str, ...] = ()
+    renames: tuple[str, ...] = ()
+
+
+data_argument = click.argument("data", nargs=-1, required=True, type=click.Path())
+"""One file with a measurement, or several."""
+
+
+def measurement_options(command: F) -> F:
+    """Add what reading a measurement needs beside its path; the command gets one `reading`."""
+
+    @functools.wraps(command)
+    def gathered(*args: Any, **kwargs: Any) -> Any:
+        reading = Reading(**{name: kwargs.pop(name) for name in Reading.__dataclass_fields__})
+        return command(*args, reading=reading, **kwargs)
+
+    return _options(gathered)  # type: ignore[return-value]
+
+
+_options = options(
+    click.option("--table", help="Matrix or group of a file that holds several."),
+    click.option("--time", metavar="NAME", help="Column that holds the time."),
+    click.option("--sampling-rate", type=float, help="In Hz, for files without time."),
+    click.option(
+        "--between",
+        type=(float, float),
+        metavar="START END",
+        help="Part to read, in seconds, of each file.",
+    ),
+    click.option("--max-bytes", type=float, help="Read files up to this size; 1e9 by default."),
+    click.option(
+        "--rename",
+        "renames",
+        multiple=True,
+        metavar="OLD=NEW",
+        help="Call a column as the model does; repeatable.",
+    ),
+    click.option(
+        "--unit", "units", multiple=True, metavar="COLUMN=UNIT", help="As in x=mm; repeatable."
+    ),
+)
+
+
+def load_data(path: str, model: MechanicalModel, reading: Reading) -> xr.Dataset:
+    """Read the columns that a model needs."""
+    return read_measurement(
+        path,
+        columns=[*model.input_names, *model.output_names],
+        units=pairs("--unit", reading.units, "COLUMN=UNIT", "--unit x=mm"),
+        time=reading.time,
+        rename=_renames(reading),
+        between=reading.between,
+        sampling_rate=reading.sampling_rate,
+        table=reading.table,
+        max_bytes=reading.max_bytes,
+    )
+
+
+def load_records(
+    paths: Sequence[str], model: MechanicalModel, reading: Reading
+) -> dict[str, xr.Dataset]:
+    """Read the columns that a model needs from one file or several, read alike.
+
+    They go by the names of the files, with their folders where the names alone are not clear.
+    """
+    stems = [Path(path).stem for path in paths]
+    names = stems if len(set(stems)) == len(stems) else paths
+    if len(set(paths)) < len(paths):
+        twice = next(path for path in paths if paths.count(path) > 1)
+        remedy = "Leave the second one out."
+        raise invalid("DATA", described(f"{twice} twice"), "each file once", remedy)
+    return {name: load_data(path, model, reading) for name, path in zip(names, paths, strict=True)}
+
+
+def load_response(paths: Sequence[str], reading: Reading, given: Mapping[str, Any]) -> xr.DataArray:
+    """Read frequency responses; options that mean nothing for them are refused.
+
+    Units are those of pairs, as in ``x/F=um/N``, by the new names as for records. `given` holds
+    further options of the command that need a record; None where nothing was said.
+    """
+    if len(paths) > 1:
+        shown = described(f"{len(paths)} files, one of them with frequency responses")
+        remedy = "Compare frequency responses one file at a time."
+        raise invalid("DATA", shown, "records over time, or one file with responses", remedy)
+    path = paths[0]
+    over_time = {
+        "--table": reading.table,
+        "--time": reading.time,
+        "--sampling-rate": reading.sampling_rate,
+        "--between": reading.between,
+    }
+    for option, value in {**given, **over_time}.items():
+        if value is not None:
+            shown = described(f"{value} for frequency responses")
+            raise invalid(option, shown, "a record over time", "Leave it out.")
+    units = pairs("--unit", reading.units, "OUTPUT/INPUT=UNIT", "--unit x/F=um/N")
+    renames = _renames(reading)
+    before = {new: old for old, new in renames.items()}
+    in_file = {
+        "/".join(before.get(end, end) for end in pair.split("/", 1)): unit
+        for pair, unit in units.items()
+    }
+    response = read_frequency_response(path, units=in_file, max_bytes=reading.max_bytes)
+    outputs, inputs = ([str(name) for name in response[end].values] for end in ("output", "input"))
+    for old in renames:
+        if (old in outputs) == (old in inputs):
+            listed = f"an output ({', '.join(outputs)}) or an input ({', '.join(inputs)}), not both"
+            remedy = "Check the file, or read it in Python with outputs= and inputs=."
+            raise invalid("--rename", old, listed, remedy)
+    return read_frequency_response(
+        response,
+        outputs={old: new for old, new in renames.items() if old in outputs},
+        inputs={old: new for old, new in renames.items() if old in inputs},
+    )
+
+
+def _renames(reading: Reading) -> dict[str, str]:
+    return pairs("--rename", reading.renames, "OLD=NEW", "--rename force=F")
+
+
+def pairs(option: str, items: tuple[str, ...], form: str, example: str) -> dict[str, str]:
+    """Take ``a=b`` apart; a name may hold an equals sign itself, what it gets may not."""
+    given = {}
+    for item in items:
+        name, equals, value = item.rpartition("=")
+        if not equals or not name:
+            raise invalid(option, item, form, f"Write, for instance, {example}.")
+        given[name] = value
+    return given
+
+
+def replaceable(target: str | None, *sources: str) -> bool:
+    """Whether an existing file may be replaced: JSON from an earlier run, never an input."""
+    path = Path(target or "")
+    used = [Path(source).resolve() for source in sources]
+    return path.suffix == ".json" and path.resolve() not in used

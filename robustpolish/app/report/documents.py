@@ -1,0 +1,817 @@
+"""Reports that an engineer hands to a colleague."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from robustpolish.app.machine_design import MachineDesign
+from robustpolish.app.report.html import Picture, Report, Section, panels, picture, whole
+from robustpolish.base.results import Card, Table, as_text, prefix_power, prefixed
+from robustpolish.errors import InvalidInputError
+from robustpolish.identification.compare import Comparison
+from robustpolish.identification.diagnosis.result import Diagnosis
+from robustpolish.identification.diagnosis.words import headline, told_numbers
+from robustpolish.identification.experiments.tell_apart import ToldApart
+from robustpolish.identification.residuals.analysis import ResidualAnalysis, residual_analysis
+from robustpolish.identification.residuals.tests import MAPS
+from robustpolish.identification.steps import StepRun
+from robustpolish.plots.time import plot_panels
+from robustpolish.polishing.air_bearing import FORCES
+from robustpolish.polishing.buildable import BUILDABLE, POLICY, BuildableBrushDesign
+from robustpolish.polishing.ideal import BrushDesign
+
+# What a report tells of a controller that is to be built: margins, limits, what could go wrong.
+
+
+def can_it_be_built(job: BuildableBrushDesign) -> Section:
+    """Tell margins, rates and effort, what the loop is like, and what each limit costs."""
+    h, ideal = job.hardware, job.ideal_loop
+    text = (
+        "Force control at the brush: electromagnets in the nose of the air bearing pull at the "
+        "brush's hub, the bearing takes the reaction, and sensors beside them measure the gap. "
+        "Of the thesis's six forces these two remain.",
+        "At the samples, where hold and computation are exact: " + job.loop.explain(),
+        f"The thesis's ideal bears a delay of {_time(ideal.delay_margin)}, this one "
+        f"{_time(job.loop.delay_margin)} besides the {_time(h.computation_delay)} of computation "
+        "and the hold that it has.",
+        f"{job.sampled.message} That is the norm of x, y and z together; of y alone it is "
+        f"{job.axis.sampled.certificate.achieved:.4g} m/N.",
+        _dearest(job),
+    )
+    return Section(
+        "Can it be built?",
+        text,
+        (
+            picture(
+                "The loops at the controls, one at a time, and the disk that they keep clear of.",
+                lambda ax: job.loop.plot(ax, kind="nyquist"),
+            ),
+        ),
+        (
+            job.tables()[0],
+            what_reality_costs(job),
+        ),
+    )
+
+
+def what_reality_costs(job: BuildableBrushDesign) -> Table:
+    """Return the table of limits, each relaxed while the others stay."""
+    built = next(row for row in job.limits if row.what == BUILDABLE)
+    power = prefix_power(built.deviation)
+    rows = tuple(
+        (row.what, row.norm, row.norm / built.norm, row.deviation / 10.0**power, row.effort)
+        for row in job.limits
+    )
+    deviation = f"largest deviation [{prefixed('m', power)}]"
+    head = ("y", "norm [m/N]", "of that as built", deviation, "largest force [N]")
+    caption = "What reality costs: one limit relaxed at a time, designed anew"
+    return Table(caption, head, rows)
+
+
+def what_could_go_wrong(job: BuildableBrushDesign) -> Section:
+    """List what was assumed, with the numbers at which it breaks."""
+    h, noise = job.hardware, job.noise_effort
+    upper = job.axis.problem.frequencies()[0]
+    clipped = max(float(job.run[name].attrs["at_limit"]) for name in job.plant.control_names)
+    most = max(float(np.abs(job.run[name]).max()) for name in job.plant.control_names)
+    crossover = max(c.frequency_hz for m in job.loop.margins for c in m.gain_crossovers)
+    points = (
+        f"More delay: {_time(job.loop.delay_margin)} more, from drives, filters or cables, and the "
+        "loop is unstable.",
+        f"Slower sampling: beyond a period of {_time(job.largest_period)} "
+        f"({1e-3 / job.largest_period:.3g} kHz), the computation growing with it, it is unstable; "
+        f"it runs at {h.sample_rate_hz / 1e3:g} kHz.",
+        "Slower actuators: " + _slower(job),
+        f"Flexible modes that are not in the model: nothing above {upper:.0f} Hz is modelled. "
+        f"The loop's gain is last 1 at {crossover:.0f} Hz; a mode above is harmless while it "
+        f"stays below {_spill(job):.3g} µm/N at resonance "
+        f"between {crossover / 1e3:.2g} and {h.sample_rate_hz / 2e3:g} kHz. Beyond "
+        f"{h.sample_rate_hz / 2e3:g} kHz it appears at another frequency. Measure the gap's "
+        "response to the actuator before closing the loop.",
+        f"The bearing's own mode at {upper:.0f} Hz: the loop was certified with its stiffness "
+        f"{100 * POLICY.stiffness_error:g} % lower and higher.",
+        f"Noise: {h.sensor_noise * 1e9:g} nm RMS in every reading moves the actuators by "
+        f"{max(noise.values()):.2g} N RMS.",
+        f"A hub that is not round, or whose material is uneven, looks like a motion at the "
+        f"spindle's {_spin(job):.3g} Hz: the brush then follows {_follows(job):.2g} µm for each "
+        "µm, unless it is measured and subtracted.",
+        f"Saturation: {most:.3g} N of {h.actuator_limit:g} N are used, and "
+        f"{100 * clipped:.2g} % of the samples were cut off. The conditioned form of the "
+        "controller keeps it from winding up; no norm is proven at the limit.",
+        "Drift of the sensors is followed one to one: the integral action believes the gap.",
+        "Gyroscopic moments of the spinning brush, which couple x and y, are not in the model.",
+    )
+    survived = tuple((what, c.valid, c.achieved, c.bound) for what, c in job.survived.items())
+    return Section(
+        "What could go wrong",
+        tables=(
+            Table(
+                "The same code on other machines, x and y, certified between samples",
+                ("machine", "proven", "norm [m/N]", "proven below [m/N]"),
+                survived,
+            ),
+        ),
+        points=points,
+    )
+
+
+def why_z_stays(job: BuildableBrushDesign) -> Section:
+    """Explain z, where a percentage of the largest deviation tells little."""
+    table = job.comparison.table
+    rows = [str(row) for row in table["row"].values]
+    largest = {row: float(table["deviation"].sel(row=row, signal="z")) for row in rows}
+    static, without, ideal = abs(job.static_deflection), largest[rows[0]], largest[rows[-1]]
+    half = 0.5e6 / _mode_of_z(job)
+    gain = 100 * (1 - ideal / without) if without else math.nan
+    text = (
+        f"The mean of the brush's forces bends z by {static * 1e9:.0f} nm, without control and "
+        "with the ideal alike: a state feedback without integral action and with a priced "
+        "force does not stiffen a rod that is stiff already. What the ideal takes "
+        f"away is overshoot: {without * 1e9:.0f} nm become {ideal * 1e9:.0f} nm, which "
+        f"the table calls an improvement of {gain:.2f} %.",
+        f"The static part needs integral action or a stiffer rod; {static * 1e9:.0f} nm are "
+        "what some kelvin do to an eddy-current sensor, and the robot's own position can correct "
+        "what is constant.",
+        f"The overshoot is over within half a period of the mode, {half:.0f} µs, where the lags of "
+        f"sensor, computer and actuator alone make {1e6 * job.hardware.lag:.0f} µs. So z gets no "
+        "actuator.",
+    )
+    shown = {row: job.comparison.responses[row] for row in (rows[0], rows[-1])}
+    return Section("Why z is left alone", text, (panels("z without control.", shown, ("z",)),))
+
+
+def effort_of(job: BuildableBrushDesign) -> Section:
+    """Show the forces of the actuators."""
+    noise = job.noise_effort
+    rows = tuple(
+        (
+            name,
+            float(np.abs(job.run[name]).max()),
+            float(np.sqrt((job.run[name] ** 2).mean())),
+            noise[name],
+            100 * float(job.run[name].attrs["at_limit"]),
+        )
+        for name in job.plant.control_names
+    )
+    head = ("control", "largest [N]", "RMS [N]", "by noise, RMS [N]", "samples at the limit [%]")
+    controls = job.plant.control_names
+    responses = {"with control": job.comparison.responses["with control"]}
+    return Section(
+        "Effort",
+        (job.design.message,),
+        (panels("Forces of the actuators.", responses, controls),),
+        (Table("Control effort", head, rows),),
+    )
+
+
+def hardware_table(job: BuildableBrushDesign) -> Table:
+    """Return the parts with their sources."""
+    return Table("Hardware", ("part", "value", "unit", "source"), tuple(job.hardware.table()))
+
+
+def sampled_certificate(job: BuildableBrushDesign) -> Table:
+    """Return what is proven about the sampled loop."""
+    c = job.sampled.certificate
+    rows = (
+        ("proven stable, between samples too", c.valid),
+        ("induced L2 norm, proven to be at least", c.lower),
+        ("induced L2 norm, proven to be at most", c.bound),
+        ("largest pole from sample to sample", c.spectral_radius),
+        ("period [s]", c.period),
+        ("computation delay [s]", c.delay),
+        ("states of the controller", job.sampled.controller.nstates),
+    )
+    return Table("The sampled loop of x, y and z", ("quantity", "value"), rows, digits=6)
+
+
+def buildable_summary(job: BuildableBrushDesign) -> dict[str, object]:
+    """Return the figures of what is to be built for other programs."""
+    c = job.sampled.certificate
+    return {
+        "hardware": {name: value for name, value, _, _ in job.hardware.table()},
+        "good": job.good,
+        "sampled": {
+            "valid": c.valid,
+            "stable": c.stable,
+            "achieved": c.achieved,
+            "bound": c.bound,
+            "period": c.period,
+            "delay": c.delay,
+            "spectral_radius": c.spectral_radius,
+            "largest_period": job.largest_period,
+        },
+        "loop": job.loop.to_dict(),
+        "words": job.loop.explain(),
+        "ideal_delay_margin_s": job.ideal_loop.delay_margin,
+        "survived": {
+            what: {"valid": found.valid, "achieved": found.achieved}
+            for what, found in job.survived.items()
+        },
+        "slowest_actuator_hz": job.slowest_actuator_hz,
+        "largest_force": {n: float(np.abs(job.run[n]).max()) for n in job.plant.control_names},
+        "noise_force_rms": job.noise_effort,
+        "static_deflection_z": job.static_deflection,
+        "limits": [dict(vars(row)) for row in job.limits],
+    }
+
+
+def _dearest(job: BuildableBrushDesign) -> str:
+    """Say which limit costs most."""
+    built = next(row for row in job.limits if row.what == BUILDABLE)
+    place = job.limits.index(built)
+    relaxed = [row for row in job.limits[place + 1 : -1] if math.isfinite(row.norm)]
+    if not relaxed:
+        return "With none of the limits relaxed a better controller was found."
+    best = min(relaxed, key=lambda row: row.norm)
+    ideal = job.limits[-1]
+    return (
+        f"Reality costs a factor of {built.norm / ideal.norm:.3g} in the norm of y against the "
+        f"ideal. Of the limits the one that costs most is relaxed by {best.what}: the norm "
+        f"would be {best.norm:.3g} instead of {built.norm:.3g} m/N, the largest deviation "
+        f"{best.deviation * 1e6:.3g} instead of {built.deviation * 1e6:.3g} µm. Bandwidths were "
+        f"tried in steps of {100 * (1 - POLICY.ratio):.0f} %, so that a difference of 15 % in the "
+        "norm says little."
+    )
+
+
+def _slower(job: BuildableBrushDesign) -> str:
+    slowest, nominal = job.slowest_actuator_hz, job.hardware.actuator_bandwidth_hz
+    if not slowest:
+        return "no bandwidth was found that makes the loop unstable."
+    return (
+        f"below {slowest:.0f} Hz the loop is unstable; they have {nominal:g} Hz, and with "
+        f"{100 * POLICY.actuator_loss:g} % less it is certified in the table below."
+    )
+
+
+def _spill(job: BuildableBrushDesign) -> float:
+    """Return the response in µm/N that a mode beyond the crossover may have at most."""
+    controller = job.sampled.controller
+    half = job.hardware.sample_rate_hz / 2
+    crossover = max(c.frequency_hz for m in job.loop.margins for c in m.gain_crossovers)
+    turns = np.exp(2j * np.pi * np.linspace(crossover, half, 200) * job.hardware.period)
+    gain = max(float(np.linalg.norm(np.atleast_2d(controller(z)), 2)) for z in turns)
+    return 1e6 / gain
+
+
+def _spin(job: BuildableBrushDesign) -> float:
+    return float(job.disturbance.attrs.get("spin", 0.0)) / (2 * math.pi)
+
+
+def _follows(job: BuildableBrushDesign) -> float:
+    """Return by how much the brush follows an error of the measurement at the spindle's speed."""
+    turn = np.exp(2j * np.pi * _spin(job) * job.hardware.period)
+    return float(abs(np.atleast_2d(job.loop.T(turn))[0, 0]))
+
+
+def _mode_of_z(job: BuildableBrushDesign) -> float:
+    return job.parameters.natural_frequencies()["z"][1] / (2 * math.pi)
+
+
+def _time(seconds: float) -> str:
+    return f"{1e6 * seconds:.3g} µs"
+
+
+# The report and the files of a design against the brush.
+
+AXES = ("x", "y", "z")
+
+
+def brush_design_report(job: BrushDesign) -> Report:
+    """Tell what was gained, at what effort, and why it can be trusted."""
+    if isinstance(job, BuildableBrushDesign):
+        sections = (
+            _brush_gain(job),
+            can_it_be_built(job),
+            what_could_go_wrong(job),
+            why_z_stays(job),
+            effort_of(job),
+        )
+    else:
+        sections = (_brush_gain(job), _effort(job))
+    return Report(
+        title="Controller for the polishing robot",
+        verdict=job.verdict(),
+        good=job.good,
+        sections=(*sections, _certificate(job), _load(job), _machine(job)),
+    )
+
+
+def brush_design_text(job: BrushDesign) -> str:
+    """Return what a terminal shows."""
+    words, parts = [job.verdict()], [str(job.comparison)]
+    if isinstance(job, BuildableBrushDesign):
+        words.append(job.loop.explain())
+        parts += ["", as_text(Card("", (*job.tables(), what_reality_costs(job))))]
+    words.append(job.design.message)
+    return "\n".join([*parts, "", *(textwrap.fill(text, 88) for text in words)])
+
+
+def brush_design_summary(job: BrushDesign) -> dict[str, Any]:
+    """Return the figures for other programs."""
+    certificate, table = job.design.certificate, job.comparison.table
+    built = isinstance(job, BuildableBrushDesign)
+    return {
+        "realisation": "buildable" if built else "ideal",
+        "status": job.design.status,
+        "message": job.design.message,
+        "method": job.design.method,
+        "backend": job.design.backend,
+        "norm": {
+            "kind": job.design.norm,
+            "open_loop": float(job.open_loop_norm),
+            "closed_loop": float(job.closed_loop_norm),
+        },
+        "control_weight": job.control_weight,
+        "gain_bound": job.gain_bound,
+        "certificate": {
+            "valid": certificate.valid,
+            "reasons": list(certificate.reasons),
+            "stable": certificate.stable,
+            "achieved": certificate.achieved,
+            "claimed": certificate.claimed,
+            "bound": certificate.bound,
+            "largest_gain": certificate.largest_gain,
+            "frequencies_hz": certificate.frequencies_hz,
+            "damping": certificate.damping,
+        },
+        "gain": None if job.design.gain is None else job.design.controller.D,
+        "controls": job.plant.control_names,
+        "states": job.plant.states,
+        "load": job.comparison.load,
+        "units": {
+            "deviation": {axis: job.plant.units[axis] for axis in AXES},
+            "improvement_percent": "%",
+            "effort": ", ".join(
+                sorted({job.plant.units[name] for name in job.plant.control_names})
+            ),
+            "controls": {name: job.plant.units[name] for name in job.plant.control_names},
+            "states": {name: job.plant.units.get(name, "") for name in job.plant.states},
+        },
+        "rows": [
+            {
+                "row": str(row),
+                "deviation": dict(zip(AXES, table["deviation"].sel(row=row).values, strict=True)),
+                "improvement_percent": dict(
+                    zip(AXES, table["improvement"].sel(row=row).values, strict=True)
+                ),
+                "effort": float(table["effort"].sel(row=row)),
+            }
+            for row in table["row"].values
+        ],
+        **({"built": buildable_summary(job)} if built else {}),
+    }
+
+
+def save_brush_design(job: BrushDesign, folder: Path) -> None:
+    """Write table, figure, signals and the controller, as a gain or as code, into a folder."""
+    header, body = job.comparison.rows()
+    pd.DataFrame(body, columns=("row", *header[1:])).to_csv(folder / "table.csv", index=False)
+    if isinstance(job, BuildableBrushDesign):
+        pd.DataFrame([vars(row) for row in job.limits]).to_csv(folder / "limits.csv", index=False)
+        job.sampled.export_c(folder / "controller.c")
+        job.sampled.export_json(folder / "controller.json")
+    else:
+        gain = pd.DataFrame(
+            job.design.controller.D, index=job.plant.control_names, columns=job.plant.states
+        )
+        gain.to_csv(folder / "gain.csv", index_label="u = F x")
+    figure = plot_panels(job.comparison.responses, AXES)
+    figure.savefig(folder / "figure.png", dpi=150)
+    plt.close(figure)
+    job.disturbance.to_netcdf(folder / "disturbance.nc")
+    for row, response in job.comparison.responses.items():
+        name = row.replace(" ", "-").replace("'", "")
+        response.to_netcdf(folder / f"response-{name}.nc")
+
+
+def _brush_gain(job: BrushDesign) -> Section:
+    header, body = job.comparison.shown_rows()
+    return Section(
+        "What was gained",
+        ("The brush's forces drive all loops from rest; " + job.comparison.load + ".",),
+        (
+            panels(
+                "Deviation of the brush, without and with control.", job.comparison.responses, AXES
+            ),
+        ),
+        (Table("Largest deviations", header, tuple(body)),),
+    )
+
+
+def _effort(job: BrushDesign) -> Section:
+    response = job.comparison.responses["with control"]
+    largest_gain = np.linalg.norm(job.design.controller.D, 2)
+    controls = tuple(name for name in job.plant.control_names if not name.endswith("_m"))
+    unit = job.plant.units[controls[0]]
+    if job.control_weight is not None:
+        price = f"A control of 1 {unit} was priced like a deviation of {job.control_weight:.3g} m."
+    elif job.gain_bound is not None:
+        price = f"The gain was kept below {job.gain_bound:.4g} (largest singular value)."
+    else:
+        price = "Neither a price on the control nor a bound on the gain was set."
+    rows = tuple(
+        (name, float(np.abs(response[name]).max()), float(np.sqrt((response[name] ** 2).mean())))
+        for name in job.plant.control_names
+    )
+    return Section(
+        "Effort and price",
+        (
+            price,
+            f"The gain's largest singular value is {largest_gain:.4g}.",
+            job.design.message,
+        ),
+        (panels("Control at the brush.", {"control": response}, controls),),
+        (Table("Control effort", ("control", f"largest [{unit}]", f"RMS [{unit}]"), rows),),
+    )
+
+
+def _certificate(job: BrushDesign) -> Section:
+    c = job.design.certificate
+    built = isinstance(job, BuildableBrushDesign)
+    counted = "the sensors' noise" if built else "the price on u"
+    facts = (
+        ("status of the design", job.design.status),
+        ("all poles stable", "yes" if c.stable else "no"),
+        (f"norm achieved by the loop, {counted} included", c.achieved),
+        ("norm claimed by the solver", float("nan") if c.claimed is None else c.claimed),
+        ("norm proven as an upper bound", c.bound),
+        ("largest entry of the gain", c.largest_gain),
+    )
+    order = np.argsort(c.frequencies_hz)
+    # Pairs, equal axes and delays repeat poles: once each, as the table rounds them.
+    modes = Counter(
+        tuple(float(f"{x:.4g}") for x in (c.frequencies_hz[i], c.damping[i], c.poles[i].real))
+        for i in order
+    )
+    sampled = (sampled_certificate(job),) if built else ()
+    text = (
+        "Computed afresh from the closed loop; nothing is taken over from the solver. A matrix "
+        "that proves stability and norm was checked in ball arithmetic.",
+        *c.reasons,
+    )
+    return Section(
+        "Certificate",
+        text,
+        (
+            picture(f"Gain from the forces to the outputs, {counted} included.", job.design.plot),
+            picture("Poles of the closed loop.", job.design.plot_poles),
+        ),
+        (
+            *sampled,
+            Table("What was checked", ("quantity", "value"), facts, digits=6),
+            Table(
+                "Closed-loop poles",
+                ("frequency [Hz]", "damping ratio", "real part [1/s]", "poles"),
+                tuple((*mode, count) for mode, count in modes.items()),
+            ),
+        ),
+    )
+
+
+def _load(job: BrushDesign) -> Section:
+    largest = tuple(
+        (name, float(np.abs(job.disturbance[name]).max()), float(job.disturbance[name].mean()))
+        for name in FORCES
+    )
+    forces = panels("Forces of the brush on the tool.", {"force": job.disturbance}, FORCES[:3])
+    simulator = job.disturbance.attrs.get("simulator", "")
+    return Section(
+        "Load",
+        (f"Simulated by the brush model '{simulator}'.",),
+        (forces,),
+        (Table("Forces", ("force", "largest [N]", "mean [N]"), largest),),
+    )
+
+
+def _machine(job: BrushDesign) -> Section:
+    rows = tuple(job.parameters.table())
+    head = ("parameter", "value", "unit", "source")
+    parts = (hardware_table(job),) if isinstance(job, BuildableBrushDesign) else ()
+    return Section("Machine", tables=(*parts, Table("Parameters", head, rows)))
+
+
+# The report of a diagnosis: where the model failed, what is missing, how much, what to check.
+
+_GOOD = ("adequate", "parameters", "missing_effect")
+
+
+def diagnosis_report(
+    diagnosis: Diagnosis,
+    before: Comparison | None = None,
+    after: Comparison | None = None,
+    *,
+    runs: Sequence[StepRun] = (),
+    told: Sequence[ToldApart] = (),
+) -> Report:
+    """Tell what a model lacks: the verdict, then where, which, how much, and what to check.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    before, after : Comparison, optional
+        The model as it was, and as it is now, held against the data; those of `runs` by default.
+    runs : sequence of StepRun, optional
+        The model of every step held against the data, of
+        :func:`robustpolish.identification.step_runs`.
+    told : sequence of ToldApart, optional
+        Experiments for effects that the data cannot tell apart, of
+        :func:`robustpolish.tell_apart`.
+
+    Returns
+    -------
+    Report
+    """
+    if runs:
+        before, after = before or runs[0].after, after or runs[-1].after
+    sections = [
+        _notes(diagnosis),
+        _where(diagnosis, before),
+        _which(diagnosis),
+        _how_much(diagnosis, after),
+        _steps(runs),
+        _left(diagnosis),
+        _checks(diagnosis),
+        _apart(told),
+        _candidates(diagnosis),
+        _numbers(diagnosis),
+    ]
+    return Report(
+        title=f"Diagnosis of {diagnosis.model.name or 'a mechanical model'}",
+        verdict=" ".join([headline(diagnosis), *diagnosis.reasons]),
+        good=diagnosis.verdict in _GOOD,
+        sections=tuple(section for section in sections if section is not None),
+    )
+
+
+def _notes(diagnosis: Diagnosis) -> Section | None:
+    """Return what an engineer would look at before believing the rest."""
+    if not diagnosis.notes:
+        return None
+    return Section("Look at the record and the numbers first", points=diagnosis.notes)
+
+
+def _where(diagnosis: Diagnosis, before: Comparison | None) -> Section | None:
+    title = "Where the model failed"
+    if before is None:
+        return None
+    try:
+        analysis = residual_analysis(before)
+    except InvalidInputError as error:
+        return Section(title, (f"The error of the model as it was has no map. {error}",))
+    head, *lines = analysis.explain().splitlines()
+    shares = [line.strip() for line in lines[: lines.index(_tests(lines))]]
+    pictures = [
+        picture(f"The error of {analysis.worst}, as the model was.", analysis.plot),
+        *(
+            picture(
+                f"Force that the model lacked at {place}.",
+                lambda axes, p=place: analysis.plot_surface(axes, place=p),
+            )
+            for place in _places(diagnosis, analysis)
+        ),
+    ]
+    return Section(title, (head,), tuple(pictures), points=tuple(shares))
+
+
+def _tests(lines: list[str]) -> str:
+    return next(line for line in lines if not line.startswith(" "))
+
+
+def _places(diagnosis: Diagnosis, analysis: ResidualAnalysis) -> list[str]:
+    """Return the places of the effects that were found, if their force was seen."""
+    ends = [set(effect.at) | {"ground"} for effect in diagnosis.effects]
+    return [
+        name
+        for name, place in analysis.places.items()
+        if any(set(place.at) <= at for at in ends) and place.surface["force"].notnull().any()
+    ]
+
+
+def _which(diagnosis: Diagnosis) -> Section:
+    title = "Which effects were added"
+    if not diagnosis.effects:
+        return Section(title, ("None.",))
+    text, rows = [], []
+    for effect in diagnosis.effects:
+        kind = effect.definition
+        place = ", ".join(effect.at)
+        text.append(f"{kind.title} at {place}. In the residual: {kind.looks_like}")
+        rows += [
+            (effect.kind, place, name, v.value, v.stderr, v.unit)
+            for name, v in told_numbers(effect).items()
+        ]
+    pictures, points = [], []
+    for law in diagnosis.laws:
+        place = ", ".join(law.effect.at)
+        points += law.describe().splitlines()
+        pictures.append(
+            picture(f"The {law.quantity} over {law.over} at {place} as learned.", law.plot)
+        )
+    head = ("effect", "at", "parameter", "value", "standard error", "unit")
+    tables = (Table("", head, tuple(rows)),) if rows else ()
+    return Section(title, tuple(text), tuple(pictures), tables, tuple(points))
+
+
+def _how_much(diagnosis: Diagnosis, after: Comparison | None) -> Section:
+    ledger = diagnosis.ledger
+    pictures = [
+        picture(f"How the error of {name} fell.", lambda axes, n=name: ledger.plot(axes, output=n))
+        for name in diagnosis.noise_floor
+    ]
+    text = ()
+    if after is not None:
+        worst = max(after.outputs.values(), key=lambda error: error.nrmse)
+        text = (f"The model now fits {after.fit_percent:.2f} % of the data in a {after.method}.",)
+        caption = f"{worst.name} as measured and as the extended model makes it."
+        pictures.append(picture(caption, after.plot))
+    names = tuple(diagnosis.noise_floor)
+    rows = [(e.step, *(e.nrmse[n] for n in names)) for e in ledger.entries]
+    rows.append(("noise floor", *diagnosis.noise_floor.values()))
+    table = Table("Free-run error over the standard deviation", ("step", *names), tuple(rows))
+    return Section("How much of the error is gone", text, tuple(pictures), (table,))
+
+
+def _steps(runs: Sequence[StepRun]) -> Section | None:
+    """Return free runs before and after each step that changed the model."""
+    pictures, points = [], []
+    for run in runs:
+        if run.before is None:
+            continue
+        name, stretch = run.worst, run.stretch()
+        what = "the refit of its own numbers" if run.step == "refit" else run.step
+        where = "" if stretch is None else (
+            f" Where it did most, {stretch.start:.4g} to {stretch.stop:.4g} s; below, the whole "
+            "record."
+        )  # fmt: skip
+        caption = f"{name} as measured, and in a {run.after.method} before and after {what}.{where}"
+        pictures.append(whole(caption, lambda width, r=run: r.plot_panels(width=width)))
+        old, new = run.before.outputs[name], run.after.outputs[name]
+        fall = f"from {old.rmse:.4g} to {new.rmse:.4g} {new.unit}"
+        points.append(f"{run.step}: the error of {name} goes {fall}.")
+    return Section("Step by step", (), tuple(pictures), points=tuple(points)) if points else None
+
+
+def _left(diagnosis: Diagnosis) -> Section | None:
+    """Return the force that is still missing, over time and over the motion, whatever was found."""
+    if not diagnosis.missing_force.size:
+        return None
+    text = [
+        "A force that follows from displacement and velocity at a place is a law that the model "
+        "still lacks there; one that does not is noise, has a memory, or acts elsewhere."
+    ]
+    if diagnosis.maps and diagnosis.maps[0].follows < MAPS.tells:
+        text.append("Here the motion foretells next to nothing of what is left.")
+    pictures = [
+        picture("Force that is still missing at each site.", diagnosis.plot_missing_force),
+        *(
+            picture(f"Force that is still missing at {item.name}.", item.plot)
+            for item in diagnosis.maps[: MAPS.shown]
+        ),
+    ]
+    points = tuple(item.describe() for item in diagnosis.maps)
+    return Section("What is left", tuple(text), tuple(pictures), points=points)
+
+
+def _apart(told: Sequence[ToldApart]) -> Section | None:
+    """Return the experiments that would tell effects apart."""
+    if not told:
+        return None
+    text, pictures, tables = [], [], []
+    for found in told:
+        names = " or ".join(found.machines.names)
+        text.append(" ".join(found.explain().splitlines()))
+        if not found.tried:
+            continue
+        caption = f"{names}: the experiment that tells most for its amplitude."
+        pictures += [
+            whole(caption, lambda width, f=found: f.plot_panels(width=width)),
+            picture(f"{names}: how far experiments take them apart.", found.plot),
+        ]
+        tables.append(found.table(names))
+    title = "Which experiment would tell alike effects apart"
+    return Section(title, tuple(text), tuple(pictures), tuple(tables))
+
+
+def _checks(diagnosis: Diagnosis) -> Section:
+    points = [
+        f"{effect.definition.title} at {', '.join(effect.at)}: {check}"
+        for effect in diagnosis.effects
+        for check in effect.definition.checks
+    ]
+    tables = ()
+    text = () if points else ("Nothing was found that could be checked on the machine.",)
+    if diagnosis.indistinguishable:
+        rows = tuple(
+            (str(c.first), str(c.second), c.experiment) for c in diagnosis.indistinguishable
+        )
+        head = ("effect", "or", "what would tell")
+        tables = (Table("What this data cannot tell apart", head, rows),)
+    return Section("What to check on the machine", text, (), tables, tuple(points))
+
+
+def _candidates(diagnosis: Diagnosis) -> Section | None:
+    if not diagnosis.candidates:
+        return None
+    rows = tuple(
+        (c.step, c.kind, ", ".join(c.at), _known(c.nrmse_held_out), c.score, c.remark)
+        for c in diagnosis.candidates
+    )
+    head = ("step", "effect", "at", "held-out error", "log odds", "remark")
+    text = ("What was tried, the best of each step first.",)
+    return Section("Candidates", text, tables=(Table("", head, rows),))
+
+
+def _numbers(diagnosis: Diagnosis) -> Section:
+    rows = tuple(
+        (key, v.value, _known(v.stderr), v.unit) for key, v in diagnosis.parameters.items()
+    )
+    head = ("parameter", "value", "standard error", "unit")
+    return Section("All fitted numbers", tables=(Table("", head, rows),))
+
+
+def _known(value: float) -> float | None:
+    """Return None for a number that was not found."""
+    return value if math.isfinite(value) else None
+
+
+# The report and the files of a design for any machine.
+
+
+def machine_design_report(found: MachineDesign) -> Report:
+    """Tell what was gained, whether it can be built, and why it can be trusted.
+
+    Parameters
+    ----------
+    found : MachineDesign
+
+    Returns
+    -------
+    Report
+    """
+    machine = found.task.machine
+    name = getattr(machine, "name", "")
+    return Report(
+        title=f"Controller for {name}" if name else "Controller for a machine",
+        verdict=found.verdict(),
+        good=found.design.certificate.valid and found.analysis.buildable,
+        sections=(_machine_gain(found), _built(found), _trusted(found)),
+    )
+
+
+def save_machine_design(found: MachineDesign, folder: Path) -> None:
+    """Write design, plant, table and figure into a folder.
+
+    Parameters
+    ----------
+    found : MachineDesign
+    folder : path
+        It exists.
+    """
+    found.design.save(folder / "design.json")
+    found.machine.save(folder / "plant.json")
+    pd.DataFrame([vars(channel) for channel in found.channels]).to_csv(
+        folder / "table.csv", index=False
+    )
+    drawn = found.plot() if found.channels else found.analysis.plot()
+    figure = drawn.get_figure()
+    assert figure is not None, "axes that are drawn have a figure"
+    figure.savefig(folder / "figure.png", dpi=150)  # type: ignore[union-attr]
+    plt.close(figure)  # type: ignore[arg-type]
+
+
+def _machine_gain(found: MachineDesign) -> Section:
+    pictures: tuple[Picture, ...] = ()
+    if found.channels:
+        caption = "Largest gain from disturbances to outputs, without and with control."
+        pictures = (picture(caption, found.plot),)
+    own = found.tables()[:1] if found.channels else ()
+    return Section("What was gained", (found.design.message,), pictures, own)
+
+
+def _built(found: MachineDesign) -> Section:
+    said = [found.analysis.explain()]
+    if found.sampling:
+        said.append(found.sampling)
+    loop = picture("The loops, each opened alone.", lambda ax: found.analysis.plot(ax))
+    disk = picture(
+        "Nyquist curves and the disks that they stay out of.",
+        lambda ax: found.analysis.plot(ax, kind="nyquist"),
+    )
+    tables = found.analysis.tables()
+    return Section("Can it be built?", tuple(said), (loop, disk), tables, found.analysis.problems)
+
+
+def _trusted(found: MachineDesign) -> Section:
+    c = found.design.certificate
+    proof = f"Poles, norm and proof were computed from the closed loop: at most {c.bound:.6g}."
+    return Section("Why it can be trusted", (proof, *found.task.notes), points=c.reasons)

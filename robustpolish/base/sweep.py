@@ -1,0 +1,841 @@
+"""``sweep``: a function at every point of a grid, or at samples."""
+
+from __future__ import annotations
+
+import base64
+import ctypes
+import functools
+import hashlib
+import inspect
+import io
+import itertools
+import json
+import math
+import multiprocessing
+import os
+import pickle
+import re
+import threading
+import time
+import zlib
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+from multiprocessing import connection, parent_process
+from pathlib import Path
+from types import MappingProxyType, TracebackType
+from typing import Any, BinaryIO, Literal
+
+import control
+import numpy as np
+import xarray as xr
+
+from robustpolish.base.budget import same_bits, working
+from robustpolish.base.checks import described, invalid, is_whole
+from robustpolish.errors import InvalidInputError
+
+# What a function returned at one point, as named arrays that a file holds bit for bit.
+
+RESULT = "result"
+"""The variable of a function that returns a number or an array without a name."""
+
+Named = dict[str, tuple[tuple[str, ...], np.ndarray]]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The result of a point, or why there is none.
+
+    Attributes
+    ----------
+    values, coords : dict of str to (tuple of str, ndarray)
+        Variables and their coordinates with their dimensions.
+    failure : str
+        The reason why the point has none; empty if it has.
+    """
+
+    values: Named = field(default_factory=dict)
+    coords: Named = field(default_factory=dict)
+    failure: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what a line of JSON holds."""
+        if self.failure:
+            return {"failure": self.failure}
+        return {"values": _written(self.values), "coords": _written(self.coords)}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Outcome:
+        """Read what :meth:`to_json` wrote."""
+        if "failure" in data:
+            return cls(failure=data["failure"])
+        return cls(_read(data["values"]), _read(data["coords"]))
+
+    @property
+    def form(self) -> tuple[Any, ...]:
+        """Names, dimensions, shapes and coordinates, in which all points have to agree."""
+        shapes = sorted((name, dims, array.shape) for name, (dims, array) in self.values.items())
+        coords = sorted(
+            (name, dims, array.dtype.str, array.tobytes())
+            for name, (dims, array) in self.coords.items()
+        )
+        return (*shapes, *coords)
+
+
+def outcome_of(returned: Any, taken: Collection[str]) -> Outcome:
+    """Sort what a function returned into variables; `taken` are names that points have.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is none of what a sweep can hold; the sweep records that as the point's failure.
+    """
+    values: Named = {}
+    coords: Named = {}
+    if isinstance(returned, xr.DataArray):
+        returned = returned.to_dataset(name=str(returned.name or RESULT))
+    if isinstance(returned, xr.Dataset):
+        coords = {str(name): _labelled(name, returned[name]) for name in returned.coords}
+        variables: Mapping[Any, Any] = {name: returned[name] for name in returned.data_vars}
+    else:
+        variables = returned if isinstance(returned, Mapping) else {RESULT: returned}
+    for name, value in variables.items():
+        if isinstance(value, xr.DataArray):
+            values[str(name)] = _labelled(name, value)
+        else:
+            array = _array(name, value)
+            values[str(name)] = (tuple(f"{name}_{i}" for i in range(array.ndim)), array)
+    dims = {dim for held, _ in values.values() for dim in held}
+    double = sorted((set(values) | set(coords) | dims) & set(taken))
+    if double:
+        raise ValueError(f"returned the name {double[0]!r}, which a parameter of the sweep has")
+    return Outcome(values, coords)
+
+
+def _labelled(name: Any, value: xr.DataArray) -> tuple[tuple[str, ...], np.ndarray]:
+    return tuple(map(str, value.dims)), _array(name, value.values)
+
+
+def _array(name: Any, value: Any) -> np.ndarray:
+    array = np.asarray(value)
+    if array.dtype.kind not in "biufcUmM":
+        what = type(value).__name__
+        raise TypeError(f"returned {what} as {name!r}; numbers, text and arrays can be kept")
+    return np.ascontiguousarray(array).reshape(array.shape)
+
+
+def _written(named: Named) -> dict[str, Any]:
+    return {
+        name: [
+            list(dims),
+            array.dtype.str,
+            list(array.shape),
+            base64.b64encode(array.tobytes()).decode("ascii"),
+        ]
+        for name, (dims, array) in named.items()
+    }
+
+
+def _read(data: Mapping[str, Any]) -> Named:
+    return {
+        name: (
+            tuple(dims),
+            np.frombuffer(base64.b64decode(text), np.dtype(kind)).reshape(shape)
+            if text
+            else np.empty(shape, np.dtype(kind)),
+        )
+        for name, (dims, kind, shape, text) in data.items()
+    }
+
+
+# What a worker does: a few points one after the other, each with its own random numbers.
+
+SECONDS = 0.25
+"""Work that a task should hold: a thousand times what it costs to send it."""
+
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
+"""Names of settings in malloc.h of the GNU C library (mallopt(3))."""
+_KEPT = 1 << 28
+"""Bytes up to which a worker keeps what it has freed."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What all points of a sweep share.
+
+    Attributes
+    ----------
+    function : callable or bytes
+        Pickled, if other processes are to call it.
+    seed : int
+        Of the sweep; that of a point follows from it and from the point's place.
+    takes_rng : bool
+        Whether the function asks for random numbers.
+    taken : tuple of str
+        Names that variables of results must not have.
+    """
+
+    function: Callable[..., Any] | bytes
+    seed: int
+    takes_rng: bool
+    taken: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Done:
+    """Finished points and what they took; `unknown` says why the function was not found."""
+
+    finished: list[tuple[int, Outcome]]
+    seconds: float = 0.0
+    unknown: str = ""
+
+
+@same_bits
+def run_chunk(job: Job, chunk: Sequence[tuple[int, dict[str, Any]]]) -> Done:
+    """Call the function at some points, given with their places."""
+    try:
+        function = _loaded(job.function) if isinstance(job.function, bytes) else job.function
+    except Exception as error:
+        return Done([], unknown=f"{type(error).__name__}: {error}")
+    start = time.perf_counter()
+    finished = [(i, _run(job, function, i, point)) for i, point in chunk]
+    return Done(finished, time.perf_counter() - start)
+
+
+def _run(job: Job, function: Callable[..., Any], i: int, point: dict[str, Any]) -> Outcome:
+    own: dict[str, Any] = dict(point)
+    if job.takes_rng:
+        # The i-th of SeedSequence(seed).spawn(...), without making the others.
+        own["rng"] = np.random.default_rng(np.random.SeedSequence(job.seed, spawn_key=(i,)))
+    try:
+        return outcome_of(function(**own), job.taken)
+    except Exception as error:
+        return Outcome(failure=f"{type(error).__name__}: {error}")
+
+
+@functools.lru_cache(maxsize=1)
+def _loaded(function: bytes) -> Callable[..., Any]:
+    return pickle.loads(function)
+
+
+def begin() -> None:
+    """Prepare this process to work for another one, its parent."""
+    _keep_memory()
+    _end_with_parent()
+
+
+def _keep_memory() -> None:
+    """Let this worker keep large arrays that it has freed, for the next point.
+
+    The C library would give each back to the system and ask for a new one, page by page: half of
+    the time of a loop of 100,000 samples, and a time in which processes wait for each other. A C
+    library without this setting goes on as it did.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if os.name == "posix" else None
+    if mallopt is not None:
+        for parameter in (_TRIM_THRESHOLD, _MMAP_THRESHOLD):
+            mallopt(parameter, _KEPT)
+
+
+def _end_with_parent() -> None:
+    """End this worker when the process that started it is killed; it would wait for ever."""
+    parent = parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+# The points of a sweep: every combination of a grid's values, or samples one by one.
+
+SAMPLE = "sample"
+FAILURE = "failure"
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points in their order, the last name of a grid fastest.
+
+    Attributes
+    ----------
+    each : list of dict
+        The arguments of every point, as numbers, truth values and text of Python.
+    dims : tuple of str
+        The dimensions that the points span.
+    shape : tuple of int
+        Their lengths.
+    coords : dict of str to (tuple of str, ndarray)
+        The parameters over these dimensions.
+    """
+
+    each: list[dict[str, Any]]
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    coords: dict[str, tuple[tuple[str, ...], np.ndarray]]
+
+    @property
+    def text(self) -> str:
+        """All of it as text, every number to the last bit, for a checksum."""
+        return json.dumps([self.dims, self.shape, self.each])
+
+
+def read_points(points: Any) -> Points:
+    """Read a grid (mapping of names to values) or samples (mappings, or a Dataset)."""
+    if isinstance(points, xr.Dataset):
+        return _from_dataset(points)
+    if isinstance(points, Mapping):
+        return _from_grid(points)
+    if isinstance(points, Sequence) and not isinstance(points, str) and len(points) > 0:
+        return _from_samples(points)
+    expected = "a mapping of names to values, a sequence of mappings or a Dataset, not empty"
+    raise invalid("points", points, expected, 'Write {"gain": [1, 2, 3]}, for example.')
+
+
+def _from_grid(grid: Mapping[str, Any]) -> Points:
+    if not grid:
+        raise invalid("points", grid, "at least one name", 'Write {"gain": [1, 2, 3]}.')
+    values = {name: _column(name, grid[name]) for name in grid}
+    lists = [column.tolist() for column in values.values()]
+    each = [dict(zip(values, point, strict=True)) for point in itertools.product(*lists)]
+    coords = {name: ((name,), column) for name, column in values.items()}
+    return Points(each, tuple(values), tuple(len(column) for column in lists), coords)
+
+
+def _from_samples(samples: Sequence[Any]) -> Points:
+    for i, sample in enumerate(samples):
+        if not isinstance(sample, Mapping) or set(sample) != set(samples[0]):
+            remedy = "Give every sample a value of every parameter."
+            raise invalid(("points", i), sample, "a mapping with the first one's names", remedy)
+    if not samples[0]:
+        raise invalid("points", samples, "at least one name", 'Write [{"gain": 1.0}].')
+    return _of_columns({name: [sample[name] for sample in samples] for name in samples[0]})
+
+
+def _from_dataset(samples: xr.Dataset) -> Points:
+    if len(samples.dims) != 1 or not samples.data_vars:
+        remedy = "Give each parameter as a variable over one dimension, the sample."
+        raise invalid("points", dict(samples.sizes), "a Dataset with one dimension", remedy)
+    (size,) = samples.sizes.values()
+    columns = {str(name): np.broadcast_to(samples[name], (size,)) for name in samples.data_vars}
+    return _of_columns(columns)
+
+
+def _of_columns(values: Mapping[str, Any]) -> Points:
+    columns = {name: _column(name, values[name], (SAMPLE,)) for name in values}
+    lists = [column.tolist() for column in columns.values()]
+    each = [dict(zip(columns, point, strict=True)) for point in zip(*lists, strict=True)]
+    coords = {name: ((SAMPLE,), column) for name, column in columns.items()}
+    return Points(each, (SAMPLE,), (len(each),), coords)
+
+
+def _column(name: Any, values: Any, taken: tuple[str, ...] = ()) -> np.ndarray:
+    """Return the values of one parameter as an array of numbers, truth values or text."""
+    reserved = (FAILURE, "rng", *taken)
+    if not isinstance(name, str) or not name.isidentifier() or name in reserved:
+        expected = f"a name of an argument, none of {', '.join(reserved)}"
+        raise invalid(("points", str(name)), name, expected, "Rename the parameter.")
+    try:
+        column = np.array(values if isinstance(values, np.ndarray) else list(values))
+    except (TypeError, ValueError):
+        column = np.empty(0, dtype=object)
+    if column.ndim != 1 or column.size == 0 or column.dtype.kind not in "bifuU":
+        remedy = "Bind anything else to the function by functools.partial, or sweep its index."
+        raise invalid(("points", name), values, "real numbers, truth values or text", remedy)
+    if column.dtype.kind == "f" and not all(math.isfinite(value) for value in column):
+        raise invalid(("points", name), values, "finite numbers", "Leave the others out.")
+    return column
+
+
+# Outcomes of all points as one Dataset over the parameters.
+
+
+def assembled(points: Points, outcomes: Mapping[int, Outcome]) -> xr.Dataset:
+    """Return one Dataset; points that do not have the first one's form count as failures."""
+    count = len(points.each)
+    failures = [outcomes[i].failure for i in range(count)]
+    good = [i for i in range(count) if not failures[i]]
+    for i in good[1:]:
+        if outcomes[i].form != outcomes[good[0]].form:
+            failures[i] = (
+                f"ValueError: names, shapes or coordinates differ from those of point {good[0]}"
+            )
+    good = [i for i in good if not failures[i]]
+    variables: dict[str, tuple[tuple[str, ...], np.ndarray]] = {}
+    coords = dict(points.coords)
+    if good:
+        first = outcomes[good[0]]
+        coords |= first.coords
+        for name, (dims, _) in first.values.items():
+            stacked = np.stack([outcomes[i].values[name][1] for i in good])
+            if len(good) < count:
+                stacked = _with_gaps(stacked, good, count)
+            variables[name] = (
+                (*points.dims, *dims),
+                stacked.reshape(points.shape + stacked.shape[1:]),
+            )
+    reasons = np.array(failures, dtype=object).astype(str).reshape(points.shape)
+    variables[FAILURE] = (points.dims, reasons)
+    return xr.Dataset(variables, coords)
+
+
+def _with_gaps(values: np.ndarray, good: list[int], count: int) -> np.ndarray:
+    """Return values at all points: nan, not a time or empty text where there is none."""
+    if values.dtype.kind in "biu":
+        values = values.astype(float)
+    blank = {"U": "", "m": "NaT", "M": "NaT"}.get(values.dtype.kind, np.nan)
+    kept = np.full((count, *values.shape[1:]), blank, values.dtype)
+    kept[good] = values
+    return kept
+
+
+# The file of a sweep: a line per finished point, which a kill can only tear at the end.
+
+FORMAT = "robustpolish sweep 1"
+
+
+class Record:
+    """Finished points, appended to a file as they come.
+
+    Parameters
+    ----------
+    path : path
+        The file; made if it does not exist, continued if it is of the same sweep.
+    checksum : str
+        Of function, points and seed.
+    count : int
+        Number of points.
+
+    Notes
+    -----
+    The first line names format, checksum and count. Each line begins with the CRC-32 of the
+    rest. A last line without its end, or with another CRC, was torn by a kill and is cut off.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], checksum: str, count: int) -> None:
+        self.path = Path(path)
+        self._head = {"format": FORMAT, "checksum": checksum, "count": count}
+        self.found = self._open()
+        self._file: BinaryIO = self.path.open("ab")
+        if not self.path.stat().st_size:
+            self._write([self._head])
+
+    def __enter__(self) -> Record:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._file.close()
+
+    def add(self, finished: list[tuple[int, Outcome]]) -> None:
+        """Append points; they are with the operating system when this returns."""
+        self._write([{"point": i, **outcome.to_json()} for i, outcome in finished])
+
+    def _write(self, entries: list[dict]) -> None:
+        for entry in entries:
+            text = json.dumps(entry).encode()
+            self._file.write(b"%08x %s\n" % (zlib.crc32(text), text))
+        self._file.flush()
+
+    def _open(self) -> dict[int, Outcome]:
+        """Return the points that the file holds, and cut off a torn end."""
+        if not self.path.parent.is_dir():
+            remedy = "Create the folder first."
+            raise invalid("file", str(self.path), "a path in an existing folder", remedy)
+        if not self.path.exists():
+            return {}
+        content = self.path.read_bytes()
+        if self._begun(content):
+            os.truncate(self.path, 0)
+            return {}
+        lines = content.splitlines(keepends=True)
+        entries = [_entry(line) for line in lines]
+        if entries[0] is None or entries[0].get("format") != FORMAT:
+            raise self._refused("holds something else")
+        if entries[0] != self._head:
+            raise self._refused("holds another function, other points or another seed")
+        if entries[-1] is None:
+            os.truncate(self.path, len(content) - len(lines.pop()))
+            entries.pop()
+        if None in entries:
+            raise self._refused(f"is damaged in line {entries.index(None) + 1}")
+        return {entry["point"]: Outcome.from_json(entry) for entry in entries[1:] if entry}
+
+    def _begun(self, content: bytes) -> bool:
+        """Tell whether this is empty, or a first line of ours that was torn."""
+        text = json.dumps(self._head).encode()
+        return (b"%08x %s\n" % (zlib.crc32(text), text))[:-1].startswith(content)
+
+    def _refused(self, why: str) -> Exception:
+        remedy = f"Choose another file, or delete {self.path} to start anew."
+        return invalid("file", described(f"one that {why}"), "a file of this sweep", remedy)
+
+
+def _entry(line: bytes) -> dict | None:
+    code, _, text = line.rstrip(b"\n").partition(b" ")
+    if not line.endswith(b"\n") or code != b"%08x" % zlib.crc32(text):
+        return None
+    return json.loads(text)
+
+
+# A function as bytes for other processes, with the systems of control that are bound to it.
+
+_GENERATED = re.compile(r"sys\[\d+\]")
+"""Names that control counts up: they depend on what else a process has made."""
+
+
+def as_bytes(value: Any) -> bytes:
+    """Pickle a function and what is bound to it.
+
+    State-space systems and read-only mappings, which pickle refuses, are taken apart: a plant or a
+    controller can be bound to a function, and the same matrices give the same bytes everywhere.
+
+    Raises
+    ------
+    Exception
+        Whatever pickle has to say about a value that no other process could build.
+    """
+    stream = io.BytesIO()
+    _Pickler(stream, protocol=5).dump(value)
+    return stream.getvalue()
+
+
+class _Pickler(pickle.Pickler):
+    def reducer_override(self, obj: Any) -> Any:
+        if type(obj) is control.StateSpace:
+            return _state_space, _parts(obj)
+        if type(obj) is MappingProxyType:
+            return _read_only, (dict(obj),)
+        return NotImplemented
+
+
+def _read_only(mapping: dict[Any, Any]) -> Any:
+    return MappingProxyType(mapping)  # which pickle does not find by its own name
+
+
+def _parts(system: control.StateSpace) -> tuple[Any, ...]:
+    name = "" if _GENERATED.fullmatch(system.name) else system.name
+    matrices = tuple(np.ascontiguousarray(M) for M in (system.A, system.B, system.C, system.D))
+    labels = (system.input_labels, system.output_labels, system.state_labels)
+    return matrices, system.dt, *map(tuple, labels), name
+
+
+def _state_space(
+    matrices: tuple[np.ndarray, ...],
+    dt: Any,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    states: tuple[str, ...],
+    name: str,
+) -> control.StateSpace:
+    return control.StateSpace(
+        *matrices,
+        dt,
+        remove_useless_states=False,
+        inputs=list(inputs),
+        outputs=list(outputs),
+        states=list(states),
+        **({"name": name} if name else {}),
+    )
+
+
+# Points handed to workers in tasks of a quarter of a second, and again if a worker dies.
+
+ATTEMPTS = 2
+"""Workers that a point may kill while it is alone; a second time is no accident."""
+
+_AHEAD = 2
+"""Tasks per worker that are under way, so that none waits for the next."""
+
+_UNKNOWN_WORKERS = 16
+"""Taken of an executor that does not tell how many it has, as those of clusters."""
+
+_PRELOADED = ["robustpolish.base.sweep", "robustpolish.closed_loop.simulate"]
+"""Modules of this package alone: those of users may change between two sweeps."""
+
+Chunk = list[tuple[int, dict[str, Any]]]
+
+
+def serially(job: Job, todo: Chunk) -> Iterator[Done]:
+    """Do the points in this process, one by one."""
+    for point in todo:
+        yield run_chunk(job, [point])
+
+
+def on_executor(job: Job, todo: Chunk, executor: Executor) -> Iterator[Done]:
+    """Do the points on an executor of the caller, which stays open."""
+    workers = getattr(executor, "_max_workers", None) or _UNKNOWN_WORKERS
+    queue = deque(todo)
+    yield from _flow(job, queue, executor, workers, {})
+
+
+def on_processes(job: Job, todo: Chunk) -> Iterator[Done]:
+    """Do the points in local processes, one per core that this process may use.
+
+    When a worker dies, what was under way is done again point by point, so that only the point
+    that kills its worker can fail for it.
+    """
+    workers = min(cores(), len(todo))
+    queue, suspects = deque(todo), deque[tuple[int, dict[str, Any]]]()
+    attempts: dict[int, int] = {}
+    while queue or suspects:
+        pool = _pool(workers)
+        under_way: dict[Future[Done], Chunk] = {}
+        try:
+            _check_start(pool)
+            while suspects:
+                under_way = {pool.submit(run_chunk, job, [suspects[0]]): [suspects[0]]}
+                done = next(iter(under_way)).result()
+                suspects.popleft()
+                under_way = {}
+                yield done
+            yield from _flow(job, queue, pool, workers, under_way)
+        except BrokenProcessPool:
+            lost = [point for chunk in under_way.values() for point in chunk]
+            if suspects:
+                place = suspects[0][0]
+                attempts[place] = attempts.get(place, 0) + 1
+                if attempts[place] >= ATTEMPTS:
+                    suspects.popleft()
+                    reason = f"its worker process died {ATTEMPTS} times while it ran"
+                    yield Done([(place, Outcome(failure=reason))])
+            else:
+                suspects.extend(sorted(lost, key=lambda point: point[0]))
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _flow(
+    job: Job,
+    queue: deque[tuple[int, dict[str, Any]]],
+    executor: Executor,
+    workers: int,
+    under_way: dict[Future[Done], Chunk],
+) -> Iterator[Done]:
+    """Keep all workers busy; what is lost when one dies stands in `under_way`."""
+    size = 1
+    while queue or under_way:
+        while queue and len(under_way) < _AHEAD * workers:
+            chunk = [queue.popleft() for _ in range(min(size, len(queue)))]
+            try:
+                under_way[executor.submit(run_chunk, job, chunk)] = chunk
+            except BrokenProcessPool:
+                queue.extendleft(reversed(chunk))
+                raise
+        ended = _first(list(under_way))
+        for future in ended:
+            done = future.result()
+            count = len(under_way.pop(future))
+            size = _size(count, done.seconds, len(queue), workers)
+            yield done
+
+
+def _first(futures: Sequence[Future[Done]]) -> list[Future[Done]]:
+    ended = wait(futures, return_when=FIRST_COMPLETED).done
+    # Those that were lost last, so that all that was finished is kept.
+    return sorted(ended, key=lambda future: future.exception() is not None)
+
+
+def _size(count: int, seconds: float, left: int, workers: int) -> int:
+    """Return how many points make a task, fewer at the end so that workers end together."""
+    fitting = count * SECONDS / max(seconds, 1e-9)
+    return max(1, min(math.floor(fitting), 4 * count, left // (2 * _AHEAD * workers)))
+
+
+def _pool(workers: int) -> ProcessPoolExecutor:
+    # A fork of this process would copy locks that its threads hold. Where there is a server to
+    # fork from, workers find this package imported, which takes seconds; a fresh one does it anew.
+    kind = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+    context = multiprocessing.get_context(kind)
+    if kind == "forkserver":
+        context.set_forkserver_preload(_PRELOADED)
+    return ProcessPoolExecutor(workers, context, begin)
+
+
+def _check_start(pool: ProcessPoolExecutor) -> None:
+    try:
+        pool.submit(_nothing).result()
+    except BrokenProcessPool:
+        expected = "a script that can be imported, for each worker process imports it"
+        remedy = (
+            'Put what the script does below `if __name__ == "__main__":`, '
+            'or write executor="serial".'
+        )
+        raise invalid("executor", described("workers that end at once"), expected, remedy) from None
+
+
+def _nothing() -> None:
+    """Do nothing, in a worker that has started."""
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return max(1, len(os.sched_getaffinity(0)))
+    return os.cpu_count() or 1
+
+
+def not_found(why: str) -> InvalidInputError:
+    """Build the error for a function that the workers do not find."""
+    expected = "a function that a worker process can import"
+    remedy = 'Put it into a module (.py file), or write executor="serial".'
+    return invalid("function", described(f"one with {why}"), expected, remedy)
+
+
+def sweep(
+    function: Callable[..., Any],
+    points: Mapping[str, Any] | Sequence[Mapping[str, Any]] | xr.Dataset,
+    *,
+    executor: Executor | Literal["serial"] | None = None,
+    file: str | os.PathLike[str] | None = None,
+    seed: int = 0,
+    progress: bool = True,
+) -> xr.Dataset:
+    """Call a function at many points, on all cores or on a cluster.
+
+    Parameters
+    ----------
+    function : callable
+        Takes a point's parameters by name, in whatever units the caller counts them. If it has
+        a parameter `rng`, it gets a ``numpy.random.Generator`` of its own at every point.
+        Returns a number, text, an array, a mapping of names to these, or labelled data of xarray.
+    points : mapping, sequence of mappings or xarray.Dataset
+        A grid: values of each parameter, of which every combination is a point. Or samples: one
+        mapping per point, or a Dataset with one dimension. Values are numbers, truth values or
+        text; anything else is bound to the function by ``functools.partial``.
+    executor : concurrent.futures.Executor or "serial", optional
+        Who does the work: local processes by default, one per core that this process may use.
+        ``client.get_executor()`` of a Dask client is one. ``"serial"`` is this process, for
+        lambdas and functions of a notebook, which other processes cannot import.
+    file : path, optional
+        Where finished points are kept. If it exists already, the sweep goes on from there.
+    seed : int, optional
+        Of the random numbers, at least zero. Those of a point depend on it and on the place of
+        the point only, never on workers or their order.
+    progress : bool, optional
+        Show a bar in terminals and notebooks.
+
+    Returns
+    -------
+    xarray.Dataset
+        Results over the parameters of a grid, or over ``sample``; an unnamed result is
+        ``result``. ``failure`` holds the reason why a point has no result, else "". Where some
+        have none, results are nan there (whole numbers and truth values become real numbers).
+
+    Raises
+    ------
+    InvalidInputError
+        If points or seed are none, if workers cannot import the function, or if `file` is of
+        another function, other points or another seed.
+
+    Notes
+    -----
+    A point that raises, or whose results have another shape than the first one's, is a failure
+    and stops nothing. When a local worker dies, what was under way is done again; a point that
+    kills its worker twice is a failure. Linear algebra runs on one thread per worker. In
+    scripts, a sweep on processes stands below ``if __name__ == "__main__":``.
+
+    `file` recognises a function by its name, its source and its bound arguments, but not the
+    functions that it calls: delete the file after changing these. One process at a time may
+    write to it.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> def overshoot(damping):
+    ...     return np.exp(-np.pi * damping / np.sqrt(1 - damping**2))
+    >>> import numpy as np
+    >>> found = rp.sweep(overshoot, {"damping": [0.1, 0.5, 2.0]}, executor="serial")
+    >>> found.result.values.round(3).tolist()
+    [0.729, 0.163, nan]
+    >>> rp.sweep(lambda k: 1 / k, {"k": [0, 2]}, executor="serial").failure.values.tolist()
+    ['ZeroDivisionError: division by zero', '']
+    """
+    asked = read_points(points)
+    if not callable(function):
+        raise invalid("function", function, "a function", "Give the function to be called.")
+    if not is_whole(seed) or seed < 0:
+        raise invalid("seed", seed, "a whole number, at least zero", "Write seed=0.")
+    seed = int(seed)
+    if executor is not None and executor != "serial" and not isinstance(executor, Executor):
+        remedy = "Of a Dask client, give client.get_executor()."
+        raise invalid("executor", executor, 'None, "serial" or an executor', remedy)
+    here = executor == "serial" or isinstance(executor, ThreadPoolExecutor)
+    pickled = None if here and file is None else _pickled(function)
+    sent = function if here or pickled is None else pickled
+    job = Job(sent, seed, _takes_rng(function), (*asked.coords, *asked.dims, FAILURE))
+    identity = _checksum(function, pickled, asked, seed) if pickled is not None else ""
+    record = Record(file, identity, len(asked.each)) if file is not None else None
+    with record or nullcontext():
+        outcomes = dict(record.found) if record else {}
+        todo = [(i, point) for i, point in enumerate(asked.each) if i not in outcomes]
+        bar = working("Sweeping", len(todo)) if progress else nullcontext(_silent)
+        with bar as tell:
+            for done in _work(job, todo, executor):
+                if done.unknown:
+                    raise not_found(done.unknown)
+                if record:
+                    record.add(done.finished)
+                _collect(done, outcomes, tell)
+    return assembled(asked, outcomes)
+
+
+def _work(job: Job, todo: list, executor: Any) -> Any:
+    if executor == "serial":
+        return serially(job, todo)
+    return on_processes(job, todo) if executor is None else on_executor(job, todo, executor)
+
+
+def _collect(done: Done, outcomes: dict[int, Outcome], tell: Callable[[str], None]) -> None:
+    for i, outcome in done.finished:
+        outcomes[i] = outcome
+        tell("")
+
+
+def _silent(_: str) -> None:
+    """Show nothing."""
+
+
+def _takes_rng(function: Callable[..., Any]) -> bool:
+    try:
+        return "rng" in inspect.signature(function).parameters
+    except (TypeError, ValueError):  # some compiled functions have none
+        return False
+
+
+def _pickled(function: Callable[..., Any]) -> bytes:
+    try:
+        return as_bytes(function)
+    except Exception as error:
+        # Other processes import a function by its name; a lambda has none to be found by.
+        expected = "a function with a name in a module, which workers and files can find"
+        remedy = f'Put it into a module, or write executor="serial" without file= ({error}).'
+        raise invalid("function", function, expected, remedy) from None
+
+
+def _checksum(function: Any, pickled: bytes, points: Points, seed: int) -> str:
+    while isinstance(function, functools.partial):
+        function = function.func
+    try:
+        source = inspect.getsource(function)
+    except (OSError, TypeError):
+        source = ""
+    text = "\n".join([points.text, str(seed), source])
+    return hashlib.sha256(pickled + text.encode()).hexdigest()

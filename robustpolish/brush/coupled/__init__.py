@@ -1,1 +1,0 @@
-"""The brush on a machine that yields: contact and machine feel each other."""

@@ -1,1 +1,0 @@
-"""The thesis's listing of the brush, equation by equation, with its defects."""

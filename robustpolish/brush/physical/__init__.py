@@ -1,1 +1,0 @@
-"""The well-posed contact model of the brush."""

@@ -1,1 +1,0 @@
-"""Surfaces that can be polished: the thesis's trough, and moulds of any shape."""

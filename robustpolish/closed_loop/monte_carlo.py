@@ -1,0 +1,784 @@
+"""``monte_carlo``: a design's loop around machines, surfaces and brushes that are drawn."""
+
+from __future__ import annotations
+
+import functools
+import os
+import warnings
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal
+
+import control
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from robustpolish.base.arrays import Array, Vector
+from robustpolish.base.checks import (
+    described,
+    instance_of,
+    invalid,
+    is_whole,
+    one_of,
+    positive,
+    spelled,
+)
+from robustpolish.base.results import Card, Displayed, Table
+from robustpolish.base.sampling import draws, percentile, percentile_limits, share_limits
+from robustpolish.base.sweep import sweep
+from robustpolish.closed_loop.simulate import simulate
+from robustpolish.errors import RobustPolishWarning, SolverError
+from robustpolish.linear.norms.h2 import h2_norm
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.linear.stability import stability
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.plots.charts import plot_distribution
+from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
+from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.simulate import simulate_brush
+from robustpolish.polishing.surfaces.surface import Surface
+from robustpolish.synthesis.design import Design, checked_design
+from robustpolish.synthesis.proofs.achieved_norm import quick_norm
+
+# Machines that differ from a model by as much as its fit leaves open.
+
+# Beyond this share of draws without sense, what is left says little about the machine.
+_MOST_REDRAWN = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterSamples:
+    """Draws of a model's numbers.
+
+    Attributes
+    ----------
+    model : MechanicalModel
+    keys : tuple of str
+    values : ndarray, shape (samples, keys)
+    nominal : ndarray, shape (keys,)
+    left_out : tuple of str
+        Keys whose error is not known; they keep their value.
+    """
+
+    model: MechanicalModel
+    keys: tuple[str, ...]
+    values: Array
+    nominal: Array
+    left_out: tuple[str, ...]
+
+
+def draw(
+    model: MechanicalModel, keys: tuple[str, ...], covariance: Array, samples: int, seed: int
+) -> ParameterSamples:
+    """Draw numbers of a model.
+
+    A draw in which a mass, a stiffness or a damping changes its sign is no machine of this kind and
+    is drawn again.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    keys : tuple of str
+        Of the uncertain numbers.
+    covariance : ndarray, shape (keys, keys)
+        Infinite or NaN on the diagonal where nothing is known.
+    samples, seed : int
+    """
+    if not is_whole(samples) or samples < 1:
+        raise invalid("samples", samples, "a positive number of machines", "Ask for 200.")
+    if np.any(np.diag(covariance) < 0):
+        raise invalid(
+            "standard_errors", described("a negative variance"), "errors of at least 0", "Check it."
+        )
+    known = np.isfinite(np.diag(covariance))
+    used = tuple(key for key, here in zip(keys, known, strict=True) if here)
+    left_out = tuple(key for key, here in zip(keys, known, strict=True) if not here)
+    if not used:
+        raise invalid(
+            "learned", described("no number with a known error"), "a fit with standard errors",
+            "Pass standard_errors, or fit to data that determines the numbers.",
+        )  # fmt: skip
+    nominal = np.array([model.parameters[key] for key in used])
+    root = _root(covariance[known][:, known])
+    sign = np.array([0.0 if key.startswith(("effect", "input")) else 1.0 for key in used])
+    sign *= np.sign(nominal)
+    rng = np.random.default_rng(seed)
+    values = nominal + rng.standard_normal((samples, len(used))) @ root.T
+    again = np.flatnonzero(np.any(values * sign < 0, axis=1))
+    if again.size <= _MOST_REDRAWN * samples:
+        while again.size:
+            values[again] = nominal + rng.standard_normal((again.size, len(used))) @ root.T
+            again = again[np.any(values[again] * sign < 0, axis=1)]
+        return ParameterSamples(model, used, values, nominal, left_out)
+    worst = used[int(np.argmax(np.linalg.norm(root, axis=1) / np.maximum(abs(nominal), 1e-300)))]
+    raise invalid(
+        "standard_errors",
+        described(f"an error of {worst} as large as its value"),
+        "smaller errors",
+        "Hold the number fixed, or measure it better.",
+    )
+
+
+def _root(covariance: Array) -> Array:
+    """Return a square root of a covariance, of numbers of very different size."""
+    size = np.sqrt(np.diag(covariance))
+    safe = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(safe, safe))
+    return safe[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+# A plant with other numbers in the place of the one that a design was made for.
+
+
+def in_place_of(nominal: GeneralizedPlant, other: GeneralizedPlant) -> GeneralizedPlant:
+    """Return `other` with the signals that a synthesis added to `nominal`, in the same order.
+
+    Prices on u and noise on y do not depend on the machine.
+
+    Parameters
+    ----------
+    nominal : GeneralizedPlant
+        The plant of a design.
+    other : GeneralizedPlant
+
+    Returns
+    -------
+    GeneralizedPlant
+    """
+    if nominal.measurement_names != other.measurement_names:
+        every = other.with_full_state()
+        if nominal.measurement_names == every.measurement_names:
+            other = every
+    _check("states", nominal.states, other.states)
+    _check("controls", nominal.control_names, other.control_names)
+    _check("measurements", nominal.measurement_names, other.measurement_names)
+    _check("disturbances", nominal.disturbance_names, other.disturbance_names, some=True)
+    _check("performance outputs", nominal.performance_names, other.performance_names, some=True)
+    old, new = nominal.system, other.system
+    inputs = [old.input_labels.index(name) for name in new.input_labels]
+    outputs = [old.output_labels.index(name) for name in new.output_labels]
+    B, C, D = (np.array(M, dtype=float) for M in (old.B, old.C, old.D))
+    B[:, inputs] = new.B
+    C[outputs] = new.C
+    D[np.ix_(outputs, inputs)] = new.D
+    nw, nz = nominal.nw, nominal.nz
+    return nominal.replace(
+        A=new.A, B1=B[:, :nw], B2=B[:, nw:], C1=C[:nz], C2=C[nz:],
+        D11=D[:nz, :nw], D12=D[:nz, nw:], D21=D[nz:, :nw], D22=D[nz:, nw:],
+    )  # fmt: skip
+
+
+def _check(what: str, wanted: tuple[str, ...], found: tuple[str, ...], some: bool = False) -> None:
+    """Refuse other names than those of the design's plant, or than `some` of them."""
+    fits = set(found) <= set(wanted) if some else found == wanted
+    if not fits:
+        raise invalid(
+            "plant_of",
+            described(f"{what} {', '.join(found)}"),
+            f"those of the design's plant: {', '.join(wanted)}",
+            "Linearise as the design's plant was: the same controls, actuation and measured.",
+        )
+
+
+def loop_norm(loop: control.StateSpace, norm: str) -> float:
+    """Return the norm of a loop, infinite if it is not stable."""
+    if not stability(loop):
+        return np.inf
+    if norm == "h2":
+        return float(h2_norm(loop))
+    if loop.dt == 0 and loop.nstates:
+        A, B, C, D = (np.asarray(M, dtype=float) for M in (loop.A, loop.B, loop.C, loop.D))
+        found = quick_norm(A, B, C, D)
+        if found.settled:
+            return found.value
+    return float(hinf_norm(loop))
+
+
+# One loop of a study: a machine, a surface and a brush with given numbers, and its figures.
+
+Machine = MechanicalModel | AirBearingParameters
+PlantOf = Callable[[Any], GeneralizedPlant]
+Figures = Callable[[xr.Dataset], Mapping[str, float]]
+
+PEAK = "peak_"
+"""Begins the names of largest absolute values."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What all loops of a study share.
+
+    Attributes
+    ----------
+    plant : GeneralizedPlant
+        The one that the controller was designed for.
+    controller : control.StateSpace
+    norm : {"hinf", "h2"}
+    machine : MechanicalModel, AirBearingParameters or None
+        What numbers of the machine belong to; None if they stay.
+    plant_of : callable
+        Makes a plant of a machine.
+    names : tuple of str
+        The numbers that are drawn, in the order in which they come.
+    brush : BrushParameters
+    duration : float or None
+        Of the brush's run in s; None for none.
+    load : xarray.Dataset or None
+        Disturbances that are the same for all loops.
+    figures : callable or None
+        What else is to be told of a response.
+    told : tuple of str
+        The figures of a stable loop, which are infinite for an unstable one.
+    """
+
+    plant: GeneralizedPlant
+    controller: control.StateSpace
+    norm: str
+    machine: Machine | None
+    plant_of: PlantOf
+    names: tuple[str, ...]
+    brush: BrushParameters = field(default_factory=BrushParameters)
+    duration: float | None = None
+    load: xr.Dataset | None = None
+    figures: Figures | None = None
+    told: tuple[str, ...] = ()
+
+    def __call__(self, **columns: Any) -> dict[str, float]:
+        """Return the figures of one loop; `columns` are ``value_0``, ``value_1`` and so on."""
+        return self.figures_of({name: columns[column(i)] for i, name in enumerate(self.names)})
+
+    def figures_of(self, values: Mapping[str, Any]) -> dict[str, float]:
+        """Return `norm`, largest deviations and controls; infinite if the loop is unstable."""
+        plant = self.plant_with(values)
+        norm = loop_norm(plant.closed_loop(self.controller), self.norm)
+        if not np.isfinite(norm) and self.told:
+            return dict.fromkeys(self.told, np.inf)
+        found = {"norm": norm}
+        load = self.load_with(values)
+        if load is None:
+            return found
+        response = self.response(plant, load)
+        for name in response.data_vars:
+            if not str(name).startswith("price_"):  # which is a control once more
+                found[f"{PEAK}{name}"] = float(np.abs(response[name]).max())
+        return found | dict(self.figures(response) if self.figures else {})
+
+    def plant_with(self, values: Mapping[str, Any]) -> GeneralizedPlant:
+        """Return the plant with numbers of the machine in place of its own."""
+        own = {name: value for name, value in values.items() if _room(name) == "machine"}
+        if self.machine is None or all(map(needs_brush, self.names)):
+            return self.plant
+        changed = (
+            replace(self.machine, **own)
+            if isinstance(self.machine, AirBearingParameters)
+            else self.machine.with_parameters(own)
+        )
+        with warnings.catch_warnings():
+            # an effect without a linear part has been warned of when the plant was made
+            warnings.simplefilter("ignore", RobustPolishWarning)
+            return in_place_of(self.plant, self.plant_of(changed))
+
+    def load_with(self, values: Mapping[str, Any]) -> xr.Dataset | None:
+        """Return the disturbance; the brush is run if it is not the same for all."""
+        if self.load is not None or self.duration is None:
+            return self.load
+        brush = self.brush.with_run(int(values["run"])) if "run" in values else self.brush
+        changes = {_field(name): v for name, v in values.items() if _room(name) == "brush"}
+        bends = {_field(name): v for name, v in values.items() if _room(name) == "surface"}
+        if bends:
+            changes["surface"] = replace(self.brush.surface, **bends)  # type: ignore[type-var]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RobustPolishWarning)  # of passes that do not agree
+            found = simulate_brush(duration=self.duration, parameters=replace(brush, **changes))
+        if not found.attrs["converged"]:
+            raise SolverError("the passes of the brush's run do not agree")
+        return found
+
+    def response(self, plant: GeneralizedPlant, load: xr.Dataset) -> xr.Dataset:
+        """Return all performance outputs and controls over time."""
+        found = simulate(plant.with_control_outputs().closed_loop(self.controller), load)
+        for name in found.data_vars:
+            if name in plant.units:
+                found[name].attrs["units"] = plant.units[str(name)]
+        return found
+
+
+def column(i: int) -> str:
+    """Return the name by which a sweep hands over a number; keys of models are no identifiers."""
+    return f"value_{i}"
+
+
+def check_names(names: Mapping[str, Any], machine: Machine | None, brush: BrushParameters) -> None:
+    """Refuse names that mean nothing to the machine, the brush or its surface."""
+    known = [
+        *_numbers(machine),
+        *(f"brush.{item.name}" for item in fields(brush) if item.name not in ("surface", "path")),
+        *(
+            f"surface.{item.name}"
+            for item in (fields(brush.surface) if isinstance(brush.surface, Surface) else ())
+        ),
+        "run",
+    ]
+    for name in names:
+        if name not in known:
+            expected = "a number of the machine, brush.NAME, surface.NAME or run"
+            raise invalid(("distributions", name), name, expected, spelled(name, known))
+
+
+def needs_brush(name: str) -> bool:
+    """Tell whether a name belongs to the brush's run rather than to the machine."""
+    return _room(name) != "machine"
+
+
+def default_plant_of(machine: Machine | None, plant: GeneralizedPlant) -> PlantOf:
+    """Return how plants are made of a machine if nobody says it."""
+    if not isinstance(machine, AirBearingParameters):
+        return linearized
+    actuation = "force" if plant.units.get("u_x") == "N" else "displacement"
+    measured = "state" if plant.ny == plant.nx else "displacement"
+    return functools.partial(_air_bearing, actuation, measured)
+
+
+def linearized(model: MechanicalModel) -> GeneralizedPlant:
+    """Return a model's linear plant with its defaults."""
+    return model.linearize()
+
+
+def _air_bearing(
+    actuation: Any, measured: Any, parameters: AirBearingParameters
+) -> GeneralizedPlant:
+    return air_bearing(parameters, actuation=actuation, measured=measured)
+
+
+def _numbers(machine: Machine | None) -> list[str]:
+    if isinstance(machine, AirBearingParameters):
+        return [item.name for item in fields(machine) if item.name != "inertia_reading"]
+    return list(machine.parameters) if machine is not None else []
+
+
+def _room(name: str) -> str:
+    head = name.partition(".")[0]
+    return head if head in ("brush", "surface", "run") else "machine"
+
+
+def _field(name: str) -> str:
+    return name.partition(".")[2]
+
+
+# What many sampled loops have in common: percentiles, shares, limits, and the worst of them.
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """One loop of a study once more.
+
+    Attributes
+    ----------
+    sample : int
+    values : mapping of str to number
+        What was drawn.
+    plant : GeneralizedPlant
+        The machine with these numbers.
+    load, response : xarray.Dataset or None
+        The disturbance, and all outputs and controls over time; None where a study has none, or
+        the loop is unstable.
+    figures : mapping of str to float
+    """
+
+    sample: int
+    values: Mapping[str, Any]
+    plant: GeneralizedPlant
+    load: xr.Dataset | None
+    response: xr.Dataset | None
+    figures: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SampledLoops(Displayed):
+    """Loops with drawn numbers, from :func:`robustpolish.monte_carlo`.
+
+    Attributes
+    ----------
+    dataset : xarray.Dataset
+        Over `sample`: what was drawn as coordinates, `norm`, `peak_NAME` and other figures of
+        merit as variables, and `failure`, the reason where a sample has no figures.
+    nominal : mapping of str to float
+        The figures of the loop with the nominal numbers.
+    seed : int
+    trial : Trial
+        What all loops share.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.air_bearing(actuation="force")
+    >>> design = rp.state_feedback(plant, method="riccati", control_weight=1e-7)
+    >>> study = rp.monte_carlo(
+    ...     design, {"brush_mass": ("normal", 0.2, 0.01)}, samples=59, executor="serial")
+    >>> low, high = study.share_limits("norm", study.nominal["norm"] * 1.5)
+    >>> round(low, 3), high, study.share("norm", study.nominal["norm"] * 1.5)
+    (0.939, 1.0, 1.0)
+    >>> low, high = study.percentile_limits("norm", 50.0)
+    >>> low < study.percentile("norm", 50.0) < high
+    True
+    >>> study.plot(figure="norm").get_xlabel()
+    'norm'
+    >>> replay = study.replay()
+    >>> replay.sample == study.worst() and replay.figures["norm"] == float(study.dataset.norm.max())
+    True
+    """
+
+    dataset: xr.Dataset
+    nominal: Mapping[str, float]
+    seed: int
+    trial: Trial
+
+    @property
+    def samples(self) -> int:
+        """Number of loops."""
+        return self.dataset.sizes["sample"]
+
+    @property
+    def figures(self) -> tuple[str, ...]:
+        """Names of the figures of merit."""
+        return tuple(str(name) for name in self.dataset.data_vars if name != "failure")
+
+    @property
+    def failures(self) -> Mapping[int, str]:
+        """Reasons of the samples that have no figures, by their numbers."""
+        reasons = self.dataset["failure"].values
+        return {int(i): str(reasons[i]) for i in np.flatnonzero(reasons != "")}
+
+    def percentile(self, figure: str, percent: float) -> float:
+        """Return what `percent` of the samples do not exceed; failures count as infinite.
+
+        Parameters
+        ----------
+        figure : str
+        percent : float
+            Above 0, at most 100.
+
+        Returns
+        -------
+        float
+        """
+        return percentile(self._values(figure), _share("percent", percent, 100.0))
+
+    def percentile_limits(
+        self, figure: str, percent: float, confidence: float = 0.95
+    ) -> tuple[float, float]:
+        """Return limits of a percentile of all such machines, whatever the distribution.
+
+        Parameters
+        ----------
+        figure : str
+        percent : float
+            Above 0, at most 100.
+        confidence : float, optional
+
+        Returns
+        -------
+        low, high : float
+            Values of the ordered sample (David and Nagaraja, "Order Statistics", 2003, section
+            7.1); infinite where there are too few: 95 % with 95 % confidence need 72 samples.
+        """
+        share = _share("percent", percent, 100.0)
+        confidence = _share("confidence", confidence, 1.0)
+        return percentile_limits(self._values(figure), share, confidence)
+
+    def share(self, figure: str, limit: float) -> float:
+        """Return the share of the samples whose figure is at most `limit`.
+
+        Parameters
+        ----------
+        figure : str
+        limit : float
+
+        Returns
+        -------
+        float
+        """
+        return float(np.mean(self._values(figure) <= limit))
+
+    def share_limits(
+        self, figure: str, limit: float, confidence: float = 0.95
+    ) -> tuple[float, float]:
+        """Return limits of the share of all such machines whose figure is at most `limit`.
+
+        Parameters
+        ----------
+        figure : str
+        limit : float
+            Chosen before looking at the sample.
+        confidence : float, optional
+
+        Returns
+        -------
+        low, high : float
+            Of Clopper and Pearson (Biometrika 26, 1934), two-sided.
+        """
+        good = int(np.sum(self._values(figure) <= limit))
+        return share_limits(good, self.samples, _share("confidence", confidence, 1.0))
+
+    def worst(self, figure: str = "norm") -> int:
+        """Return the number of the sample whose figure is largest, among those that have one.
+
+        Parameters
+        ----------
+        figure : str, optional
+
+        Returns
+        -------
+        int
+        """
+        values = self._values(figure)
+        known = self.dataset["failure"].values == ""
+        return int(np.argmax(np.where(known, values, -np.inf)))
+
+    def replay(self, sample: int | None = None, *, figure: str = "norm") -> Replay:
+        """Run one loop once more, to the same bits, and return all of it.
+
+        Parameters
+        ----------
+        sample : int, optional
+            The worst one of `figure` by default.
+        figure : str, optional
+
+        Returns
+        -------
+        Replay
+        """
+        i = self.worst(figure) if sample is None else sample
+        one_of("sample", i, range(self.samples), "Count from 0.")
+        names = self.trial.names
+        values = {name: self.dataset[name].values[i].item() for name in names}
+        plant = self.trial.plant_with(values)
+        figures = self.trial.figures_of(values)
+        load = self.trial.load_with(values)
+        runs = load is not None and np.isfinite(figures["norm"])
+        response = self.trial.response(plant, load) if load is not None and runs else None
+        return Replay(i, values, plant, load, response, figures)
+
+    def plot(self, ax: Axes | None = None, *, figure: str = "norm") -> Axes:
+        """Draw how a figure is distributed, with its nominal value and 95 % of the sample.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        figure : str, optional
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        values = self._values(figure)
+        finite = self.dataset[figure][np.isfinite(values)].rename(figure)
+        marks = {"nominal": self.nominal[figure], "95 %": self.percentile(figure, 95.0)}
+        left_out = self.samples - finite.size
+        note = f"{left_out} of {self.samples} unstable or failed" if left_out else ""
+        shown = {name: mark for name, mark in marks.items() if np.isfinite(mark)}
+        return plot_distribution(finite.drop_vars(list(finite.coords)), shown, ax, note=note)
+
+    def _values(self, figure: str) -> Vector:
+        """Return a figure of all samples; no figure is worse than any."""
+        name = one_of("figure", figure, self.figures)
+        known = self.dataset["failure"].values == ""
+        return np.where(known, self.dataset[name].values.astype(float), np.inf)
+
+    def _card(self) -> Card:
+        rows = []
+        for name in self.figures:
+            low, high = self.percentile_limits(name, 95.0)
+            row = (self.nominal[name], self.percentile(name, 50.0), self.percentile(name, 95.0))
+            unit = self.dataset[name].attrs.get("units", "")
+            label = f"{name} [{unit}]" if unit else name
+            rows.append((label, *row, low, high, float(np.max(self._values(name)))))
+        head = ("", "nominal", "median", "95 %", "at least", "at most", "worst")
+        stable = int(np.sum(np.isfinite(self._values("norm"))))
+        low, _ = share_limits(stable, self.samples, 0.95)
+        notes = [
+            f"{stable} of {self.samples} loops are stable; of all such loops at least "
+            f"{100 * low:.4g} % are. Limits hold with 95 % confidence."
+        ]
+        if self.failures:
+            first, why = next(iter(self.failures.items()))
+            notes.append(f"{len(self.failures)} failed, counted as worst: sample {first}, {why}")
+        title = f"Monte Carlo over {self.samples} loops (seed {self.seed})"
+        return Card(title, (Table("", head, tuple(rows)),), tuple(notes))
+
+
+def _share(name: str, value: float, whole: float) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= whole:
+        expected = f"a number above 0, at most {whole:g}"
+        raise invalid(name, described(str(value)), expected, f"Write {0.95 * whole:g}.")
+    return value / whole
+
+
+def monte_carlo(
+    design: Design,
+    distributions: Mapping[str, Any],
+    *,
+    machine: Machine | None = None,
+    plant_of: PlantOf | None = None,
+    duration: float | None = None,
+    brush: BrushParameters | None = None,
+    disturbance: xr.Dataset | None = None,
+    figures: Figures | None = None,
+    samples: int = 200,
+    seed: int = 0,
+    executor: Executor | Literal["serial"] | None = None,
+    file: str | os.PathLike[str] | None = None,
+    progress: bool = True,
+) -> SampledLoops:
+    """Close a design's loop around machines and brushes whose numbers are drawn.
+
+    Every sample is a machine, linearised anew, with the controller as it is: its norm, and its
+    largest deviations and controls under the brush or a given disturbance.
+
+    Parameters
+    ----------
+    design : Design
+    distributions : mapping of str to distribution
+        Of numbers of the machine, by the keys of ``machine.parameters`` or the fields of
+        :class:`AirBearingParameters`; of the brush, ``brush.friction`` and other fields of
+        :class:`BrushParameters`; of its trough, ``surface.along`` and ``surface.across``; and of
+        `run`, 1 to 4. A frozen distribution of ``scipy.stats``; ``(low, high)``;
+        ``("normal", mean, deviation)``, ``("uniform", low, high)``, ``("triangular", low, mode,
+        high)`` or ``("lognormal", median, deviation of the logarithm)``; a list, of whose values
+        each is as likely. All are independent, in the units of their numbers.
+    machine : MechanicalModel or AirBearingParameters, optional
+        What is drawn around. By default the air bearing, if the design's plant has its states.
+    plant_of : callable, optional
+        Makes a plant of a machine in the way in which the design's plant was made. By default the
+        air bearing with the same actuation and measurement, or ``model.linearize()``.
+    duration : float, optional
+        Runs the physical brush for this time in s, for each sample if `distributions` asks for it,
+        else once.
+    brush : BrushParameters, optional
+        Of the brush's run.
+    disturbance : xarray.Dataset, optional
+        In place of the brush: what drives all loops, as for :func:`simulate`.
+    figures : callable, optional
+        Takes the response of a loop, a Dataset over `time`, and returns further figures of merit,
+        a mapping of names to numbers of which large ones are bad.
+    samples, seed : int, optional
+        The same seed draws the same numbers, on any number of workers. More samples begin with
+        the same ones, and a further distribution leaves the draws of the others as they are.
+    executor, file, progress : optional
+        As for :func:`sweep`: local processes by default; `file` keeps what is finished.
+
+    Returns
+    -------
+    SampledLoops
+        Samples and figures as a Dataset, percentiles and shares with confidence limits, and the
+        worst sample to be run once more by ``replay()``.
+
+    Raises
+    ------
+    InvalidInputError
+        If a name or a distribution means nothing, if the design does not belong to plants of this
+        machine, or if workers cannot import `plant_of` or `figures`.
+
+    Notes
+    -----
+    A draw of which no machine can be made, or whose brush cannot be simulated, is a failure with
+    its reason; it counts as worse than every figure. No sample proves all machines:
+    :func:`robust_stability` and :func:`worst_case_gain` do.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.air_bearing(actuation="force")
+    >>> design = rp.state_feedback(plant, method="riccati", control_weight=1e-7)
+    >>> study = rp.monte_carlo(
+    ...     design, {"brush_mass": (0.18, 0.22), "brush.friction": ("normal", 0.35, 0.03)},
+    ...     duration=0.01, samples=20, executor="serial")
+    >>> study.failures, study.dataset["peak_y"].attrs["units"]
+    ({}, 'm')
+    >>> bool(study.percentile("peak_y", 95) >= study.percentile("peak_y", 50))
+    True
+    """
+    checked_design("design", design)
+    brush = BrushParameters() if brush is None else brush
+    remedy = "Build them with BrushParameters(...)."
+    instance_of("brush", brush, BrushParameters, "BrushParameters", remedy)
+    machine = _machine(design, machine)
+    if not isinstance(distributions, Mapping) or not distributions:
+        remedy = 'Write {"brush.friction": ("normal", 0.35, 0.05)}, for example.'
+        raise invalid("distributions", distributions, "a distribution by name", remedy)
+    check_names(distributions, machine, brush)
+    _check_load(distributions, duration, disturbance)
+    for name, value, least in (("samples", samples, 1), ("seed", seed, 0)):
+        if not is_whole(value) or value < least:
+            raise invalid(name, value, f"a whole number, at least {least}", "Write 200.")
+    trial = Trial(
+        plant=design.plant,
+        controller=design.controller,
+        norm=design.norm,
+        machine=machine,
+        plant_of=plant_of or default_plant_of(machine, design.plant),
+        brush=brush,
+        duration=duration,
+        load=disturbance,
+        figures=figures,
+        names=tuple(sorted(distributions)),
+    )
+    trial, nominal = _with_nominal(trial, any(map(needs_brush, distributions)))
+    drawn = draws(distributions, int(samples), int(seed))
+    points = [{column(i): one[name] for i, name in enumerate(trial.names)} for one in drawn]
+    found = sweep(trial, points, executor=executor, file=file, progress=progress)
+    return SampledLoops(_named(found, trial), nominal, seed, trial)
+
+
+def _machine(design: Design, machine: Any) -> Machine | None:
+    if machine is None:
+        # Any other plant has numbers that only its maker knows: brush and surface may be drawn.
+        same = design.plant.states == air_bearing().states
+        return AirBearingParameters() if same else None
+    kinds, expected = (MechanicalModel, AirBearingParameters), "a model or AirBearingParameters"
+    return instance_of("machine", machine, kinds, expected, "Pass what the plant was made of.")
+
+
+def _check_load(
+    distributions: Mapping[str, Any], duration: float | None, disturbance: xr.Dataset | None
+) -> None:
+    asked = [name for name in distributions if needs_brush(name)]
+    if duration is not None:
+        positive("duration", duration, "s")
+        if disturbance is not None:
+            remedy = "Leave out duration, or the disturbance."
+            raise invalid("disturbance", described("a Dataset and a duration"), "one", remedy)
+    elif asked:
+        expected = f"a time in s for which the brush runs, for {asked[0]} is drawn"
+        raise invalid("duration", None, expected, "Write duration=1.0.")
+
+
+def _with_nominal(trial: Trial, brush_is_drawn: bool) -> tuple[Trial, dict[str, float]]:
+    """Run the nominal loop, and keep its load if it is that of all loops."""
+    load = trial.load_with({})
+    nominal = replace(trial, load=load).figures_of({})
+    if not np.isfinite(nominal["norm"]):
+        expected = "a design whose loop is stable with the nominal numbers"
+        raise invalid("design", described("an unstable loop"), expected, "Check the machine.")
+    told = tuple(nominal)
+    if brush_is_drawn or load is None:
+        return replace(trial, told=told), nominal
+    # Workers get what drives the loop, not all that the brush tells.
+    driving = [name for name in trial.plant.disturbance_names if name in load]
+    return replace(trial, load=load[driving], told=told), nominal
+
+
+def _named(found: xr.Dataset, trial: Trial) -> xr.Dataset:
+    """Return a sweep's Dataset with the names of what was drawn, and units of the peaks."""
+    named = found.rename({column(i): name for i, name in enumerate(trial.names)})
+    for name in trial.told:
+        if name not in named:  # no sample has figures
+            named[name] = ("sample", np.full(named.sizes["sample"], np.nan))
+        unit = trial.plant.units.get(name.removeprefix(PEAK))
+        if name.startswith(PEAK) and unit:
+            named[name].attrs["units"] = unit
+    return named

@@ -1,0 +1,450 @@
+"""Several controllers under one disturbance, as in tables 11.1 to 11.8 of the thesis."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import control
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from robustpolish.base.checks import described, instance_of, invalid, one_of
+from robustpolish.base.results import Card, Displayed, Table, bears_prefix, prefix_power, prefixed
+from robustpolish.base.sweep import sweep
+from robustpolish.implementation.sampled_design import SampledDesign
+from robustpolish.linear.response import linear_response
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.plots.time import plot_time_series
+from robustpolish.synthesis.design import Design, checked_design
+
+# A loop meets a disturbance.
+
+
+def simulate(
+    design: Design | SampledDesign | GeneralizedPlant | control.StateSpace, disturbance: xr.Dataset
+) -> xr.Dataset:
+    """Simulate a closed or open loop under a disturbance, exactly for first-order hold.
+
+    Parameters
+    ----------
+    design : Design, SampledDesign, GeneralizedPlant or control.StateSpace
+        A design gives its closed loop with the control effort; a sampled design what its method
+        :meth:`~robustpolish.results.SampledDesign.simulate` gives, on a finer grid and within the
+        limits
+        that its plant knows; a plant its open loop, u = 0; a state-space system is simulated as
+        it is.
+    disturbance : xarray.Dataset
+        Variables over `time` (s, uniform) named as disturbances w, such as the forces of
+        :func:`robustpolish.simulate_brush`; other variables are ignored, and disturbances that are
+        not given are zero, as in :meth:`~robustpolish.results.SampledDesign.simulate`. One has to
+        be given.
+
+    Returns
+    -------
+    xarray.Dataset
+        Every performance output z and, for a design, every control u over `time`, with
+        ``units`` in their attributes where the plant knows them. The loop starts at rest.
+
+    Raises
+    ------
+    InvalidInputError
+        If no disturbance is given, one is misspelt (in case or separators), has another unit than
+        the plant's or is not finite, or if the time grid is not uniform.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import xarray as xr
+    >>> import robustpolish as rp
+    >>> time = np.arange(2001) / 20e3
+    >>> push = xr.Dataset(
+    ...     {"F_y": ("time", np.full(time.size, 10.0), {"units": "N"})}, coords={"time": time}
+    ... )
+    >>> response = rp.simulate(rp.air_bearing(), push)
+    >>> response["y"].attrs["units"], bool(response["x"].max() == 0)
+    ('m', True)
+    """
+    remedy = "Build one with a variable per disturbance, or take simulate_brush(...)."
+    instance_of("disturbance", disturbance, xr.Dataset, "an xarray.Dataset over time", remedy)
+    if isinstance(design, SampledDesign):
+        return design.simulate(disturbance)
+    return _simulated(*loop_with_units(design), disturbance)
+
+
+def _simulated(
+    system: control.StateSpace, units: Mapping[str, str], disturbance: xr.Dataset
+) -> xr.Dataset:
+    if "time" not in disturbance.coords:
+        raise invalid(
+            "disturbance",
+            described("no coordinate 'time'"),
+            "samples over 'time', in s",
+            "Add the coordinate with .assign_coords(time=...).",
+        )
+    if system.input_labels and not any(name in disturbance for name in system.input_labels):
+        raise invalid(
+            "disturbance",
+            described(f"variables {', '.join(map(str, disturbance.data_vars)) or 'none'}"),
+            f"one of {', '.join(map(repr, system.input_labels))} or several",
+            "Rename the variables; those that are left out are zero.",
+        )
+    inputs = [_column(disturbance, name, units.get(name)) for name in system.input_labels]
+    time = disturbance["time"].to_numpy()
+    outputs, _ = linear_response(
+        system, time, np.column_stack(inputs) if inputs else np.zeros((time.size, 0))
+    )
+    return _labelled(system, units, time, outputs.T)
+
+
+def _labelled(
+    system: control.StateSpace, units: Mapping[str, str], time: np.ndarray, outputs: np.ndarray
+) -> xr.Dataset:
+    return xr.Dataset(
+        {
+            name: ("time", outputs[i], {"units": units[name]} if name in units else {})
+            for i, name in enumerate(system.output_labels)
+        },
+        coords={"time": ("time", time, {"units": "s"})},
+    )
+
+
+def simulate_all(
+    loops: Mapping[str, Design | GeneralizedPlant],
+    disturbance: xr.Dataset,
+    executor: Executor | Literal["serial"] | None,
+) -> dict[str, xr.Dataset]:
+    """Simulate several loops under one disturbance, on workers, to the bits of :func:`simulate`.
+
+    Parameters
+    ----------
+    loops : mapping of str to Design or GeneralizedPlant
+    disturbance : xarray.Dataset
+    executor : concurrent.futures.Executor, "serial" or None
+        As for :func:`robustpolish.sweep`.
+
+    Returns
+    -------
+    dict of str to xarray.Dataset
+    """
+    if executor == "serial":
+        return {name: simulate(loop, disturbance) for name, loop in loops.items()}
+    known = {name: loop_with_units(loop) for name, loop in loops.items()}
+    run = functools.partial(_outputs, tuple(known.values()), disturbance)
+    found = sweep(run, {"loop": range(len(known))}, executor=executor)
+    for i in np.flatnonzero(found["failure"].values != "")[:1]:
+        run(int(i))  # raises here what it raised there
+    responses = {}
+    for i, (name, (system, units)) in enumerate(known.items()):
+        outputs = found["outputs"].values[i, : system.noutputs]
+        responses[name] = _labelled(system, units, disturbance["time"].to_numpy(), outputs)
+    return responses
+
+
+def _outputs(
+    loops: tuple[tuple[control.StateSpace, dict[str, str]], ...], disturbance: xr.Dataset, loop: int
+) -> dict[str, np.ndarray]:
+    """Return the outputs of one loop, with rows of zeros up to the number that the most have."""
+    response = _simulated(*loops[loop], disturbance)
+    most = max(system.noutputs for system, _ in loops)
+    outputs = np.zeros((most, response.sizes["time"]))
+    for row, name in enumerate(loops[loop][0].output_labels):
+        outputs[row] = response[name].to_numpy()
+    return {"outputs": outputs}
+
+
+def loop_with_units(
+    design: Design | GeneralizedPlant | control.StateSpace,
+) -> tuple[control.StateSpace, dict[str, str]]:
+    """Return the system from w to z (and u) and the units of its signals."""
+    if isinstance(design, GeneralizedPlant):
+        return design.open_loop, dict(design.units)
+    if isinstance(design, control.StateSpace):
+        return design, {}
+    expected = "a Design, a SampledDesign, a GeneralizedPlant or a control.StateSpace"
+    remedy = "Pass what state_feedback(...) or air_bearing(...) returned."
+    plant = instance_of("design", design, Design, expected, remedy).plant
+    return plant.with_control_outputs().closed_loop(design.controller), dict(plant.units)
+
+
+def _bare(name: Any) -> str:
+    """Return a name without case and separators, by which misspelt ones are known."""
+    return "".join(c for c in str(name).lower() if c.isalnum())
+
+
+def _column(disturbance: xr.Dataset, name: str, unit: str | None) -> np.ndarray:
+    if name not in disturbance:
+        meant = [str(other) for other in disturbance.data_vars if _bare(other) == _bare(name)]
+        if meant:
+            shown = described(f"a variable {meant[0]!r}")
+            raise invalid("disturbance", shown, f"one named {name!r}", "Rename the variable.")
+        return np.zeros(disturbance.sizes["time"])
+    variable = disturbance[name]
+    if variable.dims != ("time",):
+        raise invalid(
+            f"disturbance[{name!r}]",
+            described(f"dimensions {variable.dims}"),
+            "('time',)",
+            "Select one trajectory.",
+        )
+    found = variable.attrs.get("units")
+    if unit is not None and found is not None and found != unit:
+        raise invalid(
+            f"disturbance[{name!r}]",
+            described(f"unit {found}"),
+            f"{unit}, as in the plant",
+            "Convert the variable and its units attribute.",
+        )
+    return variable.to_numpy()
+
+
+SAME_LOAD = "every row is driven by the same disturbance"
+
+_ROUNDING = 1e-9
+"""Percent below which two runs of the same differ by rounding alone."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ControllerComparison(Displayed):
+    """Largest deviations with and without control.
+
+    Attributes
+    ----------
+    table : xarray.Dataset
+        Over `row` ("without control" first) and `signal`: `deviation`, the largest absolute
+        value; `improvement` in percent against the first row. Over `row`: `effort`, the largest
+        absolute control, NaN where controls have different units or there is none.
+    responses : mapping of str to xarray.Dataset
+        The simulated signals of each row.
+    load : str
+        What drives the rows: one disturbance, or the thesis's unequal ones.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> comparison = rp.design_against_brush(duration=0.02, realisation="ideal").comparison
+    >>> header, body = comparison.rows()
+    >>> header[:2], [row[0] for row in body]
+    (('', 'max |x| [m]'), ['without control', 'with control'])
+    """
+
+    table: xr.Dataset
+    responses: Mapping[str, xr.Dataset]
+    load: str
+
+    def rows(self) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+        """Return column names and rows in SI units, for a CSV file.
+
+        Returns
+        -------
+        header : tuple of str
+        body : list of tuple
+        """
+        return self._rows({})
+
+    def shown_rows(self) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+        """Return column names and rows with the prefixes that suit them, as in the figures.
+
+        Returns
+        -------
+        header : tuple of str
+            Signals of one unit share a prefix.
+        body : list of tuple
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> comparison = rp.design_against_brush(duration=0.02, realisation="ideal").comparison
+        >>> comparison.shown_rows()[0][1]
+        'max |x| [µm]'
+        """
+        largest: dict[str, float] = {}
+        for unit, values in zip(self._units(), self.table["deviation"].values.T, strict=True):
+            largest[unit] = max(largest.get(unit, 0.0), float(np.max(values)))
+        return self._rows({u: prefix_power(v) for u, v in largest.items() if bears_prefix(u)})
+
+    def _rows(self, powers: Mapping[str, int]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+        signals = [str(name) for name in self.table["signal"].to_numpy()]
+        units, effort_unit = self._units(), self.table["effort"].attrs.get("units", "")
+        scales = [10.0 ** -powers.get(unit, 0) for unit in units]
+        shown = [prefixed(unit, powers.get(unit, 0)) for unit in units]
+        header = (
+            "",
+            *(_headed(f"max |{name}|", unit) for name, unit in zip(signals, shown, strict=True)),
+            *(f"{name} improved [%]" for name in signals),
+            _headed("max |u|", effort_unit),
+        )
+        body = [
+            (
+                str(row),
+                *map(float, self.table["deviation"].sel(row=row).values * scales),
+                *map(float, self.table["improvement"].sel(row=row)),
+                float(self.table["effort"].sel(row=row)),
+            )
+            for row in self.table["row"].to_numpy()
+        ]
+        return header, body
+
+    def _units(self) -> list[str]:
+        first = next(iter(self.responses.values()))
+        names = [str(name) for name in self.table["signal"].to_numpy()]
+        return [str(first[name].attrs.get("units", "")) for name in names]
+
+    def _card(self) -> Card:
+        header, body = self.shown_rows()
+        return Card("", (Table("", header, tuple(body)),), (f"({self.load})",))
+
+    def plot(self, ax: Axes | None = None, *, signal: str | None = None) -> Axes:
+        """Draw one signal of every row over time.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        signal : str, optional
+            Name of a performance output; by default the one that deviates most without control.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such signal.
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> job = rp.design_against_brush(duration=0.02, realisation="ideal")
+        >>> job.comparison.plot(signal="y").get_ylabel()
+        'y [µm]'
+        """
+        names = [str(name) for name in self.table["signal"].to_numpy()]
+        worst = names[int(np.argmax(self.table["deviation"].values[0]))]
+        chosen = one_of("signal", worst if signal is None else signal, names)
+        return plot_time_series(
+            {row: response[chosen] for row, response in self.responses.items()}, ax, bands=True
+        )
+
+
+def compare_controllers(
+    controllers: Mapping[str, Design],
+    disturbance: xr.Dataset,
+    *,
+    plant: GeneralizedPlant | None = None,
+    signals: Sequence[str] | None = None,
+    executor: Executor | Literal["serial"] | None = "serial",
+) -> ControllerComparison:
+    """Drive the open loop and every closed loop with the same disturbance.
+
+    Parameters
+    ----------
+    controllers : mapping of str to Design
+        The designs by the name of their row.
+    disturbance : xarray.Dataset
+        As for :func:`simulate`; it drives every row.
+    plant : GeneralizedPlant, optional
+        The plant of the row "without control"; that of the first design by default.
+    signals : sequence of str, optional
+        The performance outputs to compare; all of them by default.
+    executor : concurrent.futures.Executor, "serial" or None, optional
+        As for :func:`sweep`, with the same responses: this process by default, None for local
+        processes, which pay for many loops under long disturbances only.
+
+    Returns
+    -------
+    ControllerComparison
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no controller, or a signal is unknown.
+
+    See Also
+    --------
+    thesis_comparison : the comparison of chapter 11, in which the loads differ.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.air_bearing(actuation="force")
+    >>> designs = {"cheap": rp.state_feedback(plant, control_weight=1e-7)}
+    >>> load = rp.simulate_brush(duration=0.02)
+    >>> comparison = rp.compare_controllers(designs, load, signals=("x", "y"))
+    >>> bool(comparison.table["improvement"].sel(row="cheap", signal="y") > 90)
+    True
+    """
+    if not controllers:
+        raise invalid("controllers", controllers, "at least one design", "Pass {'name': design}.")
+    for name, design in controllers.items():
+        checked_design(f"controllers[{name!r}]", design)
+    open_plant = next(iter(controllers.values())).plant if plant is None else plant
+    responses = simulate_all({"without control": open_plant, **controllers}, disturbance, executor)
+    chosen = open_plant.performance_names if signals is None else tuple(signals)
+    for name in chosen:
+        remedy = "Choose performance outputs of the plant."
+        one_of("signals", name, open_plant.performance_names, remedy)
+    return tabulate(responses, chosen, open_plant.control_names, SAME_LOAD)
+
+
+def tabulate(
+    responses: Mapping[str, xr.Dataset],
+    signals: Sequence[str],
+    controls: Sequence[str],
+    load: str,
+    largest: Mapping[str, NDArray[np.float64]] | None = None,
+) -> ControllerComparison:
+    """Reduce simulated responses to their largest deviations; the first row is the reference.
+
+    `largest` may hold the deviations per row, where the samples would miss the peaks.
+    """
+    rows = list(responses)
+    if largest is None:
+        largest = {
+            row: np.array([float(np.abs(responses[row][name]).max()) for name in signals])
+            for row in rows
+        }
+    deviation = np.array([largest[row] for row in rows])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        improvement = np.where(deviation[0] > 0, 100 * (1 - deviation / deviation[0]), np.nan)
+    improvement[np.abs(improvement) < _ROUNDING] = 0.0
+    effort, effort_unit = _efforts(responses, controls)
+    units = {responses[rows[0]][name].attrs.get("units", "") for name in signals}
+    table = xr.Dataset(
+        {
+            "deviation": (("row", "signal"), deviation, {"units": _only(units)}),
+            "improvement": (("row", "signal"), improvement, {"units": "%"}),
+            "effort": ("row", effort, {"units": effort_unit}),
+        },
+        coords={"row": rows, "signal": list(signals)},
+    )
+    return ControllerComparison(table, dict(responses), load)
+
+
+def _efforts(
+    responses: Mapping[str, xr.Dataset], controls: Sequence[str]
+) -> tuple[list[float], str]:
+    """Largest absolute control of each row, if all controls have one unit."""
+    efforts, units = [], set()
+    for response in responses.values():
+        found = [response[name] for name in controls if name in response]
+        units |= {signal.attrs.get("units", "") for signal in found}
+        efforts.append(max((float(np.abs(signal).max()) for signal in found), default=np.nan))
+    if len(units) > 1:
+        return [np.nan] * len(efforts), "mixed"
+    return efforts, _only(units)
+
+
+def _only(units: set[str]) -> str:
+    return units.pop() if len(units) == 1 else ""
+
+
+def _headed(name: str, unit: str) -> str:
+    """Return the head of a column; prices and weighted signals have no unit."""
+    return f"{name} [{unit}]" if unit else name

@@ -1,1 +1,0 @@
-"""Loops that the brush feels: its contact follows where the machine yields."""

@@ -1,1 +1,0 @@
-"""Drafts beside their final places: owned while their process lives, put in place at once."""

@@ -1,0 +1,107 @@
+from .compare import (
+    Comparison as Comparison,
+)
+from .compare import (
+    compare as compare,
+)
+from .diagnose import (
+    diagnose as diagnose,
+)
+from .diagnosis.findings import (
+    ForceMap as ForceMap,
+)
+from .diagnosis.findings import (
+    Ledger as Ledger,
+)
+from .diagnosis.result import (
+    Diagnosis as Diagnosis,
+)
+from .diagnosis.uncertainty import (
+    effect_sector as effect_sector,
+)
+from .experiments.tell_apart import (
+    ToldApart as ToldApart,
+)
+from .experiments.tell_apart import (
+    tell_apart as tell_apart,
+)
+from .fit.result import (
+    Refit as Refit,
+)
+from .free_runs import (
+    OutputError as OutputError,
+)
+from .free_runs import (
+    RecordError as RecordError,
+)
+from .frequency.amplitudes import (
+    AmplitudeDependence as AmplitudeDependence,
+)
+from .frequency.amplitudes import (
+    AmplitudeMode as AmplitudeMode,
+)
+from .frequency.amplitudes import (
+    amplitude_dependence as amplitude_dependence,
+)
+from .frequency.comparison import (
+    FrequencyComparison as FrequencyComparison,
+)
+from .frequency.comparison import (
+    ModeComparison as ModeComparison,
+)
+from .frequency.comparison import (
+    PairError as PairError,
+)
+from .refit import (
+    refit as refit,
+)
+from .residuals.analysis import (
+    ResidualAnalysis as ResidualAnalysis,
+)
+from .residuals.analysis import (
+    residual_analysis as residual_analysis,
+)
+from .residuals.tests import (
+    autocorrelation as autocorrelation,
+)
+from .residuals.tests import (
+    coherence as coherence,
+)
+from .residuals.tests import (
+    cross_correlation as cross_correlation,
+)
+from .steps import (
+    StepRun as StepRun,
+)
+from .steps import (
+    step_runs as step_runs,
+)
+
+__all__ = [
+    "AmplitudeDependence",
+    "AmplitudeMode",
+    "Comparison",
+    "Diagnosis",
+    "ForceMap",
+    "FrequencyComparison",
+    "Ledger",
+    "ModeComparison",
+    "OutputError",
+    "PairError",
+    "RecordError",
+    "Refit",
+    "ResidualAnalysis",
+    "StepRun",
+    "ToldApart",
+    "amplitude_dependence",
+    "autocorrelation",
+    "coherence",
+    "compare",
+    "cross_correlation",
+    "diagnose",
+    "effect_sector",
+    "refit",
+    "residual_analysis",
+    "step_runs",
+    "tell_apart",
+]

@@ -1,0 +1,381 @@
+"""Hold a model against measured data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, overload
+
+import control
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from robustpolish.base.arrays import Array
+from robustpolish.base.budget import same_bits
+from robustpolish.base.checks import described, invalid, one_of, positive
+from robustpolish.base.results import Card, Displayed, Table
+from robustpolish.identification.free_runs import (
+    OutputError,
+    OverOutputs,
+    RecordError,
+    Simulated,
+    output_errors,
+    parameter_band,
+    predict,
+    record_errors,
+    records_content,
+    records_table,
+    simulated_record,
+)
+from robustpolish.identification.frequency.comparison import (
+    FrequencyComparison,
+    compare_frequency_response,
+)
+from robustpolish.identification.observer.runs import Reproducibility, free_run
+from robustpolish.identification.record import Record, record_of, repeats
+from robustpolish.identification.sanity import sanity_warnings
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.plots.time import plot_overlay, plot_response
+from robustpolish.signals.frequency_response import holds_frequency_response
+
+# What came out of holding a model against data.
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(OverOutputs, Displayed):
+    """A model held against data.
+
+    Attributes
+    ----------
+    model : MechanicalModel
+    data : xarray.Dataset
+        Inputs and measured outputs over ``time``. Several records stand one behind the other, over
+        a time that runs on; their coordinates ``record`` and ``own_time`` say which and when.
+    simulated : xarray.Dataset
+        The model's outputs; NaN where there is no prediction yet.
+    outputs : dict of str to OutputError
+        Errors by output, over all records.
+    method : str
+        ``"free run"``, ``"windows"`` or ``"prediction"``.
+    span : float or None
+        Length of the windows, or the prediction horizon, in s.
+    starts : ndarray, shape (runs, n)
+        Estimated starts: free displacements, velocities, internal states of effects.
+    reproducibility : Reproducibility
+        Of several records that of the first whose run is not reproducible, if there is one.
+    band : xarray.Dataset or None
+        Half width of the 95 % band of the simulated outputs that the parameters' standard errors
+        cause, if these were given.
+    notes : tuple of str
+        What has to be known to judge the figures.
+    records : dict of str to RecordError
+        The errors of each record by its name, ``"record 1"`` if it has none.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> model, data = rp.datasets.sticky_slide()
+    >>> comparison = rp.compare(model, data)
+    >>> comparison.reproducible, comparison.outputs["x"].unit
+    (True, 'm')
+    >>> sorted(comparison.to_dict()["outputs"]["x"])
+    ['fit_percent', 'nrmse', 'rmse', 'rmse_band', 'unit']
+    >>> comparison.plot().get_ylabel()
+    'x [mm]'
+    >>> len(comparison.plot_panels().axes)  # overlay, residual and spectra
+    3
+    """
+
+    model: MechanicalModel
+    data: xr.Dataset
+    simulated: xr.Dataset
+    outputs: Mapping[str, OutputError]
+    method: str
+    span: float | None
+    starts: np.ndarray
+    reproducibility: Reproducibility
+    band: xr.Dataset | None = None
+    notes: tuple[str, ...] = field(default_factory=tuple)
+    records: Mapping[str, RecordError] = field(default_factory=dict)
+
+    @property
+    def reproducible(self) -> bool:
+        """Whether the runs can be repeated; if not, their error judges nothing."""
+        return self.reproducibility.reproducible
+
+    @property
+    def measured(self) -> xr.Dataset:
+        """The measured outputs."""
+        return self.data[list(self.outputs)]
+
+    @property
+    def residual(self) -> xr.Dataset:
+        """Measured minus simulated outputs."""
+        result = self.measured - self.simulated
+        for name, error in self.outputs.items():
+            result[name].attrs["units"] = error.unit
+        result["time"].attrs.update(self.data["time"].attrs)
+        return result
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as in the JSON of ``robustpolish compare``.
+
+        Returns
+        -------
+        dict
+        """
+        return {
+            "outputs": {
+                name: {
+                    "nrmse": error.nrmse,
+                    "fit_percent": error.fit_percent,
+                    "rmse": error.rmse,
+                    "unit": error.unit,
+                    "rmse_band": list(error.band),
+                }
+                for name, error in self.outputs.items()
+            },
+            "overall": {"nrmse": self.nrmse, "fit_percent": self.fit_percent},
+            "method": self.method,
+            "span": self.span,
+            "reproducible": self.reproducible,
+            "records": records_content(self.records),
+            "notes": list(self.notes),
+        }
+
+    def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
+        """Draw one output as measured and as simulated.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        output : str, optional
+            The one with the largest error by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            With the band that uncertain parameters cause, if their standard errors were given.
+        """
+        worst = max(self.outputs, key=lambda name: self.outputs[name].nrmse)
+        name = worst if output is None else one_of("output", output, tuple(self.outputs))
+        band = None if self.band is None else self.band[name]
+        return plot_response(self.measured[name], self.simulated[name], band, ax)
+
+    def plot_panels(self) -> Figure:
+        """Draw all outputs: measured and simulated, residuals, and the spectra of both.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        return plot_overlay(self.measured, self.simulated, self.band)
+
+    def _card(self) -> Card:
+        how = self.method if self.span is None else f"{self.method} of {self.span:.6g} s"
+        rows = tuple(
+            (
+                error.name,
+                float(f"{error.fit_percent:.2f}"),
+                error.nrmse,
+                error.rmse,
+                *error.band,
+                error.unit,
+            )
+            for error in self.outputs.values()
+        )
+        columns = ("output", "fit [%]", "NRMSE", "RMS error", "95 % from", "to", "unit")
+        title = f"Comparison ({how}), fit {self.fit_percent:.2f} %"
+        tables = [Table("", columns, rows)]
+        tables += records_table(self.records)
+        return Card(title, tuple(tables), self.notes)
+
+
+@overload
+@same_bits
+def compare(
+    model: MechanicalModel, data: xr.DataArray | control.FrequencyResponseData
+) -> FrequencyComparison: ...
+
+
+@overload
+def compare(
+    model: MechanicalModel,
+    data: str | Path,
+    *,
+    window: float | None = ...,
+    horizon: float | None = ...,
+    standard_errors: Mapping[str, float] | None = ...,
+) -> Comparison | FrequencyComparison: ...
+
+
+@overload
+def compare(
+    model: MechanicalModel,
+    data: xr.Dataset | pd.DataFrame | Sequence[Any] | Mapping[str, Any],
+    *,
+    window: float | None = ...,
+    horizon: float | None = ...,
+    standard_errors: Mapping[str, float] | None = ...,
+) -> Comparison: ...
+
+
+def compare(
+    model: MechanicalModel,
+    data: Any,
+    *,
+    window: float | None = None,
+    horizon: float | None = None,
+    standard_errors: Mapping[str, float] | None = None,
+) -> Comparison | FrequencyComparison:
+    """Simulate a model on measured inputs and compare its outputs with the measured ones.
+
+    By default in one free run from an estimated start: the model sees the inputs, never the
+    outputs (but for the few numbers of the start). Measured frequency responses are compared
+    with those of the model, effects linearised.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    data : xarray.Dataset, path or pandas.DataFrame, or a sequence or mapping of them
+        Inputs and outputs by the names in the model, in SI units. Several records are run one by
+        one, each from a start of its own and on its own clock; they may differ in length, and in
+        sampling rate by whole factors. Or frequency responses, as
+        :func:`robustpolish.read_frequency_response` reads and returns them.
+    window : float, optional
+        Length in s of free runs that start anew, for plants that drift or are chaotic.
+    horizon : float, optional
+        Predict this far ahead, in s, from a state that an observer estimates from the outputs up
+        to then; 0 is one sample ahead. Excludes `window`.
+    standard_errors : mapping of str to float, optional
+        Standard errors of parameters by their keys in ``model.parameters``; they give the band of
+        the simulated outputs, the parameters being taken as independent.
+
+    Returns
+    -------
+    Comparison
+        With the errors over all records together, and of each in ``records``. A
+        FrequencyComparison for frequency responses.
+
+    Raises
+    ------
+    InvalidInputError
+        If a column is missing, in another unit or not finite, time is not uniform, the sampling
+        rate is too low for the model's modes, or `window` or `horizon` do not fit the record; if
+        there is no record, or several that differ in their channels.
+
+    Notes
+    -----
+    The fit is 100 (1 - ||y - yhat|| / ||y - mean(y)||), as in MATLAB's ``compare`` (L. Ljung,
+    System Identification Toolbox). The band of the RMS error comes from the variance of the mean
+    square over blocks, long against the memory of the error.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import xarray as xr
+    >>> import robustpolish as rp
+    >>> model = rp.MechanicalModel(
+    ...     [rp.Dof("x", 1.0)],
+    ...     [rp.Spring(("x", "ground"), 4.0)],
+    ...     outputs=[rp.Output("x", ("x", "ground"))],
+    ... )
+    >>> time = np.arange(1000) * 0.01
+    >>> decay = np.cos(2 * time)  # a free decay of just this oscillator
+    >>> data = xr.Dataset({"x": ("time", decay, {"units": "m"})}, {"time": time})
+    >>> print(f"{rp.compare(model, data).fit_percent:.3f} %")
+    100.000 %
+    >>> both = rp.compare(model, {"large": data, "small": 0.1 * data})
+    >>> [f"{name}: {error.fit_percent:.3f} %" for name, error in both.records.items()]
+    ['large: 100.000 %', 'small: 100.000 %']
+    """
+    if holds_frequency_response(data):
+        _over_time_only(window=window, horizon=horizon, standard_errors=standard_errors)
+        return compare_frequency_response(model, data)
+    if window is not None and horizon is not None:
+        raise invalid("horizon", horizon, "either a window or a horizon", "Leave one of them out.")
+    record = record_of(model, data)
+    run = free_run(model, record)
+    if window is not None:
+        method, span = "windows", positive("window", window, "s")
+    elif horizon is not None:
+        method, span = "prediction", positive("horizon", horizon, "s", zero=True)
+    else:
+        method, span = "free run", None
+    found = [simulated_record(run, part, method, span) for part in record.parts]
+    simulated = np.concatenate([part.outputs for part in found])
+    notes: list[str] = [str(note) for note in record.data.attrs.get("notes", ())]
+    several = len(found) > 1
+    for data_set, part in zip(record.sets, found, strict=True):
+        free = _dataset(model, part.outputs, data_set["time"]) if method == "free run" else None
+        said = [part.found.reason] if part.found.reason else []
+        said += sanity_warnings(model, data_set, free)
+        notes += [f"{part.record.name}: {note}" if several else note for note in said]
+    notes += _noise_notes(model, record)
+    band = None
+    if standard_errors:
+        widths = parameter_band(model, standard_errors, _again(record, found, horizon))
+        band = _dataset(model, widths, record.data["time"])
+    worst = min(found, key=lambda part: part.found.reproducible)
+    return Comparison(
+        model=model,
+        data=record.data,
+        simulated=_dataset(model, simulated, record.data["time"]),
+        outputs=output_errors(model, found),
+        method=method,
+        span=span,
+        starts=np.concatenate([part.starts for part in found]),
+        reproducibility=worst.found,
+        band=band,
+        notes=tuple(notes),
+        records=record_errors(model, found),
+    )
+
+
+def _noise_notes(model: MechanicalModel, record: Record) -> list[str]:
+    """Say how much noise records show that repeat each other: no model can do better."""
+    found = repeats(model, record)
+    if found is None:
+        return []
+    sizes = zip(model.outputs, found.noise, strict=True)
+    told = ", ".join(f"{o.name} {size:.3g} {model.unit_of(o)}" for o, size in sizes)
+    return [f"{found.names} repeat each other; they differ by noise of {told}"]
+
+
+def _over_time_only(**given: Any) -> None:
+    """Refuse what means nothing for frequency responses."""
+    for name, value in given.items():
+        if value is not None:
+            shown = described(f"{value} for frequency responses")
+            raise invalid(name, shown, "a record over time", "Leave it out.")
+
+
+def _again(
+    record: Record, found: Sequence[Simulated], horizon: float | None
+) -> Callable[[MechanicalModel], Array]:
+    """How to simulate a changed model in the same way, from the same starts."""
+
+    def simulate(model: MechanicalModel) -> Array:
+        run = free_run(model, record)
+        if horizon is not None:
+            each = [predict(run, part.record, horizon)[0] for part in found]
+        else:
+            each = [run.over(piece).outputs for part in found for piece in part.pieces]
+        return np.concatenate(each)
+
+    return simulate
+
+
+def _dataset(model: MechanicalModel, values: Array, time: xr.DataArray) -> xr.Dataset:
+    return xr.Dataset(
+        {
+            item.name: ("time", values[:, i], {"units": model.unit_of(item)})
+            for i, item in enumerate(model.outputs)
+        },
+        coords={"time": time},
+    )

@@ -1,1 +1,0 @@
-"""Free decays: where they are cut, and which laws of damping they show."""

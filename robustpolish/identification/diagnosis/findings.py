@@ -1,0 +1,396 @@
+"""The findings of a diagnosis, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from math import nan
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from robustpolish.base.arrays import Array
+from robustpolish.base.checks import one_of
+from robustpolish.base.results import Card, Displayed, Table, quantities
+from robustpolish.machines.effects.effect import Effect, lookup
+from robustpolish.machines.effects.kind import EffectKind
+from robustpolish.machines.effects.learned_law import LearnedLaw
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.plots.charts import plot_waterfall
+from robustpolish.plots.residuals import plot_surface
+
+# The force that is missing at one place, over the motion there.
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ForceMap(Displayed):
+    """The missing force over displacement and velocity at one place.
+
+    Attributes
+    ----------
+    at : (str, str)
+        Two coordinates, or one and ``"ground"``.
+    surface : xarray.Dataset
+        ``force`` on the first coordinate, the mean of each cell (NaN where the machine never was),
+        and ``samples``, the share of the record in it, over ``displacement`` and ``velocity``.
+    size : float
+        Root mean square of the missing force here, in its unit.
+    follows : float
+        Share of its power that displacement and velocity foretell, from 0 to 1: what the map of
+        one half of the record says of the other half. A law without memory at this place makes it
+        1, noise and forces from elsewhere make it 0.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> model, data = rp.datasets.sticky_slide()
+    >>> found = rp.diagnose(model, data.isel(time=slice(0, 500)))
+    >>> found.maps[0].name, found.maps[0].plot().get_ylabel()
+    ('x', 'velocity [mm/s]')
+    >>> found.maps[0].describe().split(",")[-1]
+    ' 0 % of their power follow from displacement and velocity.'
+    """
+
+    at: tuple[str, str]
+    surface: xr.Dataset
+    size: float
+    follows: float
+
+    @property
+    def name(self) -> str:
+        """The place in words: ``x``, or ``x - y``."""
+        return self.at[0] if self.at[1] == "ground" else " - ".join(self.at)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the force."""
+        return str(self.surface["force"].attrs.get("units", ""))
+
+    def describe(self) -> str:
+        """Say how much force is missing here and how far the motion here foretells it.
+
+        Returns
+        -------
+        str
+        """
+        return (
+            f"{self.name}: {self.size:.3g} {self.unit} (root mean square) are missing here, "
+            f"{100 * self.follows:.0f} % of their power follow from displacement and velocity."
+        )
+
+    def _card(self) -> Card:
+        rows = (
+            (f"missing, root mean square [{self.unit}]", self.size),
+            ("follows from the motion here", f"{100 * self.follows:.0f} %"),
+            ("cells with samples", int((self.surface["samples"] > 0).sum())),
+        )
+        return Card(f"Missing force at {self.name}", (quantities(*rows),))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the map.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        ax = plot_surface(self.surface, ax)
+        ax.set_title(f"missing force at {self.name}")
+        return ax
+
+
+# The learned laws of a model, with how well their coefficients are known.
+
+
+def laws_of(model: MechanicalModel, covariance: xr.DataArray | None) -> tuple[LearnedLaw, ...]:
+    """Return the learned laws among the effects of a model, to look at.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    covariance : xarray.DataArray or None
+        Of the fitted numbers, over their keys twice.
+
+    Returns
+    -------
+    tuple of LearnedLaw
+    """
+    turning = {dof.name for dof in model.dofs if dof.rotational}
+    found = []
+    for i, effect in enumerate(model.effects):
+        if not effect.definition.over:
+            continue
+        names = [p.name for p in effect.definition.parameters if p.fitted]
+        known = None
+        if covariance is not None:
+            keys = covariance["parameter"].values.tolist()
+            wanted = [f"effect[{i}].{name}" for name in names]
+            if set(wanted) <= set(keys):
+                here = [keys.index(key) for key in wanted]
+                known = covariance.values[np.ix_(here, here)]
+        found.append(LearnedLaw(effect, known, effect.at[0] in turning))
+    return tuple(found)
+
+
+# The error ledger: how far the error fell with every step, and what is left to noise.
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One step: what was done, the free-run error over each output's deviation, the model then."""
+
+    step: str
+    nrmse: Mapping[str, float]
+    model: MechanicalModel | None = None
+
+
+@dataclass(frozen=True, repr=False)
+class Ledger(Displayed):
+    """Entries in order, and the noise floor of each output.
+
+    Attributes
+    ----------
+    entries : tuple of Entry
+    noise_floor : mapping of str to float
+        Noise over the standard deviation, by output.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> ledger = rp.results.Ledger(noise_floor={"x": 0.01}).add("base", {"x": 0.5})
+    >>> ledger = ledger.add("coulomb_friction", {"x": 0.02})
+    >>> ledger.falls("x")
+    [('base', 0.5, 0.5), ('coulomb_friction', -0.48, 0.02), ('noise floor', -0.01, 0.01)]
+    >>> ledger
+    Error of a free run over the standard deviation of each output
+      step                 x
+      base               0.5
+      coulomb_friction  0.02
+      noise floor       0.01
+    >>> ledger.to_list()[0]
+    {'step': 'base', 'nrmse': {'x': 0.5}}
+    """
+
+    entries: tuple[Entry, ...] = ()
+    noise_floor: Mapping[str, float] = field(default_factory=dict)
+
+    def add(
+        self, step: str, nrmse: Mapping[str, float] | Any, model: MechanicalModel | None = None
+    ) -> Ledger:
+        """Return the ledger with one more entry.
+
+        Parameters
+        ----------
+        step : str
+        nrmse : mapping of str to float, or a comparison
+            Errors by output; a comparison's outputs are read.
+        model : MechanicalModel, optional
+            The model after this step.
+
+        Returns
+        -------
+        Ledger
+        """
+        if not isinstance(nrmse, Mapping):
+            nrmse = {name: output.nrmse for name, output in nrmse.outputs.items()}
+        return replace(self, entries=(*self.entries, Entry(step, dict(nrmse), model)))
+
+    def falls(self, output: str) -> list[tuple[str, float, float]]:
+        """Return step, change and level for a waterfall picture of one output.
+
+        Parameters
+        ----------
+        output : str
+
+        Returns
+        -------
+        list of (str, float, float)
+        """
+        steps, last = [], 0.0
+        for entry in self.entries:
+            level = entry.nrmse[output]
+            steps.append((entry.step, round(level - last, 12), level))
+            last = level
+        if output in self.noise_floor:
+            floor = self.noise_floor[output]
+            steps.append(("noise floor", round(floor - last, 12), floor))
+        return steps
+
+    def to_list(self) -> list[dict[str, Any]]:
+        """Return the entries as plain data."""
+        return [{"step": e.step, "nrmse": dict(e.nrmse)} for e in self.entries]
+
+    def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
+        """Draw the waterfall of one output's error, relative to its standard deviation.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        output : str, optional
+            The first by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> ledger = rp.results.Ledger(noise_floor={"x": 0.01}).add("base", {"x": 0.5})
+        >>> ledger.add("coulomb_friction", {"x": 0.02}).plot().get_ylabel()
+        'relative error of x'
+        """
+        names = tuple(self.entries[0].nrmse)
+        name = names[0] if output is None else one_of("output", output, names)
+        levels = xr.DataArray(
+            [entry.nrmse[name] for entry in self.entries],
+            {"step": [entry.step for entry in self.entries]},
+            "step",
+            name=f"relative error of {name}",
+        )
+        return plot_waterfall(levels, self.noise_floor.get(name), ax)
+
+    def _card(self) -> Card:
+        names = tuple(self.entries[0].nrmse) if self.entries else tuple(self.noise_floor)
+        rows = [(entry.step, *(entry.nrmse[n] for n in names)) for entry in self.entries]
+        if self.noise_floor:
+            rows.append(("noise floor", *(self.noise_floor.get(n, nan) for n in names)))
+        title = "Error of a free run over the standard deviation of each output"
+        return Card(title, (Table("", ("step", *names), tuple(rows)),))
+
+
+@dataclass(frozen=True)
+class Value:
+    """A fitted number with its standard error and unit."""
+
+    value: float
+    stderr: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class FoundEffect:
+    """An effect that was added, with fitted parameters; `own` is its kind, if no catalogue's."""
+
+    kind: str
+    at: tuple[str, ...]
+    parameters: Mapping[str, Value]
+    own: EffectKind | None = None
+
+    @property
+    def definition(self) -> EffectKind:
+        """The kind's description."""
+        return self.own or lookup(self.kind)
+
+
+@dataclass(frozen=True)
+class RankedCandidate:
+    """An effect that was tried.
+
+    Attributes
+    ----------
+    step : int
+        1 when it was tried as the first effect, and so on.
+    nrmse_held_out : float
+        Error on held-out blocks over the deviation, the mean over the outputs.
+    score : float
+        Log odds from screening.
+    remark : str
+        Why it was not taken, if there is a reason.
+    own : EffectKind or None
+        Its kind, if no catalogue's.
+    """
+
+    kind: str
+    at: tuple[str, ...]
+    nrmse_held_out: float
+    score: float
+    step: int
+    parameters: Mapping[str, float]
+    remark: str = ""
+    own: EffectKind | None = None
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """Two effects that this data cannot tell apart, and an experiment that would."""
+
+    first: Effect
+    second: Effect
+    experiment: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Findings:
+    """What :class:`Diagnosis` tells, draws and saves; its attributes are described there."""
+
+    verdict: str
+    model: MechanicalModel
+    effects: tuple[FoundEffect, ...]
+    candidates: tuple[RankedCandidate, ...]
+    indistinguishable: tuple[Confusion, ...]
+    ledger: Ledger
+    missing_force: Array
+    sites: tuple[tuple[str, ...], ...]
+    parameters: Mapping[str, Value] = field(default_factory=dict)
+    covariance: xr.DataArray | None = None
+    reasons: tuple[str, ...] = ()
+    reproducible: bool = True
+    time: Array = field(default_factory=lambda: np.zeros(0))
+    notes: tuple[str, ...] = ()
+    maps: tuple[ForceMap, ...] = ()
+
+    @property
+    def noise_floor(self) -> Mapping[str, float]:
+        """Noise over each output's standard deviation."""
+        return self.ledger.noise_floor
+
+
+# Pairs of effects that data may not separate, and the experiment that would.
+
+_EXPERIMENTS: dict[frozenset[str], str] = {
+    frozenset({"sensor_offset", "constant_force"}): "Start the record at rest, before the "
+    "force acts: an offset is there from the first sample, a force moves the machine.",
+    frozenset({"coulomb_friction", "stribeck_friction"}): "Excite slowly, with velocities "
+    "down to a tenth of those of this record: only Stribeck friction rises there.",
+    frozenset({"coulomb_friction", "constant_force"}): "Move at several constant speeds in both "
+    "directions, and let the machine rest after each: friction that differs with the direction "
+    "vanishes at rest, a constant force does not.",
+    frozenset({"coulomb_friction", "sensor_offset"}): "Record the force while nothing moves and "
+    "nothing drives it: an offset is there, friction that differs with the direction is not.",
+    frozenset({"cubic_stiffness", "backlash"}): "Excite at two or three times the amplitude and at "
+    "a third of it: a cubic spring changes with the square, a clearance matters less and less.",
+    frozenset({"input_gain", "sensor_gain"}): "Load with a known weight, or add a known mass.",
+}
+
+
+def confused(first: Effect, second: Effect) -> Confusion:
+    """Return two effects as a pair that data cannot tell apart, with an experiment that would."""
+    return Confusion(first, second, _experiment(first, second))
+
+
+def _experiment(first: Effect, second: Effect) -> str:
+    """Propose an excitation that would tell two effects apart."""
+    known = _EXPERIMENTS.get(frozenset({first.kind, second.kind}))
+    if known is not None:
+        return known
+    if first.kind == second.kind:
+        places = sorted(set(first.at) ^ set(second.at))
+        ends = " and ".join(places)
+        return f"Measure, or hold still, {ends}: the place shows in the relative motion."
+    if first.definition.has_memory != second.definition.has_memory:
+        return (
+            "Move slowly to and fro with growing amplitude, ten cycles each: only memory makes "
+            "the path depend on the reversal before."
+        )
+    return (
+        "Repeat with a multisine of the same band at a third and at three times the amplitude: "
+        "the two forces grow differently."
+    )

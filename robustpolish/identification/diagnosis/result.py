@@ -1,0 +1,425 @@
+"""What came out: diagnosis, refit and ledger, in words, pictures and files."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from robustpolish.base.checks import described, invalid
+from robustpolish.base.results import Card, Displayed, Table, estimate
+from robustpolish.base.saved import Fields, read_saved, write_saved
+from robustpolish.identification.diagnosis.findings import (
+    Confusion,
+    Entry,
+    Findings,
+    ForceMap,
+    FoundEffect,
+    Ledger,
+    RankedCandidate,
+    Value,
+    laws_of,
+)
+from robustpolish.identification.diagnosis.uncertainty import uncertain
+from robustpolish.identification.diagnosis.words import explain, headline, plain, told_numbers
+from robustpolish.machines.effects.effect import Effect, lookup
+from robustpolish.machines.effects.kind import EffectKind
+from robustpolish.machines.effects.learned_law import LearnedLaw
+from robustpolish.machines.effects.user_defined import own_kind, own_table
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.plots.time import plot_time_series
+
+# Findings in files: the model as TOML inside, numbers and missing force beside it.
+
+VERDICTS = (
+    "adequate", "parameters", "missing_effect", "partly_explained", "unknown_law", "unexplained",
+)  # fmt: skip
+
+
+def content(found: Findings) -> dict[str, Any]:
+    """Return what stands in the file."""
+    covariance = found.covariance
+    return {
+        "verdict": found.verdict,
+        "reasons": list(found.reasons),
+        "notes": list(found.notes),
+        "reproducible": found.reproducible,
+        "model": found.model.to_toml().splitlines(),
+        "effects": [
+            {**_what(e), "at": e.at, "parameters": _values(e.parameters)} for e in found.effects
+        ],
+        "candidates": [
+            {
+                **_what(c),
+                "at": c.at,
+                "nrmse_held_out": c.nrmse_held_out,
+                "score": c.score,
+                "step": c.step,
+                "parameters": dict(c.parameters),
+                "remark": c.remark,
+            }
+            for c in found.candidates
+        ],
+        "indistinguishable": [
+            {"first": _place(c.first), "second": _place(c.second), "experiment": c.experiment}
+            for c in found.indistinguishable
+        ],
+        "ledger": [
+            {
+                "step": e.step,
+                "nrmse": dict(e.nrmse),
+                "model": None if e.model is None else e.model.to_toml().splitlines(),
+            }
+            for e in found.ledger.entries
+        ],
+        "noise_floor": dict(found.noise_floor),
+        "parameters": _values(found.parameters),
+        "sites": found.sites,
+        "time": found.time,
+        "missing_force": found.missing_force,
+        "maps": [_table_of(item) for item in found.maps],
+        "covariance": None
+        if covariance is None
+        else {"keys": covariance["parameter"].values, "values": covariance.values},
+    }
+
+
+def findings_from(fields: Fields) -> Findings:
+    """Return the findings in a file.
+
+    Raises
+    ------
+    InvalidInputError
+        If a key is missing or wrong, or names an effect that is not in the catalogue.
+    """
+    sites = tuple(Fields({"at": site}, fields.where).texts("at") for site in fields.items("sites"))
+    ledger = Ledger(
+        tuple(
+            Entry(e.text("step"), e.numbers("nrmse"), _model(e)) for e in fields.tables("ledger")
+        ),
+        fields.numbers("noise_floor"),
+    )
+    for e in ledger.entries:
+        if set(e.nrmse) != set(ledger.entries[0].nrmse):
+            shown = described(f"errors of {', '.join(e.nrmse) or 'nothing'} at {e.step!r}")
+            remedy = "The file is damaged or was edited; save it again."
+            raise invalid(f"{fields.where}: ledger", shown, "errors of the same outputs", remedy)
+    return Findings(
+        verdict=fields.text("verdict", VERDICTS),
+        model=MechanicalModel.from_toml(_text(fields)),
+        effects=tuple(
+            FoundEffect(*_kind(e)[:2], _read_values(e.table("parameters")), _kind(e)[2])
+            for e in fields.tables("effects")
+        ),
+        candidates=tuple(
+            RankedCandidate(
+                *_kind(c)[:2],
+                nrmse_held_out=c.number("nrmse_held_out"),
+                score=c.number("score"),
+                step=c.whole("step"),
+                parameters=c.numbers("parameters"),
+                remark=c.text("remark"),
+                own=_kind(c)[2],
+            )
+            for c in fields.tables("candidates")
+        ),
+        indistinguishable=tuple(
+            Confusion(_effect(c.table("first")), _effect(c.table("second")), c.text("experiment"))
+            for c in fields.tables("indistinguishable")
+        ),
+        ledger=ledger,
+        missing_force=fields.array("missing_force", len(sites), None),
+        sites=sites,
+        parameters=_read_values(fields.table("parameters")),
+        covariance=_covariance(fields),
+        reasons=fields.texts("reasons"),
+        reproducible=fields.truth("reproducible"),
+        time=fields.array("time", None),
+        notes=fields.texts("notes") if "notes" in fields else (),
+        maps=tuple(map(_map, fields.tables("maps"))) if "maps" in fields else (),
+    )
+
+
+def _text(fields: Fields) -> str:
+    return "\n".join(fields.texts("model")) + "\n"
+
+
+def _model(entry: Fields) -> MechanicalModel | None:
+    """Return the model after a step; files of older versions hold none."""
+    if "model" not in entry or entry.raw("model") is None:
+        return None
+    return MechanicalModel.from_toml(_text(entry))
+
+
+def _map(table: Fields) -> ForceMap:
+    shape = table.array("displacement", None), table.array("velocity", None)
+    grid = (table.array(key, *(axis.size for axis in shape)) for key in ("force", "samples"))
+    units = table.texts("units")
+    dims = ("displacement", "velocity")
+    surface = xr.Dataset(
+        {key: (dims, values) for key, values in zip(("force", "samples"), grid, strict=True)},
+        dict(zip(dims, shape, strict=True)),
+    )
+    for key, unit in zip((*dims, "force"), units, strict=True):
+        surface[key].attrs["units"] = unit
+    first, second = table.texts("at")
+    return ForceMap((first, second), surface, table.number("size"), table.number("follows"))
+
+
+def _covariance(fields: Fields) -> xr.DataArray | None:
+    """Return the covariance of the fitted numbers; files of older versions hold none."""
+    if "covariance" not in fields or fields.raw("covariance") is None:
+        return None
+    table = fields.table("covariance")
+    keys = list(table.texts("keys"))
+    values = table.array("values", len(keys), len(keys))
+    return xr.DataArray(values, {"parameter": keys, "other": keys}, ("parameter", "other"))
+
+
+def _values(values: Any) -> dict[str, Any]:
+    return {
+        key: {"value": v.value, "stderr": v.stderr, "unit": v.unit} for key, v in values.items()
+    }
+
+
+def _read_values(table: Fields) -> dict[str, Value]:
+    found = {key: table.table(key) for key in table}
+    return {
+        key: Value(item.number("value"), item.number("stderr"), item.text("unit"))
+        for key, item in found.items()
+    }
+
+
+def _place(effect: Effect) -> dict[str, Any]:
+    return {**_what(effect), "at": effect.at, "parameters": dict(effect.parameters)}
+
+
+def _effect(table: Fields) -> Effect:
+    kind, at, own = _kind(table)
+    return Effect(kind, at, table.numbers("parameters"), own)
+
+
+def _table_of(item: ForceMap) -> dict[str, Any]:
+    keys = ("displacement", "velocity", "force")
+    return {
+        "at": item.at,
+        "size": item.size,
+        "follows": item.follows,
+        "units": [str(item.surface[key].attrs.get("units", "")) for key in keys],
+        **{key: item.surface[key].values for key in (*keys, "samples")},
+    }
+
+
+def _what(item: Effect | FoundEffect | RankedCandidate) -> dict[str, Any]:
+    """Return the kind by name, and what it is if no catalogue knows it."""
+    table = None if item.own is None else own_table(item.own)
+    return {"kind": item.kind} if table is None else {"kind": item.kind, "own": table}
+
+
+def _kind(table: Fields) -> tuple[str, tuple[str, ...], EffectKind | None]:
+    """Return the name, the place and the kind itself, if no catalogue knows it."""
+    at = table.texts("at")
+    if "own" in table:
+        own = table.table("own")
+        kind = own_kind({key: own.raw(key) for key in own})
+    else:
+        kind = lookup(table.text("kind"))
+    return kind.kind, at, Effect.of(kind, at).own
+
+
+# The result of a diagnosis.
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Findings, Displayed):
+    """What a model lacks.
+
+    Attributes
+    ----------
+    verdict : str
+        ``adequate``, ``parameters``, ``missing_effect``, ``partly_explained`` (what was found is
+        there, and something else is missing), ``unknown_law`` (a force that no catalogue describes
+        was learned, see `laws`) or ``unexplained``.
+    model : MechanicalModel
+        The refitted model with the effects that were found.
+    effects : tuple of FoundEffect
+        In the order in which they were added.
+    candidates : tuple of RankedCandidate
+        Those of the first step first, the best first.
+    indistinguishable : tuple of Confusion
+    ledger : Ledger
+    missing_force : ndarray, shape (sites, samples)
+        Force that is still missing in the end, at each of `sites`.
+    sites : tuple of tuple of str
+    parameters : mapping
+        All fitted numbers of the model.
+    covariance : xarray.DataArray or None
+        Covariance of these numbers, over their keys twice, in SI units.
+    reasons : tuple of str
+        Why this verdict.
+    reproducible : bool
+        Whether free runs of the model judge anything.
+    time : ndarray, shape (samples,)
+        When `missing_force` acts, in s.
+    notes : tuple of str
+        Remarks of the record, and what looks wrong: numbers that moved by decades, signs, units,
+        clipped peaks.
+    maps : tuple of ForceMap
+        Force that is still missing in the end over displacement and velocity, whatever the
+        verdict; the place first where the motion foretells most of it.
+
+    Examples
+    --------
+    >>> import os, tempfile
+    >>> import robustpolish as rp
+    >>> model, data = rp.datasets.sticky_slide()
+    >>> diagnosis = rp.diagnose(model, data.isel(time=slice(0, 500)))
+    >>> print(diagnosis.explain().splitlines()[0])
+    The model lacked: Coulomb friction at x, ground.
+    >>> diagnosis.to_dict()["effects"][0]["kind"]
+    'coulomb_friction'
+    >>> diagnosis.plot().get_ylabel(), diagnosis.plot_missing_force().get_xlabel()
+    ('relative error of x', 'time [ms]')
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     diagnosis.save(os.path.join(folder, "slide.json"))
+    ...     again = rp.results.Diagnosis.load(os.path.join(folder, "slide.json"))
+    >>> again.effects == diagnosis.effects
+    True
+    """
+
+    uncertain = uncertain
+
+    @property
+    def laws(self) -> tuple[LearnedLaw, ...]:
+        """The learned laws of the model, each with its curve, its words and its picture."""
+        return laws_of(self.model, self.covariance)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data, as the command line writes it.
+
+        Returns
+        -------
+        dict
+        """
+        return plain(self)
+
+    def explain(self) -> str:
+        """Say in words what was found, why, and what to check on the machine.
+
+        Returns
+        -------
+        str
+        """
+        return explain(self)
+
+    def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
+        """Write the diagnosis, its model included, to one JSON file, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.json``; its folder has to exist.
+        force : bool, optional
+            Replace an existing file.
+
+        Raises
+        ------
+        InvalidInputError
+            If the file exists and `force` is not set, or it cannot be written there.
+        """
+        write_saved(path, "diagnosis", content(self), force)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], *, max_bytes: float | None = None) -> Diagnosis:
+        """Read a diagnosis from a file that :meth:`save` wrote.
+
+        Parameters
+        ----------
+        path : path
+        max_bytes : float, optional
+            Largest size of the file in bytes, 2e8 by default.
+
+        Returns
+        -------
+        Diagnosis
+
+        Raises
+        ------
+        InvalidInputError
+            If it is no such file; the message names the key that is wrong.
+        """
+        return diagnosis_from(read_saved(path, "diagnosis", max_bytes))
+
+    def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
+        """Draw how the error of one output fell, as :meth:`Ledger.plot`.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        output : str, optional
+            The first by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        return self.ledger.plot(ax, output=output)
+
+    def plot_missing_force(self, ax: Axes | None = None) -> Axes:
+        """Draw the force that is still missing in the end, at every site.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        time = self.time if self.time.size else np.arange(float(self.missing_force.shape[1]))
+        turning = {dof.name for dof in self.model.dofs if dof.rotational}
+        signals = {
+            " - ".join(site): xr.DataArray(
+                force,
+                {"time": time},
+                "time",
+                "missing force",
+                {"units": "N m" if site[0] in turning else "N"},
+            )
+            for site, force in zip(self.sites, self.missing_force, strict=True)
+        }
+        return plot_time_series(signals, ax)
+
+    def _card(self) -> Card:
+        found = [
+            (effect.kind, ", ".join(effect.at), name, *estimate(v.value, v.stderr), v.unit)
+            for effect in self.effects
+            for name, v in told_numbers(effect).items()
+        ]
+        found += [
+            (law.effect.kind, ", ".join(law.effect.at), f"largest {law.quantity}",
+             float(abs(law.curve()[law.quantity]).max()), None, law.unit)
+            for law in self.laws
+        ]  # fmt: skip
+        head = ("effect", "at", "parameter", "value", "standard error", "unit")
+        tables = [Table("Added effects", head, tuple(found))] if found else []
+        ledger = self.ledger._card()
+        tables += [Table(ledger.title, t.columns, t.rows) for t in ledger.tables]
+        return Card(headline(self), tuple(tables), (*self.reasons, *self.notes))
+
+
+def diagnosis_from(fields: Fields) -> Diagnosis:
+    """Return the diagnosis in a file.
+
+    Raises
+    ------
+    InvalidInputError
+        If a key is missing or wrong, or names an effect that is not in the catalogue.
+    """
+    return Diagnosis(**vars(findings_from(fields)))

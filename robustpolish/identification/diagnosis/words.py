@@ -1,0 +1,170 @@
+"""A diagnosis in words, and in plain numbers."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from robustpolish.base.results import plus_minus
+from robustpolish.identification.diagnosis.findings import Findings, FoundEffect, Value, laws_of
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.learned_law import LearnedLaw
+
+_VERDICTS = {
+    "adequate": "The model is adequate: what is left is noise.",
+    "parameters": "Nothing is missing, but the model's numbers were wrong; they were refitted.",
+    "missing_effect": "The model lacks a physical effect.",
+    "partly_explained": "The model lacks physical effects; a part of the error is left.",
+    "unknown_law": "The model lacks a force that no effect of the catalogue describes; it was "
+    "learned as a curve.",
+    "unexplained": "Something is missing that no effect of the catalogue explains.",
+}
+
+# Verdicts that leave more than noise.
+_LEFT = ("partly_explained", "unknown_law", "unexplained")
+_FAR = 3.0
+"""Times the noise from which what is left is named beside what was found."""
+
+
+def headline(found: Findings) -> str:
+    """Return the verdict as a sentence, with the effects by name."""
+    told = ("missing_effect", "partly_explained", "unknown_law")
+    if found.effects and found.verdict in told:
+        named = " and ".join(f"{e.definition.title} at {', '.join(e.at)}" for e in found.effects)
+        if found.verdict == "unknown_law":
+            return f"The model lacked a force that no catalogue describes: {named}."
+        more = " Far more than noise is left." if _far_from_noise(found) else ""
+        if found.verdict == "partly_explained":
+            more = " And something else is missing."
+        return f"The model lacked: {named}.{more}"
+    return _VERDICTS[found.verdict]
+
+
+def _far_from_noise(found: Findings) -> bool:
+    """Return whether the error of the final model is several times the noise of a sensor."""
+    floor, entries = found.noise_floor, found.ledger.entries
+    left = entries[-1].nrmse if entries else {}
+    return any(error > _FAR * floor[name] > 0 for name, error in left.items() if name in floor)
+
+
+def explain(found: Findings) -> str:
+    """Return the text of `Diagnosis.explain`."""
+    lines = [headline(found), *found.reasons]
+    if found.notes:
+        lines += ["", "Look at the record and the numbers first:"]
+        lines += [f"   {note}." if note[-1:].isalnum() else f"   {note}" for note in found.notes]
+    for number, effect in enumerate(found.effects, 1):
+        kind = effect.definition
+        lines += ["", f"{number}. {kind.title} at {', '.join(effect.at)}"]
+        law = law_of(found, effect)
+        if law is not None:
+            lines += [f"   {line}" for line in law.describe().splitlines()]
+        for name, v in told_numbers(effect).items():
+            lines.append(f"   {name} = {plus_minus(v.value, v.stderr)} {v.unit}")
+        lines += _folded(f"In the residual: {kind.looks_like}")
+        lines += [line for check in kind.checks for line in _folded(f"Check: {check}")]
+        lines += [line for source in kind.references for line in _folded(f"See {source}")]
+    if found.maps and found.verdict in _LEFT:
+        lines += ["", "What is left, where displacement and velocity foretell it best:"]
+        lines += [f"   {item.describe()}" for item in found.maps[:2]]
+    if found.ledger.entries:
+        lines += ["", "Error of a free run over the standard deviation of each output:"]
+        for entry in found.ledger.entries:
+            shown = ", ".join(f"{k} {v:.3g}" for k, v in entry.nrmse.items())
+            lines.append(f"   {entry.step}: {shown}")
+        shown = ", ".join(f"{k} {v:.3g}" for k, v in found.noise_floor.items())
+        lines.append(f"   noise floor: {shown}")
+    if found.indistinguishable:
+        lines += ["", "This data cannot tell apart:"]
+        for c in found.indistinguishable:
+            lines.append(f"   {c.first} and {c.second}. {c.experiment}")
+    if not found.reproducible:
+        lines += [
+            "",
+            "A free run is not reproducible: a tiny change of the start grows beyond the noise, "
+            "so its error judges nothing. Runs led by the data were used instead.",
+        ]
+    return "\n".join(lines)
+
+
+def _folded(text: str) -> list[str]:
+    """Return lines that no notebook and no terminal breaks in the middle of a word."""
+    return textwrap.wrap(text, 88, initial_indent=" " * 3, subsequent_indent=" " * 6)
+
+
+def law_of(found: Findings, effect: FoundEffect) -> LearnedLaw | None:
+    """Return the learned law that an effect is, None if it has a name."""
+    laws = laws_of(found.model, found.covariance)
+    same = (law for law in laws if (law.effect.kind, law.effect.at) == (effect.kind, effect.at))
+    return next(same, None)
+
+
+def told_numbers(effect: FoundEffect) -> Mapping[str, Value]:
+    """Return the numbers that tell something about an effect: the coefficients of a law do not."""
+    return {} if effect.definition.over else effect.parameters
+
+
+def plain(found: Findings) -> dict[str, Any]:
+    """Return the plain data of `Diagnosis.to_dict`."""
+    return {
+        "verdict": found.verdict,
+        "effects": [
+            {
+                "kind": e.kind,
+                "at": list(e.at),
+                "parameters": {k: _plain(v) for k, v in e.parameters.items()},
+            }
+            for e in found.effects
+        ],
+        "laws": [
+            {
+                "kind": law.effect.kind,
+                "at": list(law.effect.at),
+                "words": law.describe().splitlines(),
+                "formula": None if law.formula() is None else str(law.formula()),
+            }
+            for law in laws_of(found.model, found.covariance)
+        ],
+        "candidates": [
+            {
+                "kind": c.kind,
+                "at": list(c.at),
+                "nrmse_held_out": _number(c.nrmse_held_out),
+                "step": c.step,
+                "score": _number(c.score),
+                "remark": c.remark,
+            }
+            for c in found.candidates
+        ],
+        "indistinguishable": [[_place(c.first), _place(c.second)] for c in found.indistinguishable],
+        "experiments": [c.experiment for c in found.indistinguishable],
+        "ledger": [
+            {"step": e.step, "nrmse": {k: _number(v) for k, v in e.nrmse.items()}}
+            for e in found.ledger.entries
+        ],
+        "noise_floor": {k: _number(v) for k, v in found.noise_floor.items()},
+        "parameters": {k: _plain(v) for k, v in found.parameters.items()},
+        "reasons": list(found.reasons),
+        "notes": list(found.notes),
+        "missing_force": [
+            {"at": list(m.at), "rms": m.size, "unit": m.unit, "follows": m.follows}
+            for m in found.maps
+        ],
+        "free_run_reproducible": found.reproducible,
+    }
+
+
+def _plain(value: Value) -> dict[str, Any]:
+    return {"value": _number(value.value), "stderr": _number(value.stderr), "unit": value.unit}
+
+
+def _number(value: float) -> float | None:
+    """JSON has no infinity: what is not known is null."""
+    return float(value) if np.isfinite(value) else None
+
+
+def _place(effect: Effect) -> dict[str, Any]:
+    return {"kind": effect.kind, "at": list(effect.at)}

@@ -1,1 +1,0 @@
-"""What a model lacks: screening, refits, judgement, verdict."""

@@ -1,1 +1,0 @@
-"""The end of a diagnosis: final fit, verdict, a law in place of names, and the result."""

@@ -1,1 +1,0 @@
-"""Experiments that would tell machines apart that a record does not."""

@@ -1,1 +1,0 @@
-"""What came out: diagnosis, refit and ledger, in words, pictures and files."""

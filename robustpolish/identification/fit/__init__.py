@@ -1,1 +1,0 @@
-"""The numbers of a model fitted to a prepared record, and how well they are known."""

@@ -1,1 +1,0 @@
-"""A model meets measured frequency responses."""

@@ -1,1 +1,0 @@
-"""Laws that no catalogue holds, learned as curves."""

@@ -1,1 +1,0 @@
-"""A model's own numbers refitted, by themselves and before anything is said to be missing."""

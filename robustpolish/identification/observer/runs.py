@@ -1,0 +1,407 @@
+"""A model run over a record, freely or led by the data, and what the data then show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from robustpolish.base.arrays import Array
+from robustpolish.identification.observer.kalman import (
+    FREE,
+    Gain,
+    Level,
+    Scales,
+    excited_bandwidth,
+    observer_gain,
+    peak_of,
+    white_noise,
+    with_missing_force,
+)
+from robustpolish.identification.record import Record
+from robustpolish.machines.mechanical.data import MechanicalData, dynamic_effects
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.simulation.run import (
+    Course,
+    Lines,
+    NonlinearResponse,
+    NonlinearSystem,
+    Stepper,
+    build_system,
+    needed_substeps,
+)
+
+# A model run over a record: freely, or led by the data.
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """State of a model at the first sample of a record: mechanical and internal."""
+
+    state: Array
+    internal: Array
+
+    @property
+    def vector(self) -> Array:
+        """Free displacements, their velocities, then internal states of the effects."""
+        return np.concatenate([self.state, self.internal])
+
+    def with_vector(self, vector: Array) -> Start:
+        """Return a start with other values."""
+        return Start(vector[: self.state.size], vector[self.state.size :])
+
+
+@dataclass(frozen=True, eq=False)
+class StartedPiece:
+    """A contiguous piece of record and the state at its first sample."""
+
+    record: Record
+    start: Start
+
+
+class Runner:
+    """Makes models ready to run, led by the data at one level.
+
+    The steps per sample and the observer's gain are chosen once, for the model it is made with,
+    and kept for all models that are tried with it.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    dt : float
+        Sampling step in s.
+    amplitude : float
+        Displacement amplitude in m or rad; decides on the steps.
+    level : Level, optional
+        Free by default.
+    scales : Scales, optional
+        Needed for every level but the free one.
+    substeps : int, optional
+        Steps per sample; as many as the amplitude asks for by default.
+    spend : callable, optional
+        Told the steps of every run; runs may be made in several threads.
+    """
+
+    def __init__(
+        self,
+        model: MechanicalModel,
+        dt: float,
+        amplitude: float,
+        level: Level = FREE,
+        scales: Scales | None = None,
+        substeps: int | None = None,
+        spend: Callable[[float], None] = lambda _: None,
+    ) -> None:
+        self.dt, self.level, self.spend = dt, level, spend
+        self.substeps = substeps or needed_substeps(model, dt, amplitude)
+        self._leak = None if level.free or scales is None else scales.leak
+        self._moves_inputs = any(e.definition.domain == "input" for e in model.effects)
+        self._signals: tuple[tuple[object, object], Array, Lines | None] | None = None
+        self._course: tuple[tuple[object, object], Course, Array] | None = None
+        self.gain: Gain | None = None
+        if self._leak is not None and scales is not None:
+            self.gain = observer_gain(self._system(model), dt, level, scales)
+
+    def run(self, model: MechanicalModel) -> RecordRun:
+        """Return a model ready to run."""
+        return RecordRun(self, model, Stepper(model, self._system(model), self.dt, self.substeps))
+
+    def _system(self, model: MechanicalModel) -> NonlinearSystem:
+        plain = build_system(model, self.dt / self.substeps)
+        return plain if self._leak is None else with_missing_force(model, plain, self._leak)
+
+    def inputs(self, model: MechanicalModel, record: Record) -> Array:
+        """Return the model's input signals over a record, shape (samples, signals)."""
+        return record.own(self._known(model, record)[1])
+
+    def lines(self, model: MechanicalModel, records: Sequence[Record]) -> Lines | None:
+        """Return what the signals do between the samples of records, None if all are linear."""
+        known = [record.own_lines(self._known(model, record)[2]) for record in records]
+        found = [each for each in known if each is not None]
+        if not found:
+            return None
+        return Lines(*(np.concatenate(side) for side in zip(*found, strict=True)))
+
+    def course(self, model: MechanicalModel, records: tuple[Record, ...]) -> tuple[Course, Array]:
+        """Return what acts on a model over several pieces of record, and what was measured there.
+
+        The pieces stand one behind the other in the arrays; of those asked for last the answer is
+        kept.
+
+        Parameters
+        ----------
+        model : MechanicalModel
+        records : tuple of Record
+
+        Returns
+        -------
+        course : Course
+        measured : ndarray, shape (samples, ny)
+        """
+        key = (records, model if self._moves_inputs else None)
+        known = self._course
+        if known is None or known[0][0] != records or known[0][1] is not key[1]:
+            signals = np.concatenate([self.inputs(model, record) for record in records])
+            time = np.concatenate([record.time for record in records])
+            marks = np.cumsum([0, *(record.samples for record in records)])
+            course = Course.of(signals, self.lines(model, records), time, marks)
+            known = self._course = (key, course, np.concatenate([r.Y for r in records]))
+        return known[1:]
+
+    def _known(
+        self, model: MechanicalModel, record: Record
+    ) -> tuple[tuple[object, object], Array, Lines | None]:
+        key = (record.sets, model if self._moves_inputs else None)
+        known = self._signals
+        if known is None or any(a is not b for a, b in zip(known[0], key, strict=True)):
+            known = self._signals = (key, record.signals(model), record.lines(model))
+        return known
+
+
+@dataclass(frozen=True, eq=False)
+class RecordRun:
+    """A model ready to be run again and again, from any start over any piece of record."""
+
+    runner: Runner
+    model: MechanicalModel
+    run: Stepper
+
+    @property
+    def linear(self) -> bool:
+        """Whether no effect makes a force."""
+        return not self.run.system.effects
+
+    def finer(self) -> RecordRun:
+        """Return the free run of the model in steps half as long."""
+        runner = self.runner
+        twice = Runner(self.model, runner.dt, 0.0, substeps=2 * runner.substeps, spend=runner.spend)
+        return twice.run(self.model)
+
+    def over(self, piece: StartedPiece, keep: bool = False) -> NonlinearResponse:
+        """Return what the model predicts for a piece of record.
+
+        Parameters
+        ----------
+        piece : StartedPiece
+        keep : bool, optional
+            Whether the states are wanted too; those of a run that the data lead end with the
+            missing forces.
+
+        Returns
+        -------
+        NonlinearResponse
+        """
+        record, start, gain = piece.record, piece.start, self.runner.gain
+        state = np.zeros(self.run.system.states)
+        state[: start.state.size] = start.state
+        inputs = self.runner.inputs(self.model, record)
+        lines = self.runner.lines(self.model, [record])
+        led = (None, None) if gain is None else (record.Y, gain.filter)
+        self.runner.spend(record.samples * self.run.substeps)
+        return self.run.over(inputs, state, start.internal, record.time, *led, keep, lines)
+
+    def over_all(self, pieces: Sequence[StartedPiece], keep: bool = False) -> NonlinearResponse:
+        """Return what the model predicts for several pieces, one after the other in the arrays."""
+        starts = np.array([piece.start.vector for piece in pieces])
+        return self.along(tuple(piece.record for piece in pieces), starts, keep)
+
+    def all_errors(self, pieces: Sequence[StartedPiece]) -> Array:
+        """Return measured minus predicted outputs of several pieces, shape (samples, ny)."""
+        starts = np.array([piece.start.vector for piece in pieces])
+        return self.errors_along(tuple(piece.record for piece in pieces), starts)
+
+    def along(
+        self, records: tuple[Record, ...], starts: Array, keep: bool = False
+    ) -> NonlinearResponse:
+        """Return what the model predicts for several pieces, one after the other in the arrays.
+
+        Parameters
+        ----------
+        records : tuple of Record
+        starts : ndarray, shape (pieces, n)
+            One vector of :class:`Start` each.
+        keep : bool, optional
+            As in :meth:`over`.
+        """
+        system = self.run.system
+        states = starts.shape[1] - system.internal
+        if self.runner.gain is not None:
+            begins = (Start(row[:states], row[states:]) for row in starts)
+            pieces = (StartedPiece(*each) for each in zip(records, begins, strict=True))
+            runs = [self.over(piece, keep) for piece in pieces]
+            return NonlinearResponse(*(np.concatenate(part) for part in zip(*runs, strict=True)))
+        course, _ = self.runner.course(self.model, records)
+        self.runner.spend(course.time.size * self.run.substeps)
+        return self.run.over_pieces(course, starts[:, :states], starts[:, states:], keep)
+
+    def errors_along(self, records: tuple[Record, ...], starts: Array) -> Array:
+        """Return measured minus predicted outputs of :meth:`along`, shape (samples, ny)."""
+        return self.runner.course(self.model, records)[1] - self.along(records, starts).outputs
+
+    def errors(self, piece: StartedPiece) -> Array:
+        """Return measured minus predicted outputs, shape (samples, ny)."""
+        return piece.record.Y - self.over(piece).outputs
+
+
+def free_run(model: MechanicalModel, record: Record) -> RecordRun:
+    """Return a model ready to run freely over a record."""
+    peak = 0.0
+    if model.effects:
+        peak = peak_of(model, record, excited_bandwidth(model, record))
+    return Runner(model, record.dt, peak).run(model)
+
+
+def rest(model: MechanicalData) -> Start:
+    """Return a start at rest."""
+    internal = sum(effect.definition.states for _, effect in dynamic_effects(model))
+    return Start(np.zeros(2 * len(model.free)), np.zeros(internal))
+
+
+# Whether the error of a free run can judge a model at all.
+#
+# Backlash and stops in lightly damped systems are chaotic: two runs of the true model from nearly
+# the same start part company, while its parameters may be right to a fraction of a percent.
+
+_TINY = 1e-6
+_DIRECTIONS = 3
+# Samples over which runs have to stay apart.
+_LASTS = 3
+# Share of an output's size below which a change matters to nobody, however quiet the sensor.
+_VISIBLE = 1e-3
+
+
+@dataclass(frozen=True)
+class Reproducibility:
+    """Whether a free run can be repeated at all.
+
+    Attributes
+    ----------
+    reproducible : bool
+        False if a tiny change of the start grows beyond the noise, or the run diverges.
+    growth : float
+        Largest change of an output over the change at the beginning.
+    diverged_after : float or None
+        Time in s until the change exceeds the noise.
+    reason : str
+        In words.
+    """
+
+    reproducible: bool
+    growth: float
+    diverged_after: float | None
+    reason: str
+
+
+def reproducibility(
+    run: RecordRun,
+    piece: StartedPiece,
+    outputs: Array,
+    span: float | None = None,
+    ahead: bool = False,
+) -> Reproducibility:
+    """Change the start by a millionth and see whether the runs part by more than the noise.
+
+    Parameters
+    ----------
+    run : RecordRun
+        Free.
+    piece : StartedPiece
+    outputs : ndarray, shape (samples, ny)
+        What is judged: a run from that start, or windows and predictions.
+    span : float, optional
+        Length of the windows or the horizon in s: only so long do runs have to agree.
+    ahead : bool, optional
+        Whether these are predictions, which need not hold from the first sample on.
+
+    Returns
+    -------
+    Reproducibility
+    """
+    record = piece.record
+    diverged = _divergence(outputs[-1:] if ahead else outputs)
+    if diverged is not None:
+        after = diverged * record.dt
+        return Reproducibility(
+            False,
+            np.inf,
+            after,
+            f"the free run diverges after {after:.4g} s: its error judges nothing; "
+            "compare in windows, or check the signs of the model's damping and stiffness",
+        )
+    if not piece.start.vector.size:
+        return Reproducibility(True, 0.0, None, "")
+    length = record.samples
+    if span is not None:
+        length = min(length, max(round(span / record.dt), 2))
+    size = np.std(record.Y, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    change = _largest_change(run, StartedPiece(record.part(0, length), piece.start), size)
+    beyond = np.flatnonzero(~(change <= max(_noise(record, size), _VISIBLE)))
+    growth = float(np.max(change) / _TINY) if np.isfinite(change).all() else np.inf
+    if not beyond.size:
+        reason = _drift_note(run, record) if span is None else ""
+        return Reproducibility(True, growth, None, reason)
+    after = float(beyond[0] * record.dt)
+    advice = "look ahead" if ahead else f"compare in windows shorter than {after:.3g} s"
+    return Reproducibility(
+        False,
+        growth,
+        after,
+        f"the free run is not reproducible: a change of the start by a millionth grows beyond the "
+        f"noise within {after:.4g} s, so that its error judges nothing; {advice}",
+    )
+
+
+def _noise(record: Record, size: Array) -> float:
+    """Return the noise of the quietest output, as a share of its size."""
+    if record.samples < 64:  # too few for a spectrum
+        return 0.0
+    return min(
+        white_noise(y, record.dt, record.honest) / s for y, s in zip(record.Y.T, size, strict=True)
+    )
+
+
+def _divergence(outputs: Array) -> int | None:
+    bad = np.flatnonzero(~np.isfinite(outputs).all(axis=1))
+    return int(bad[0]) if bad.size else None
+
+
+def _largest_change(run: RecordRun, piece: StartedPiece, size: Array) -> Array:
+    """Largest change of an output, as a share of its size, over a few directions.
+
+    What lasts less than three samples does not count: where friction turns round, an acceleration
+    jumps, and which sample is the first after the jump decides no more.
+    """
+    base = run.over(piece, keep=True)
+    every = np.hstack([base.states, base.internal])
+    with np.errstate(over="ignore"):  # a run may be about to diverge
+        typical = np.std(every, axis=0)
+    typical = np.maximum(typical, 1e-3 * np.max(np.abs(every), axis=0))
+    typical[run.run.system.states :] = 0.0  # the memory of an effect follows from the motion
+    start = piece.start.vector
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (_DIRECTIONS, start.size))
+    change = np.zeros(len(every))
+    for sign in signs:
+        moved = piece.start.with_vector(start + _TINY * sign * typical)
+        other = run.over(StartedPiece(piece.record, moved)).outputs
+        with np.errstate(invalid="ignore", over="ignore"):
+            change = np.maximum(change, np.max(np.abs(other - base.outputs) / size, axis=1))
+    if change.size < _LASTS:
+        return change
+    held = np.pad(change, (_LASTS - 1, 0), mode="reflect")
+    held = np.pad(held, (0, _LASTS - 1), mode="edge")
+    least = np.min(sliding_window_view(held, _LASTS), axis=1)
+    return np.max(sliding_window_view(least, _LASTS), axis=1)
+
+
+def _drift_note(run: RecordRun, record: Record) -> str:
+    """Warn of a plant that integrates, whose free run sums up every small error."""
+    if not run.run.system.states:
+        return ""
+    poles = np.linalg.eigvals(run.run.system.A)
+    slow = np.abs(poles) * record.samples * record.dt < 1e-3
+    if slow.any() and float(np.max(np.abs(poles))) > 0:
+        return "the model integrates: a free run sums up small errors; windows judge it better"
+    return ""

@@ -1,0 +1,497 @@
+"""Fit a model's parameters to a record, those of its effects included."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import lmfit
+import numpy as np
+import xarray as xr
+
+from robustpolish.base.budget import on_all_cores, same_bits, working
+from robustpolish.identification.fit.least_squares import (
+    Fit,
+    JudgedFit,
+    Residuals,
+    best_stage,
+    covariance_of,
+    errors_from,
+    homotopy,
+    judged,
+    log_odds,
+    rms_over,
+    unfitted,
+)
+from robustpolish.identification.fit.parameters import (
+    chain_keys,
+    connected,
+    driving,
+    free_parameters,
+)
+from robustpolish.identification.fit.prepared import PreparedRecord, prepare, taken
+from robustpolish.identification.fit.result import Refit
+from robustpolish.identification.free_runs import free_run_error, free_runs, record_errors
+from robustpolish.identification.frequency.fit import refit_frequency_response
+from robustpolish.identification.policy import POLICY, Policy
+from robustpolish.identification.record import long_enough, record_of
+from robustpolish.identification.sanity import moved_numbers, sanity_warnings
+from robustpolish.identification.structure.screening import null_score, screen
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.kind import CONSTANT
+from robustpolish.machines.mechanical.data import unit_of
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import FORCE
+from robustpolish.signals.frequency_response import holds_frequency_response
+
+# Put right what is wrong about a model itself, before anything is said to be missing.
+#
+# What its inputs do between their samples: a record made with a zero-order hold and read as linear
+# looks like half a sample of delay; a smooth one with content near the sampling rate like an error
+# of every model. Then its own numbers.
+
+_HOLD = "input_hold"
+_LINEAR = 1.0
+# Samples to either side of a first delay that are tried.
+_AROUND = 4
+# Samples of a window that still tells a curvature from a slope.
+_SHORTEST = 8
+
+
+def with_holds(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:
+    """Return the model with other holds of its force inputs, if the data speak for them.
+
+    All inputs are taken to be of one kind, linear if nothing is said. The linear model's
+    innovations judge, its own numbers being corrected at the same time.
+    """
+    policy = prepared.policy
+    names = [i.name for i in model.inputs if i.imposes is None]
+    holds, others = split_holds(model.effects)
+    now = _order(holds)
+    if not names or now is None:
+        return model
+    bare = replace(model, effects=tuple(others))
+    orders = dict.fromkeys((now, _LINEAR, *policy.hold_orders))
+    tried = {o: replace(bare, effects=(*bare.effects, *_holds(names, o))) for o in orders}
+    found = on_all_cores(lambda candidate: null_score(candidate, prepared), tried.values())
+    scores = dict(zip(tried, found, strict=True))
+    best = min(scores, key=lambda order: scores[order])
+    if scores[now] - scores[best] <= 2 * policy.hold_odds:
+        return model
+    if best == 0.0 and _late(bare, names, prepared) < scores[best]:
+        return model  # a longer delay, of which a hold would take half a sample
+    return tried[best]
+
+
+def split_holds(effects: Sequence[Effect]) -> tuple[list[Effect], list[Effect]]:
+    """Return the holds of inputs among effects, and the others."""
+    holds = [effect for effect in effects if effect.kind == _HOLD]
+    return holds, [effect for effect in effects if effect.kind != _HOLD]
+
+
+def held_inputs(model: MechanicalModel) -> set[str]:
+    """Return the names of the inputs that stay as they are between their samples."""
+    holds, _ = split_holds(model.effects)
+    return {hold.at[0] for hold in holds if hold.values["order"] == 0.0}
+
+
+def _order(holds: Sequence[Effect]) -> float | None:
+    """Return the order of holds, linear if there are none, None if they are not of one kind."""
+    orders = {hold.values["order"] for hold in holds} or {_LINEAR}
+    return orders.pop() if len(orders) == 1 else None
+
+
+def _late(model: MechanicalModel, names: list[str], prepared: PreparedRecord) -> float:
+    """Return the best score with one input late by some whole samples."""
+    return min(
+        null_score(model.with_effect("input_delay", (name,), {"delay": delay}), prepared)
+        for name in names
+        for delay in (n * prepared.record.dt for n in prepared.policy.hold_delays)
+    )
+
+
+def with_other_holds(
+    model: MechanicalModel,
+    reference: MechanicalModel,
+    prepared: PreparedRecord,
+    fall: float = 0.0,
+) -> MechanicalModel | None:
+    """Return the reference with other holds, if runs beside the effects that were found ask for it.
+
+    What is missing from a model may look like a hold that is none, or hide one, and a delay takes
+    the half sample for its own by which a held input lags. So the model is fitted with each hold,
+    and its delays less what the hold is late; the likelihood decides.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+        With the effects that were found.
+    reference : MechanicalModel
+        Without, with the holds that were taken for its inputs.
+    prepared : PreparedRecord
+    fall : float, optional
+        Share by which the error of an output has to fall besides.
+    """
+    names = [i.name for i in model.inputs if i.imposes is None]
+    taken, bare = split_holds(reference.effects)
+    order_now = _order(taken)
+    if not names or order_now is None:
+        return None
+    _, fitted = split_holds(model.effects[: len(reference.effects)])
+    added = model.effects[len(reference.effects) :]
+    spans = prepared.spans(prepared.trial)[-1:]
+    orders = sorted({order_now, _LINEAR, *prepared.policy.hold_orders})
+    held = {o: replace(reference, effects=(*bare, *_holds(names, o))) for o in orders}
+
+    def fits_with(order: float) -> list[Fit]:
+        later = 0.5 * prepared.record.dt * ((order == 0.0) - (order_now == 0.0))
+        effects = (*fitted, *_holds(names, order), *(_sooner(e, later) for e in added))
+        tried = replace(model, effects=effects)
+        return homotopy(tried, prepared, prepared.trial, held[order], spans)
+
+    found = on_all_cores(fits_with, orders)
+    left = {order: fits[-1] for order, fits in zip(orders, found, strict=True) if fits}
+    if order_now not in left:
+        return None
+    now = left[order_now]
+    best = min(left, key=lambda order: float(np.sum(np.log(left[order].rmse))))
+    falls = np.log(now.rmse / left[best].rmse)
+    odds = log_odds(left[best], now)
+    believed = odds > prepared.policy.hold_odds and np.max(falls) >= -np.log(1 - fall)
+    return held[best] if believed else None
+
+
+def timely(effect: Effect, model: MechanicalModel, prepared: PreparedRecord) -> Effect:
+    """Return the delay of a held input that is right within a sample; other effects as they are.
+
+    What an accelerometer shows of a held force jumps with it: whatever the delay within a sample,
+    it sees the same, and no slope leads from one sample to the next.
+
+    Parameters
+    ----------
+    effect : Effect
+    model : MechanicalModel
+        Without it.
+    prepared : PreparedRecord
+    """
+    if effect.kind != "input_delay" or effect.at[0] not in held_inputs(model):
+        return effect
+    dt = prepared.record.dt
+    first = int(effect.values["delay"] / dt)
+    whole = {*range(_AROUND), *range(max(first - _AROUND, 0), first + _AROUND + 1)}
+    tried = [effect.with_values({"delay": (samples + 0.5) * dt}) for samples in sorted(whole)]
+
+    def left(late: Effect) -> float:
+        delayed = model.with_effect(late.definition, late.at, late.values)
+        return float(np.mean(np.log(rms_over(delayed, prepared, prepared.windows))))
+
+    return min(tried, key=left)
+
+
+def _sooner(effect: Effect, by: float) -> Effect:
+    """Return a delay less what a hold has of it; other effects as they are."""
+    if effect.kind != "input_delay":
+        return effect
+    delay = max(effect.values["delay"] - by, 0.0)
+    return effect.with_values({**effect.parameters, "delay": delay})
+
+
+def _holds(names: list[str], order: float) -> list[Effect]:
+    """Return the holds of inputs; a linear one is none."""
+    return [Effect(_HOLD, (n,), {"order": order}) for n in names] if order != _LINEAR else []
+
+
+class OwnNumbers(NamedTuple):
+    """The refitted model, judged, and the one whose fit was led by the data."""
+
+    stage: JudgedFit
+    guided: MechanicalModel
+
+
+def refit_own(model: MechanicalModel, prepared: PreparedRecord) -> OwnNumbers:
+    """Fit the numbers of a model as it is, effects of its own included.
+
+    A fit that is led by the data finds numbers that are far off; one that runs freely from the
+    start keeps those that are nearly right already, where the data says little about them while it
+    leads. Chains that hang together by nothing are judged apart.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    prepared : PreparedRecord
+    """
+    pieces = prepared.trial if model.free else prepared.estimation  # quick where nothing swings
+    spans = prepared.spans(pieces)
+    shortest = [span for span in (spans[0] // 4, spans[0] // 2) if span >= _SHORTEST]
+    # springs that are far too stiff swing several times where the machine swings once
+    stages = homotopy(model, prepared, pieces, model, [*shortest, *spans])
+    stage = best_stage(stages, prepared)
+    guided = stages[min(1, len(stages) - 1)].model
+    if np.any(stage.error * prepared.policy.better > prepared.scales.noise):
+        stage = _directly(stage, model, prepared)
+    return OwnNumbers(_at_rest(stage, model, prepared), guided)
+
+
+def _directly(stage: JudgedFit, model: MechanicalModel, prepared: PreparedRecord) -> JudgedFit:
+    """Return a stage whose chains are as good as those of a direct fit."""
+    pieces = prepared.trial if model.free else prepared.estimation
+    whole = prepared.spans(pieces)[-1:]
+    direct = homotopy(model, prepared, pieces, model, whole, prepared.policy.direct_steps)
+    if not direct:
+        return stage
+    other = judged(direct[-1], prepared)
+    mixed = _best_of_chains(stage, other, prepared.policy.better)
+    if mixed is None:
+        return stage
+    joined = homotopy(mixed, prepared, pieces, model, whole, prepared.policy.direct_steps)
+    found = [stage, other, *(judged(fitted, prepared) for fitted in joined)]
+    return min(found, key=lambda s: float(np.mean(np.log(s.error))))
+
+
+def _at_rest(stage: JudgedFit, model: MechanicalModel, prepared: PreparedRecord) -> JudgedFit:
+    """Return the stage with its common factors settled, if the error does not mind."""
+    rested = settled(stage.model, model, prepared.policy.unchanged)
+    if rested is stage.model or not stage.reproducible:
+        return stage
+    whole = prepared.spans(prepared.trial)[-1:]
+    fits = homotopy(rested, prepared, prepared.trial, model, whole)
+    stages = [judged(fitted, prepared) for fitted in fits]
+    kept = [s for s in stages if np.mean(np.log(s.error / stage.error)) < prepared.policy.unchanged]
+    return kept[0] if kept else stage
+
+
+def _best_of_chains(stage: JudgedFit, direct: JudgedFit, better: float) -> MechanicalModel | None:
+    """Return the first model with the chains of the second where that is better; None if nowhere.
+
+    Numbers of effects and of chains without an output stay.
+    """
+    model, numbers = stage.model, direct.model.parameters
+    taken: dict[str, float] = {}
+    for group in connected(model):
+        seen = [i for i, o in enumerate(model.outputs) if group.intersection(o.of)]
+        if not seen:
+            continue
+        fall = np.mean(np.log(direct.error[seen])) - np.mean(np.log(stage.error[seen]))
+        if fall < np.log(better):
+            taken |= {key: numbers[key] for key in _keys(model, group)}
+    return model.with_parameters(taken) if taken else None
+
+
+def settled(
+    model: MechanicalModel, reference: MechanicalModel, unchanged: float
+) -> MechanicalModel:
+    """Return the model with chains scaled to what is known of their masses and gains.
+
+    A chain whose masses, springs, dampers and gains are all larger by one factor moves alike. Where
+    the chain has two inputs or more the fit is free to wander along this factor.
+    """
+    known, found = reference.parameters, model.parameters
+    changes: dict[str, float] = {}
+    for group in connected(model):
+        forces = any(o.quantity == FORCE and group.intersection(o.of) for o in model.outputs)
+        bent = any(group.intersection(effect.at) for effect in model.effects)
+        if len(driving(model, group)) < 2 or forces or bent:
+            continue
+        keys = _keys(model, group)
+        told = [key for key in keys if not key.startswith(("spring", "damper")) and known[key]]
+        ratios = np.array([found[key] / known[key] for key in told])
+        if ratios.size and np.all(ratios > 0):
+            factor = float(np.sum(ratios) / np.sum(ratios**2))  # nearest to one, all alike likely
+            if abs(np.log(factor)) > unchanged:
+                changes |= {key: factor * found[key] for key in keys}
+    return model.with_parameters(changes) if changes else model
+
+
+def _keys(model: MechanicalModel, chain: set[str]) -> list[str]:
+    """Return the keys of the numbers of a chain."""
+    keys = [key for kind in chain_keys(model, chain) for key in kind]
+    return keys + [f"input.{i.name}.gain" for i in model.inputs if i.on[0] in chain]
+
+
+# What an engineer would say of a record and of what a fit made of a model, before believing it.
+
+
+def warned(
+    model: MechanicalModel, fitted: MechanicalModel, prepared: PreparedRecord
+) -> tuple[str, ...]:
+    """Return the remarks of a record and the warnings that a fit gives cause for, each once.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+        As it was given, effects without numbers started.
+    fitted : MechanicalModel
+        What a refit or a diagnosis made of it.
+    prepared : PreparedRecord
+
+    Returns
+    -------
+    tuple of str
+    """
+    data = prepared.record.data
+    said = [str(note) for note in data.attrs.get("notes", ())]
+    # an offset or a preload that was found says what the mean is
+    steady = any(effect.definition.family == CONSTANT for effect in fitted.effects)
+    simulated = None if steady else _free_run(model, prepared)
+    said += sanity_warnings(model, data, simulated, fitted)
+    return tuple(dict.fromkeys(said))
+
+
+def _free_run(model: MechanicalModel, prepared: PreparedRecord) -> xr.Dataset:
+    """Return the outputs of a model over the whole record, from the starts that suit it best."""
+    run, started = prepared.closest_runs(model, prepared.everything)
+    with np.errstate(all="ignore"):
+        outputs = run.over_all(started).outputs
+    return xr.Dataset({name: ("time", outputs[:, i]) for i, name in enumerate(model.output_names)})
+
+
+@same_bits
+def refit(
+    model: MechanicalModel,
+    data: Any,
+    progress: Callable[[], None] | None = None,
+    *,
+    _policy: Policy = POLICY,
+) -> Refit:
+    """Fit the parameters of a model, those of its effects included.
+
+    Masses and input gains are known to about 5 % beforehand; data may move them further.
+    Of a long record as many samples are used as the fastest motion, the forces and the error ask
+    for, or a part of it; ``notes`` of the result says so.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+        Start values; effects that were added without parameters get theirs from screening.
+    data : xarray.Dataset, path or pandas.DataFrame, or a sequence or mapping of them
+        Inputs and outputs by name over ``time``, SI units. Several records have the numbers of the
+        machine in common and each a start of its own; phases are those at time 0 of every record,
+        see :func:`robustpolish.diagnose`. Or frequency responses, as
+        :func:`robustpolish.read_frequency_response` reads and returns them: the linear part is
+        fitted to them, effects linearised.
+    progress : callable, optional
+        Called after every step.
+
+    Returns
+    -------
+    Refit
+
+    Raises
+    ------
+    InvalidInputError
+        If columns are missing or a record is too short; if there is no record, or several that
+        differ in their channels.
+
+    Examples
+    --------
+    >>> import numpy as np, xarray as xr
+    >>> import robustpolish as rp
+    >>> from robustpolish.simulation import linear_response
+    >>> def oscillator(k):
+    ...     return rp.MechanicalModel(
+    ...         [rp.Dof("x", 1.0)],
+    ...         [rp.Spring(("x", "ground"), k)],
+    ...         [rp.Damper(("x", "ground"), 0.4)],
+    ...         [rp.Input("F", ("x", "ground"))], [rp.Output("x", ("x", "ground"))])
+    >>> t = np.arange(2000) * 0.01
+    >>> rng = np.random.default_rng(0)
+    >>> force, noise = rng.standard_normal(t.size), 1e-3 * rng.standard_normal(t.size)
+    >>> x = linear_response(oscillator(25.0).state_space(), t, force[:, None]).outputs[:, 0]
+    >>> data = xr.Dataset({"F": ("time", force), "x": ("time", x + noise)}, coords={"time": t})
+    >>> fitted = refit(oscillator(22.0), data)
+    >>> m, k = (fitted.model.parameters[n] for n in ("dof.x.mass", "spring[0].stiffness"))
+    >>> bool(abs(k / m - 25) < 0.1)
+    True
+    """
+    if holds_frequency_response(data):
+        with working("Refitting"):
+            found = refit_frequency_response(model, data, progress)
+        moved = moved_numbers(model.parameters, found.model.parameters)
+        return replace(found, notes=tuple(moved))
+    fewer = taken(model, long_enough(model, record_of(model, data)), _policy)
+    model, prepared = fewer.model, prepare(fewer.model, fewer.record, _policy)
+    started = _with_start_values(model, prepared)
+    spans = prepared.spans(prepared.everything)
+    with working("Refitting"):
+        last = _policy.follows(prepared.record.Y.size)
+        fits = homotopy(
+            started, prepared, prepared.everything, model, spans, progress=progress, last=last
+        )
+        best = _no_worse(fits[-2:][::-1], [model, started], prepared)
+        found = _summarised(best, prepared)
+        records = record_errors(found.model, free_runs(found.model, fewer.record))
+    notes = (*fewer.notes, *warned(started, found.model, prepared))
+    return replace(found, model=fewer.as_given(found.model), notes=notes, records=records)
+
+
+def _no_worse(
+    fits: Sequence[Fit], starts: Sequence[MechanicalModel], prepared: PreparedRecord
+) -> Fit:
+    """Return the first fit that runs no worse than the starts do, or the best start as it is.
+
+    A fit goes by starts of its own, by priors, and by the likelihood, which may give up a little of
+    a loud output for a quiet one.
+    """
+    models = [fitted.model for fitted in fits] + list(starts)
+    errors = _run_errors(models, prepared)
+    of_fits, of_starts = errors[: len(fits)], errors[len(fits) :]
+    for fitted, error in zip(fits, of_fits, strict=True):
+        if error <= min(of_starts):
+            return fitted
+    best = starts[int(np.argmin(of_starts))]
+    if not np.isfinite(min(of_starts)):
+        raise ArithmeticError("no stage of the fit ended with finite errors")
+    _, pieces = prepared.closest_runs(best, prepared.everything)
+    free = free_parameters(best, prepared.scales.bandwidth, prepared.policy, starts[0])
+    sizes = prepared.sizes(best) if pieces[0].start.vector.size else None
+    return unfitted(Residuals(best, pieces, prepared.runner(best), free, sizes))
+
+
+def _run_errors(models: Sequence[MechanicalModel], prepared: PreparedRecord) -> list[float]:
+    """Return the mean square of relative errors of free runs, over windows if no run repeats."""
+    size = np.std(prepared.record.Y, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    runs = [free_run_error(model, prepared.record) for model in models]
+    if all(calm or not np.isfinite(error).all() for error, calm in runs):
+        found = [error for error, _ in runs]
+    else:
+        found = [rms_over(model, prepared, prepared.windows) for model in models]
+    return [float(np.mean((error / size) ** 2)) for error in found]
+
+
+def _with_start_values(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:
+    """Give effects that came without parameters those that screening finds."""
+    effects = list(model.effects)
+    for i, effect in enumerate(effects):
+        if effect.parameters:
+            continue
+        others = replace(model, effects=tuple(e for e in effects if e is not effect))
+        found = screen(others, prepared, [effect])
+        values = found.candidates[0].effect.values if found.candidates else effect.values
+        effects[i] = effect.with_values(values)
+    return replace(model, effects=tuple(effects))
+
+
+def _summarised(fitted: Fit, prepared: PreparedRecord) -> Refit:
+    """Return values, bounds and standard errors of a fit."""
+    covariance = covariance_of(fitted)
+    errors = errors_from(covariance)
+    parameters = lmfit.Parameters()
+    units, undetermined = {}, []
+    for f in fitted.free:
+        value, error = fitted.model.parameters[f.key], errors[f.key]
+        name = lmfit_name(f.key)
+        parameters.add(name, value=value, min=f.lower, max=f.upper)
+        parameters[name].stderr = error
+        units[f.key] = unit_of(fitted.model, f.key)
+        if not np.isfinite(error) or error > prepared.policy.undetermined * abs(value):
+            undetermined.append(f.key)
+    size = np.std(prepared.record.Y, axis=0)
+    nrmse = dict(zip(fitted.model.output_names, (fitted.rmse / size).tolist(), strict=True))
+    return Refit(fitted.model, parameters, units, nrmse, tuple(undetermined), errors, covariance)
+
+
+def lmfit_name(key: str) -> str:
+    """Return a key as a name that lmfit accepts."""
+    return "".join(c if c.isalnum() else "_" for c in key).strip("_")

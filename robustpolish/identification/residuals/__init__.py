@@ -1,1 +1,0 @@
-"""Where the error of a comparison is: shares, tests, restoring-force surfaces, words."""

@@ -1,1 +1,0 @@
-"""Effects that might be missing: where they could act, and what the data say before any fit."""

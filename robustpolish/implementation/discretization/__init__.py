@@ -1,1 +1,0 @@
-"""From a continuous controller to one that a computer runs at its samples."""

@@ -1,1 +1,0 @@
-"""Sampled loops run over time, with the limits of their actuators."""

@@ -1,1 +1,0 @@
-"""How a controller is stored and computed: forms, rounding, limits."""

@@ -1,0 +1,302 @@
+"""Controllers with fewer states: candidates, which the certified loop then judges."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import control
+import numpy as np
+from scipy import linalg
+
+from robustpolish.base.arrays import Matrix, Vector
+from robustpolish.implementation.sampled.lifting import border_scale, named_like
+from robustpolish.plants.blocks import matrices_of
+from robustpolish.plants.plant import GeneralizedPlant
+
+# Gramians of a controller by itself, of its coprime factors, and inside its closed loop.
+
+
+class Weighted(NamedTuple):
+    """A system to be reduced, with the Gramians that say which of its states matter.
+
+    ``matrices`` : A, B, C, D; ``reach``, ``see`` : Gramians; ``back`` : how a reduced one becomes a
+    controller, "" for as it is, "left" or "right" for a coprime factor.
+    """
+
+    name: str
+    matrices: tuple[Matrix, Matrix, Matrix, Matrix]
+    reach: Matrix
+    see: Matrix
+    back: str = ""
+
+
+def stable(A: Matrix, discrete: bool) -> bool:
+    """Tell whether all eigenvalues, as doubles see them, are stable."""
+    if not A.size:
+        return True
+    values: Any = np.linalg.eigvals(A)
+    return bool(np.abs(values).max() < 1 if discrete else values.real.max() < 0)
+
+
+def gramian(A: Matrix, B: Matrix, discrete: bool) -> Matrix:
+    """Return the controllability Gramian of a stable system."""
+    source = B @ B.T
+    if discrete:
+        found: Any = linalg.solve_discrete_lyapunov(A, source)
+    else:
+        found = linalg.solve_continuous_lyapunov(A, -source)
+    return np.asarray((found + found.T) / 2, dtype=float)
+
+
+def alone(K: tuple[Matrix, Matrix, Matrix, Matrix], discrete: bool) -> list[Weighted]:
+    """Weigh the states of a stable controller by what they pass on from y to u."""
+    A, B, C, _ = K
+    if not stable(A, discrete):
+        return []
+    return [Weighted("balanced", K, gramian(A, B, discrete), gramian(A.T, C.T, discrete))]
+
+
+def in_loop(
+    plant: GeneralizedPlant, K: tuple[Matrix, Matrix, Matrix, Matrix], loop: Matrix
+) -> list[Weighted]:
+    """Weigh the states of a controller by what they do inside its loop.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+    K : tuple of ndarray
+        A, B, C, D of the controller.
+    loop : ndarray
+        State matrix of the closed loop, the plant's states first.
+
+    Returns
+    -------
+    list of Weighted
+        From w to z, and from disturbances of y and u to y and u: the first keeps the norm, the
+        second stability and robustness.
+
+    Notes
+    -----
+    P. M. R. Wortelboer, M. Steinbuch, O. H. Bosgra, "Iterative model and controller reduction
+    using closed-loop balancing", Int. J. Robust and Nonlinear Control 9 (1999) 123-142.
+    """
+    _, B, C, D = K
+    n, discrete = plant.nx, plant.is_discrete
+    turn = np.linalg.inv(np.eye(plant.nu) - D @ plant.D22)
+    back = np.linalg.inv(np.eye(plant.ny) - plant.D22 @ D)
+    on_u = np.hstack([turn @ D @ plant.C2, turn @ C])
+    on_y = np.hstack([back @ plant.C2, back @ plant.D22 @ C])
+
+    def driven(y: Matrix, u: Matrix) -> Matrix:
+        """Return how what is added to y and to u reaches the states."""
+        of_u = turn @ (u + D @ y)
+        of_y = back @ (y + plant.D22 @ u)
+        return np.vstack([plant.B2 @ of_u, B @ of_y])
+
+    zero_u, zero_y = np.zeros((plant.nu, plant.ny)), np.zeros((plant.ny, plant.nu))
+    w = driven(plant.D21, np.zeros((plant.nu, plant.nw)))
+    w[:n] += plant.B1
+    noise = np.hstack([driven(np.eye(plant.ny), zero_u), driven(zero_y, np.eye(plant.nu))])
+    z = plant.D12 @ on_u
+    z[:, :n] += plant.C1
+    pairs = {"closed-loop": (w, z), "robustness": (noise, np.vstack([on_y, on_u]))}
+    found = []
+    for name, (into, out) in pairs.items():
+        reach = gramian(loop, into, discrete)[n:, n:]
+        see = gramian(loop.T, out.T, discrete)[n:, n:]
+        found.append(Weighted(name, K, reach, see))
+    return found
+
+
+def coprime(K: tuple[Matrix, Matrix, Matrix, Matrix], discrete: bool) -> list[Weighted]:
+    """Weigh the states of normalised coprime factors, which are stable whatever the controller.
+
+    Notes
+    -----
+    D. C. McFarlane, K. Glover, Robust Controller Design Using Normalized Coprime Factor Plant
+    Descriptions, Springer 1990, chapter 5.
+    """
+    if discrete:
+        return []
+    A, B, C, D = K
+    found = []
+    left = _left_factor(A, B, C, D)
+    if left is not None:
+        found.append(_factor("left coprime", left, "left"))
+    right = _left_factor(A.T, C.T, B.T, D.T)
+    if right is not None:
+        turned = (right[0].T, right[2].T, right[1].T, right[3].T)
+        found.append(_factor("right coprime", turned, "right"))
+    return [weighted for weighted in found if weighted is not None]
+
+
+def _left_factor(
+    A: Matrix, B: Matrix, C: Matrix, D: Matrix
+) -> tuple[Matrix, Matrix, Matrix, Matrix] | None:
+    """Return [N M] with K = inv(M) N and N N~ + M M~ = 1."""
+    R = np.eye(len(D)) + D @ D.T
+    try:
+        X = linalg.solve_continuous_are(A.T, C.T, B @ B.T, R, s=B @ D.T)
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    L = -np.linalg.solve(R, (X @ C.T + B @ D.T).T).T
+    values, vectors = np.linalg.eigh(R)
+    root = vectors / np.sqrt(values) @ vectors.T
+    return (
+        A + L @ C,
+        np.hstack([B + L @ D, L]),
+        root @ C,
+        root @ np.hstack([D, np.eye(len(D))]),
+    )
+
+
+def _factor(
+    name: str, matrices: tuple[Matrix, Matrix, Matrix, Matrix], back: str
+) -> Weighted | None:
+    A, B, C, _ = matrices
+    if not stable(A, False):
+        return None
+    return Weighted(name, matrices, gramian(A, B, False), gramian(A.T, C.T, False), back)
+
+
+def from_factor(
+    matrices: tuple[Matrix, Matrix, Matrix, Matrix], back: str, inputs: int, outputs: int
+) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """Return the controller that coprime factors stand for."""
+    A, B, C, D = matrices
+    if back == "left":
+        over = np.linalg.inv(D[:, inputs:])
+        own = B[:, inputs:] @ over
+        return (
+            A - own @ C,
+            B[:, :inputs] - own @ D[:, :inputs],
+            over @ C,
+            over @ D[:, :inputs],
+        )
+    over = np.linalg.inv(D[outputs:])
+    own = over @ C[outputs:]
+    return (
+        A - B @ own,
+        B @ over,
+        C[:outputs] - D[:outputs] @ own,
+        D[:outputs] @ over,
+    )
+
+
+# Controllers of a given order that may stand for a longer one.
+
+Parts = tuple[Matrix, Matrix, Matrix, Matrix]
+
+_NOTHING = 1e-30
+
+
+class Candidate(NamedTuple):
+    """A shorter controller, and how it came about."""
+
+    name: str
+    controller: control.StateSpace
+
+
+class Reducer:
+    """All ways to shorten a controller, with what they share computed once.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+    controller : control.StateSpace
+        It stabilises the plant.
+
+    Attributes
+    ----------
+    hankel : mapping of str to ndarray
+        Hankel singular values of every way, largest first.
+    """
+
+    def __init__(self, plant: GeneralizedPlant, controller: control.StateSpace) -> None:
+        self._controller, self._discrete = controller, plant.is_discrete
+        A, B, C, D = matrices_of(controller)
+        even = border_scale(A, np.abs(B).max(axis=1), np.abs(C).max(axis=0))
+        K = A * even / even[:, None], B / even[:, None], C * even, D
+        scaled = named_like(controller, K, controller.dt)
+        loop = np.asarray(plant.closed_loop(scaled).A, dtype=float)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # ill-conditioned equations: what follows is judged
+            ways = [*alone(K, plant.is_discrete), *_quietly(in_loop, plant, K, loop)]
+            ways += _quietly(coprime, K, plant.is_discrete)
+        self._ways = [(way, *_projection(way)) for way in ways]
+        self.hankel: dict[str, Vector] = {way.name: values for way, _, _, values in self._ways}
+
+    def of_order(self, order: int) -> Iterator[Candidate]:
+        """Yield the candidates of an order: the weak states truncated, and held at rest."""
+        m, p = self._controller.ninputs, self._controller.noutputs
+        for way, T, Ti, _ in self._ways:
+            A, B, C, D = way.matrices
+            kept = min(order, T.shape[1])  # fewer where the others do nothing at all
+            turned = Ti @ A @ T, Ti @ B, C @ T, D
+            for how, shorten in (("truncated", _truncated), ("residualised", self._residual)):
+                with np.errstate(all="ignore"):
+                    found = shorten(turned, kept)
+                    if found is not None and way.back:
+                        found = _factored(found, way.back, m, p)
+                if found is not None and all(np.isfinite(M).all() for M in found):
+                    controller = named_like(self._controller, found, self._controller.dt)
+                    yield Candidate(f"{way.name}, {how}", controller)
+
+    def _residual(self, K: Parts, order: int) -> Parts | None:
+        """Hold the weak states at rest, which keeps the gain at frequency zero."""
+        A, B, C, D = K
+        n = len(A)
+        rest = slice(order, n)
+        slow = np.eye(n - order) - A[rest, rest] if self._discrete else -A[rest, rest]
+        if n == order or np.linalg.cond(slow) > 1e12:
+            return None
+        on_x, on_y = np.linalg.solve(slow, A[rest, :order]), np.linalg.solve(slow, B[rest])
+        return (
+            A[:order, :order] + A[:order, rest] @ on_x,
+            B[:order] + A[:order, rest] @ on_y,
+            C[:, :order] + C[:, rest] @ on_x,
+            D + C[:, rest] @ on_y,
+        )
+
+
+def _truncated(K: Parts, order: int) -> Parts:
+    A, B, C, D = K
+    return A[:order, :order], B[:order], C[:, :order], D
+
+
+def _factored(found: Parts, back: str, inputs: int, outputs: int) -> Parts | None:
+    try:
+        return from_factor(found, back, inputs, outputs)
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _projection(way: Weighted) -> tuple[Matrix, Matrix, Vector]:
+    """Return coordinates in which both Gramians are equal and diagonal, largest first.
+
+    States that cannot be told from nothing are left out, which loses nothing that counts.
+    """
+    reach, see = _root(way.reach), _root(way.see)
+    U, values, Vt = np.linalg.svd(see.T @ reach)
+    kept = values > values.max(initial=0.0) * 1e-13
+    kept &= values > _NOTHING
+    size = np.sqrt(values[kept])
+    T = reach @ Vt.T[:, kept] / size
+    Ti = (see @ U[:, kept] / size).T
+    return T, Ti, values
+
+
+def _root(M: Matrix) -> Matrix:
+    values, vectors = np.linalg.eigh((M + M.T) / 2)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _quietly(weigh: Any, *arguments: Any) -> list[Weighted]:
+    """Return what a way gives; none where its equations have no solution."""
+    try:
+        found = weigh(*arguments)
+    except (np.linalg.LinAlgError, ValueError):
+        return []
+    return [w for w in found if np.isfinite(w.reach).all() and np.isfinite(w.see).all()]

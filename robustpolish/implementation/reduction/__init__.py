@@ -1,1 +1,0 @@
-"""Controllers with fewer states: candidates, which the certified loop then judges."""

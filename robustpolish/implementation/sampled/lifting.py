@@ -1,0 +1,421 @@
+"""A period in coordinates that suit doubles: states of the flow and at the samples, rescaled."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import control
+import numpy as np
+from scipy import linalg
+
+from robustpolish.base.arrays import Matrix, Vector
+from robustpolish.base.checks import described, invalid
+from robustpolish.errors import InvalidInputError
+from robustpolish.linear.delays.systems import DelayLine
+from robustpolish.plants.blocks import matrices_of, named_system
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.plants.wiring import Wiring
+
+# Delays of the plant that every signal round a sampled loop meets, taken as they are.
+
+_SAME = 1e-12
+"""Delays that differ by less than this part of one are the same."""
+
+
+def loop_delay_taken_out(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, float]:
+    """Return the plant without what delays all its controls, or all its measurements, alike.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+        Continuous.
+
+    Returns
+    -------
+    plant : GeneralizedPlant
+        What is left of its delays are lines as before.
+    seconds : float
+        The delay that was taken out, for the sampled loop to have between sample and control.
+
+    Notes
+    -----
+    A hold that is read late by a delay is a hold that acts late. A sampler that reads late by a
+    delay samples at earlier instants, and a loop whose clock is shifted has the same poles and
+    norms. An output that shows nothing but a control, and a disturbance that is nothing but noise
+    of the readings, are shifted in time themselves, which changes no energy.
+    """
+    wiring, total = plant.wiring, 0.0
+    for side in ("control", "measurement"):
+        chains = [_chain(wiring, side, i) for i in range(_count(wiring, side))]
+        delays = [sum(wiring.lines[i].seconds for i in chain) for chain in chains]
+        common = min(delays, default=0.0)
+        if common <= 0:
+            continue
+        last = {chain[-1]: delay for chain, delay in zip(chains, delays, strict=True)}
+        # Of each chain that is longer than the others one line stays, with what it has more.
+        kept = {i: delay - common for i, delay in last.items() if delay - common > _SAME * common}
+        for i, rest in kept.items():
+            wiring = replace(wiring, lines=_with(wiring.lines, i, rest))
+        shut = sorted({i for chain in chains for i in chain} - kept.keys(), reverse=True)
+        for i in shut:
+            wiring = _shorted(wiring, i)
+        total += common
+    if not total:
+        return plant, 0.0
+    delays_left: dict[str, float] = {}
+    for line in wiring.lines:
+        delays_left[line.name] = delays_left.get(line.name, 0.0) + line.seconds
+    return plant.rewired(wiring, delays=delays_left), total
+
+
+def _count(wiring: Wiring, side: str) -> int:
+    return wiring.nu if side == "control" else wiring.ny
+
+
+def _with(lines: tuple[DelayLine, ...], at: int, seconds: float) -> tuple[DelayLine, ...]:
+    return (*lines[:at], replace(lines[at], seconds=seconds), *lines[at + 1 :])
+
+
+def _chain(wiring: Wiring, side: str, signal: int) -> list[int]:
+    """Return the lines that a signal runs through with nothing else between, from outside in."""
+    _, B, C, D = wiring.arrays()
+    k = len(wiring.lines)
+    w, z = wiring.nw - k, wiring.nz - k
+    if side == "measurement":  # the same question about the transposed system
+        B, C, D = C.T, B.T, D.T
+        w, z = z, w
+    at, found = w + k + signal, []
+    while True:
+        line = _only_line(B, C, D, at, w, z, k)
+        if line is None or line in found:
+            return found
+        found.append(line)
+        at = w + line
+
+
+def _only_line(B: Matrix, C: Matrix, D: Matrix, at: int, w: int, z: int, k: int) -> int | None:
+    """Return the line that an input enters alone; None if it goes anywhere else."""
+    enters = [int(i) for i in np.flatnonzero(D[:, at]) if z <= i < z + k]
+    if B[:, at].any() or len(enters) != 1 or D[enters[0], at] != 1.0:
+        return None
+    port = enters[0]
+    if C[port].any() or np.flatnonzero(D[port]).tolist() != [at]:
+        return None
+    for row in np.flatnonzero(D[:, at]):
+        # An output beside it may show signals of the outside, and no others.
+        if row == port:
+            continue
+        others = np.flatnonzero(D[row])
+        if row >= z or C[row].any() or (others < w + k).any():
+            return None
+    return port - z
+
+
+def _shorted(wiring: Wiring, line: int) -> Wiring:
+    """Return the wiring with one of its lines without a delay."""
+    A, B, C, D = wiring.arrays()
+    k = len(wiring.lines)
+    i, o = wiring.nw - k + line, wiring.nz - k + line
+    enter, out = B[:, [i]], D[:, [i]]
+    A, B = A + enter @ C[[o]], B + enter @ D[[o]]
+    C, D = C + out @ C[[o]], D + out @ D[[o]]
+    system = named_system(
+        (A, np.delete(B, i, 1), np.delete(C, o, 0), np.delete(np.delete(D, i, 1), o, 0)),
+        wiring.dt,
+        np.delete(np.array(wiring.system.input_labels, dtype=object), i).tolist(),
+        np.delete(np.array(wiring.system.output_labels, dtype=object), o).tolist(),
+        wiring.states,
+    )
+    lines = (*wiring.lines[:line], *wiring.lines[line + 1 :])
+    return Wiring(system, wiring.measurements, wiring.controls, lines)
+
+
+# A controller of other matrices with the same signals.
+
+
+def named_like(
+    system: control.StateSpace, matrices: Any, dt: float | bool | None
+) -> control.StateSpace:
+    """Return the system of these matrices with the inputs and outputs of another.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        Gives the names, those of its states only if there are as many.
+    matrices : sequence of ndarray
+    dt : float, True or None
+
+    Returns
+    -------
+    control.StateSpace
+    """
+    n = len(matrices[0])
+    states = system.state_labels if n == system.nstates else [f"x[{i}]" for i in range(n)]
+    time = 0 if dt is None else dt
+    return named_system(matrices, time, system.input_labels, system.output_labels, states)
+
+
+# One period of a sampled loop: the flow between two samples, and what happens at a sample.
+#
+# At t = k h the state s[k] holds the plant's states, the averages of measurement noise over the
+# last period, the controls that the delay still holds back, and the controller's states. From it
+# follow the start of the flow, zeta(0) = L s[k], and after it s[k+1] = M zeta(h) + N s[k].
+
+SAME_INSTANT = 1e-9
+"""Instants nearer to each other than this part of a period are one: clocks are not better."""
+
+
+class Phase(NamedTuple):
+    """A stretch of `length` seconds of zeta' = A zeta + B w, z = C zeta + D w."""
+
+    length: float
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodMap:
+    """What a sampled loop does in one period; every entry is one of plant or controller.
+
+    Attributes
+    ----------
+    period : float
+        h, in s.
+    phases : tuple of Phase
+        Before and after the control changes; one phase if that happens at a sample.
+    Y : ndarray
+        y[k] = Y s[k], with noise averaged over the last period.
+    Dk, Uk : ndarray
+        u[k] = Dk y[k] + Uk s[k].
+    L0, Lu : ndarray
+        zeta(0) = L0 s[k] + Lu u[k].
+    N0, Nu, Ny, M : ndarray
+        s[k+1] = N0 s[k] + Nu u[k] + Ny y[k] + M zeta(h).
+    noisy : tuple of int
+        The measurements whose noise is averaged.
+    """
+
+    period: float
+    phases: tuple[Phase, ...]
+    Y: Matrix
+    Dk: Matrix
+    Uk: Matrix
+    L0: Matrix
+    Lu: Matrix
+    N0: Matrix
+    Nu: Matrix
+    Ny: Matrix
+    M: Matrix
+    noisy: tuple[int, ...]
+
+    def connected(
+        self,
+        matrix: Callable[[Matrix], Any] = np.asarray,
+        times: Callable[[Any, Any], Any] = np.matmul,
+    ) -> tuple[Any, Any]:
+        """Return L and N, in whatever kind of numbers `matrix` makes and `times` multiplies."""
+        u = times(matrix(self.Dk), matrix(self.Y)) + matrix(self.Uk)
+        start = matrix(self.L0) + times(matrix(self.Lu), u)
+        kept = matrix(self.N0) + times(matrix(self.Nu), u)
+        return start, kept + times(matrix(self.Ny), matrix(self.Y))
+
+
+def beyond_a_period(period: float) -> InvalidInputError:
+    """Build the error about states that grow beyond doubles in a period; the caller raises it."""
+    return invalid(
+        "period",
+        described(f"{period:.6g} s, in which states grow beyond 1e308"),
+        "a period that suits the poles of the plant",
+        "Take a shorter one, and check the unit of time of the plant.",
+    )
+
+
+def split_delay(period: float, delay: float) -> tuple[int, float]:
+    """Return a delay as whole periods and a rest in s, which is zero or visibly between samples.
+
+    Examples
+    --------
+    >>> split_delay(1e-3, 2.5e-3)
+    (2, 0.0005)
+    >>> split_delay(0.1, 0.3)
+    (3, 0.0)
+    """
+    whole = math.floor(delay / period + SAME_INSTANT)
+    rest = delay - whole * period
+    return whole, rest if rest > SAME_INSTANT * period else 0.0
+
+
+def period_map(
+    plant: GeneralizedPlant, controller: control.StateSpace, period: float, delay: float
+) -> PeriodMap:
+    """Put the loop of a continuous plant and a discrete controller together.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+        Continuous, with the anti-aliasing filter, if any, among its states.
+    controller : control.StateSpace
+        Discrete, u[k] = K y[k].
+    period, delay : float
+        h and the time from a sample until its control acts, in s.
+
+    Returns
+    -------
+    PeriodMap
+
+    Notes
+    -----
+    A sensor reads y just before the control changes, so that D22 acts with the control of the
+    period before. What w adds directly to y cannot be sampled as it is, for it may have any
+    value at an instant: its average over the period before counts. Noise of a given density then
+    has the variance of a discrete noise of the same density, density over h.
+    """
+    whole, rest = split_delay(period, delay)
+    nx, nu, nw = plant.nx, plant.nu, plant.nw
+    noisy = tuple(int(i) for i in np.flatnonzero(plant.D21.any(axis=1)))
+    na, two = len(noisy), rest > 0
+    direct = bool(plant.D22.any())
+    held = whole + max(int(two), int(direct))
+    Ak, Bk, Ck, Dk = matrices_of(controller)
+    nk = Ak.shape[0]
+
+    flow = nx + na + nu * (2 if two else 1)
+    late = slice(flow - nu, flow)  # the control after the change
+    early = slice(nx + na, nx + na + nu)  # the one before it, if they differ
+    accumulate = np.vstack([plant.B1, plant.D21[list(noisy)] / period])
+
+    def phase(length: float, acting: slice) -> Phase:
+        A, B = np.zeros((flow, flow)), np.zeros((flow, nw))
+        C = np.zeros((plant.nz, flow))
+        A[:nx, :nx], A[:nx, acting], B[: nx + na] = plant.A, plant.B2, accumulate
+        C[:, :nx], C[:, acting] = plant.C1, plant.D12
+        return Phase(length, A, B, C, plant.D11)
+
+    phases = (phase(rest, early), phase(period - rest, late)) if two else (phase(period, late),)
+
+    n = nx + na + held * nu + nk
+    past = [slice(nx + na + i * nu, nx + na + (i + 1) * nu) for i in range(held)]
+    xk = slice(n - nk, n)
+    eye = np.eye(nu)
+    Y, Uk = np.zeros((plant.ny, n)), np.zeros((nu, n))
+    Y[:, :nx], Uk[:, xk] = plant.C2, Ck
+    for j, i in enumerate(noisy):
+        Y[i, nx + j] = 1.0
+    if direct:
+        Y[:, past[whole]] = plant.D22
+    L0, Lu = np.zeros((flow, n)), np.zeros((flow, nu))
+    L0[:nx, :nx] = np.eye(nx)
+    if whole:
+        L0[late, past[whole - 1]] = eye
+    else:
+        Lu[late] = eye
+    if two:
+        L0[early, past[whole]] = eye
+    N0, Nu, Ny = np.zeros((n, n)), np.zeros((n, nu)), np.zeros((n, plant.ny))
+    N0[xk, xk], Ny[xk] = Ak, Bk
+    if held:
+        Nu[past[0]] = eye
+    for i in range(1, held):
+        N0[past[i], past[i - 1]] = eye
+    M = np.eye(n, flow)[:, : nx + na]
+    M = np.hstack([M, np.zeros((n, flow - nx - na))])
+    return PeriodMap(period, phases, Y, Dk, Uk, L0, Lu, N0, Nu, Ny, M, noisy)
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledMap:
+    """A period map with zeta = flow * zeta', s = sample * s'; all factors are powers of two.
+
+    Attributes
+    ----------
+    map : PeriodMap
+        In its own coordinates, which proofs start from.
+    flow, sample : ndarray
+        Factors.
+    phases : tuple of Phase
+    L, N, M : ndarray
+        zeta(0) = L s, s+ = N s + M zeta(h), in the new coordinates.
+    """
+
+    map: PeriodMap
+    flow: Vector
+    sample: Vector
+    phases: tuple[Phase, ...]
+    L: Matrix
+    N: Matrix
+    M: Matrix
+
+    def transition(self) -> Matrix:
+        """Return the matrix from s[k] to s[k+1] without disturbance."""
+        through = np.eye(self.flow.size)
+        for phase in self.phases:
+            through = linalg.expm(phase.A * phase.length) @ through
+        return self.N + self.M @ through @ self.L
+
+
+def scaled(found: PeriodMap) -> ScaledMap:
+    """Choose coordinates in which flow, inputs and outputs are alike in size.
+
+    Parameters
+    ----------
+    found : PeriodMap
+
+    Returns
+    -------
+    ScaledMap
+    """
+    h = found.period
+    parts = [np.zeros_like(found.phases[0].A), 0.0, 0.0]
+    for phase in found.phases:
+        parts[0] = np.maximum(parts[0], np.abs(phase.A) * h)
+        parts[1] = np.maximum(parts[1], np.linalg.norm(phase.B, axis=1) * np.sqrt(h))
+        parts[2] = np.maximum(parts[2], np.linalg.norm(phase.C, axis=0) * np.sqrt(h))
+    flow = border_scale(*parts)
+    phases = tuple(
+        Phase(p.length, p.A * flow / flow[:, None], p.B / flow[:, None], p.C * flow, p.D)
+        for p in found.phases
+    )
+    L, N = found.connected()
+    L, M = L / flow[:, None], found.M * flow
+    # What a state at a sample means: how it starts the flow, and how the flow and it come back.
+    back = np.abs(N) + np.abs(M) @ np.abs(L)
+    sample = border_scale(back, np.abs(M).max(axis=1), np.abs(L).max(axis=0))
+    return ScaledMap(
+        found,
+        flow,
+        sample,
+        phases,
+        L * sample,
+        N * sample / sample[:, None],
+        M / sample[:, None],
+    )
+
+
+def border_scale(A: Matrix, reach: Vector, seen: Vector) -> Vector:
+    """Return powers of two that balance A with all inputs and all outputs as one more state.
+
+    Parameters
+    ----------
+    A : ndarray, shape (n, n)
+    reach, seen : ndarray, shape (n,)
+        Sizes of the rows of B and of the columns of C.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    n = A.shape[0]
+    size = np.zeros((n + 1, n + 1))
+    size[:n, :n], size[:n, n], size[n, :n] = np.abs(A), reach, seen
+    if not n or not np.isfinite(size).all():
+        return np.ones(n)
+    # SciPy casts permutation indices that were never set, and may complain about their values.
+    with np.errstate(invalid="ignore"):
+        _, (scale, _) = linalg.matrix_balance(size, permute=False, separate=True)
+    found = np.asarray(scale, dtype=float)
+    return found[:n] / found[n]

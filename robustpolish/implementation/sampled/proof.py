@@ -1,0 +1,471 @@
+"""Proofs, in ball arithmetic, of a bound on a sampled loop's norm and of a gain that it reaches."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import flint
+import numpy as np
+from scipy import linalg
+
+from robustpolish.base.arrays import Matrix, Vector
+from robustpolish.implementation.sampled.induced_norm import (
+    SMALL_STEP,
+    GainTest,
+    halvings,
+    hamiltonian,
+    judge_gain,
+)
+from robustpolish.implementation.sampled.lifting import Phase, ScaledMap
+from robustpolish.linear.arithmetic import balls
+
+# Stretches of a sampled loop in ball arithmetic: what doubles found, computed again with proof.
+
+Ball = Any  # flint.arb_mat; python-flint ships no stubs for it
+
+_SPARE_BITS = 140
+"""Bits beyond those that doublings use up; loops of stiff machines lose 60 in inversions."""
+
+
+class BallSection(NamedTuple):
+    """A, G and Q of a stretch, enclosed; see `energy_section.Section`."""
+
+    A: Ball
+    G: Ball
+    Q: Ball
+
+
+def bits_needed(loop: ScaledMap, gamma: float) -> int:
+    """Return the precision for a period: each doubling of a short step costs a bit or two."""
+    most = 0
+    for phase in loop.phases:
+        H = hamiltonian(phase, gamma)
+        most = max(most, 0 if H is None else halvings(H, phase.length))
+    return _SPARE_BITS + 3 * most
+
+
+def joined_balls(first: BallSection, second: BallSection) -> BallSection:
+    """Join two stretches; whether their gain stays below one has to be proven beside it.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If the join is singular as far as the balls can tell.
+    """
+    n = first.G.nrows()
+    W = (balls.identity(n) - first.G * second.Q).inv()
+    through = W * first.A
+    return BallSection(
+        second.A * through,
+        balls.symmetric(second.G + second.A * W * first.G * second.A.transpose()),
+        balls.symmetric(first.Q + first.A.transpose() * second.Q * through),
+    )
+
+
+def joins(first: BallSection, second: BallSection) -> bool:
+    """Prove that two stretches in a row keep the gain below one.
+
+    With S = G1 + e I for a small e > 0, S - S Q2 S > 0 says that all eigenvalues of S Q2,
+    and so those of G1 Q2, lie below one.
+    """
+    n = first.G.nrows()
+    size = float(np.linalg.norm(balls.magnitude(first.G)))
+    heavy = float(np.linalg.norm(balls.magnitude(second.Q)))
+    if size * heavy * (1 + 1e-12) < 1:
+        return True
+    S = first.G + balls.identity(n) * flint.arb(size * 2.0**-40)
+    return balls.is_positive_definite(S) and balls.is_positive_definite(
+        balls.symmetric(S - S * second.Q * S)
+    )
+
+
+def phase_balls(phase: Phase, flow: Vector, gamma: float, doublings: int | None = None) -> Any:
+    """Enclose a phase at gamma in the coordinates that `flow` scales.
+
+    Parameters
+    ----------
+    phase : Phase
+        In its own coordinates.
+    flow : ndarray
+        Powers of two.
+    gamma : float
+    doublings : int, optional
+        Stop after so many, for a witness in the midst of the phase.
+
+    Returns
+    -------
+    (BallSection, bool)
+        The section, and whether every join in it is proven to be sound.
+    """
+    n = phase.A.shape[0]
+    root = flint.arb(gamma).sqrt()
+    into, back = balls.ball(np.diag(1 / flow)), balls.ball(np.diag(flow))
+    A, B = into * balls.ball(phase.A) * back, into * _over(phase.B, root)
+    C, D = _over(phase.C, root) * back, _over(phase.D, flint.arb(gamma))
+    R, S = (
+        balls.identity(D.ncols()) - D.transpose() * D,
+        balls.identity(D.nrows()) - D * D.transpose(),
+    )
+    if not (balls.is_positive_definite(R) and balls.is_positive_definite(S)):
+        raise ZeroDivisionError
+    weight = R.inv()
+    A = A + B * weight * D.transpose() * C
+    G, Q = B * weight * B.transpose(), C.transpose() * S.inv() * C
+    H = balls.block([[A, G], [Q * flint.arb(-1), A.transpose() * flint.arb(-1)]])
+    length = flint.arb(phase.length)
+    size = float(balls.magnitude(H * length).sum(axis=0).max())
+    times = max(0, math.ceil(math.log2(size / SMALL_STEP))) if size > SMALL_STEP else 0
+    Phi = (H * (length * flint.arb(2) ** -times)).exp()
+    table = Phi.tolist()
+    F12, F21, F22 = (
+        flint.arb_mat([row[c : c + n] for row in table[r : r + n]])
+        for r, c in ((0, n), (n, 0), (n, n))
+    )
+    inverse = F22.inv()
+    found = BallSection(
+        inverse.transpose(),
+        balls.symmetric(F12 * inverse),
+        balls.symmetric(inverse * F21 * flint.arb(-1)),
+    )
+    sound = True
+    for _ in range(times if doublings is None else doublings):
+        sound = sound and joins(found, found)
+        found = joined_balls(found, found)
+    return found, sound
+
+
+def _over(matrix: Any, by: Any) -> Ball:
+    found = balls.ball(matrix) if matrix.size else balls.zeros(*matrix.shape)
+    return found * (1 / by)
+
+
+def period_balls(loop: ScaledMap, gamma: float) -> tuple[BallSection, bool]:
+    """Enclose a whole period, in the loop's scaled states at the samples."""
+    found: BallSection | None = None
+    sound = True
+    for phase in loop.map.phases:
+        own, safe = phase_balls(phase, loop.flow, gamma)
+        sound = sound and safe
+        if found is not None:
+            sound = sound and joins(found, own)
+            own = joined_balls(found, own)
+        found = own
+    assert found is not None
+    return at_samples(loop, found), sound
+
+
+def at_samples(loop: ScaledMap, flow: BallSection) -> BallSection:
+    """Return what the flow of a period means for the states at its samples."""
+    L, N = loop.map.connected(_ball, lambda a, b: a * b)
+    into, back = balls.ball(np.diag(1 / loop.sample)), balls.ball(np.diag(loop.sample))
+    L = balls.ball(np.diag(1 / loop.flow)) * L * back
+    M = into * balls.ball(loop.map.M) * balls.ball(np.diag(loop.flow))
+    return BallSection(
+        into * N * back + M * flow.A * L,
+        balls.symmetric(M * flow.G * M.transpose()),
+        balls.symmetric(L.transpose() * flow.Q * L),
+    )
+
+
+def _ball(matrix: Any) -> Ball:
+    return balls.ball(matrix) if matrix.size else balls.zeros(*matrix.shape)
+
+
+# The H2 norm of a sampled loop: the root of the average power of z under white noise w.
+#
+# Noise of unit density enters at all times, not only at the samples; the power of z is
+# averaged over a period. Stretches are joined as for the induced norm, here with energies only.
+
+_TERMS = 40
+_SMALL = 0.25
+_POWER_SPARE_BITS = 160
+_POWER_MARGINS = (1e-12, 1e-10, 1e-8, 1e-6, 1e-4)
+_DOUBLINGS = 60
+
+
+class PowerSection(NamedTuple):
+    """State map A, covariance W from noise within, energy Q of the state, energy J of the noise."""
+
+    A: Ball
+    W: Ball
+    Q: Ball
+    J: Any
+
+
+def average_power(loop: ScaledMap) -> tuple[float, float] | None:
+    """Enclose the H2 norm of a stable loop whose D11 is zero, with proof.
+
+    Parameters
+    ----------
+    loop : ScaledMap
+
+    Returns
+    -------
+    (lower, upper) or None
+        None if stability or the upper bound could not be proven.
+
+    Notes
+    -----
+    The norm of B. Bamieh and J. B. Pearson, "The H2 problem for sampled-data systems", Systems &
+    Control Letters 19 (1992) 1-12: impulses at all instants of a period are averaged over.
+    """
+    h = loop.map.period
+    times = [_halvings(loop, phase) for phase in loop.map.phases]
+    with balls.precision(_POWER_SPARE_BITS + 3 * max(times)):
+        flow: PowerSection | None = None
+        for phase, halved in zip(loop.map.phases, times, strict=True):
+            own = _phase(loop, phase, halved)
+            flow = own if flow is None else _joined(flow, own)
+        assert flow is not None
+        A, W, Q = _at_samples(loop, flow)
+        upper = _covariance_above(A, W)
+        if upper is None:
+            return None
+        high = ((flow.J + (Q * upper).trace()) / flint.arb(h)).sqrt().upper()
+        S = W
+        for _ in range(_DOUBLINGS):
+            grown = balls.symmetric(S + A * S * A.transpose())
+            done = (Q * (grown - S)).trace() < 1e-14 * (Q * grown).trace()
+            S, A = grown, A * A
+            if done:
+                break
+        low = ((flow.J + (Q * S).trace()) / flint.arb(h)).sqrt().lower()
+    return max(0.0, float(low) * (1 - 1e-15)), float(high) * (1 + 1e-15)
+
+
+def _halvings(loop: ScaledMap, phase: Phase) -> int:
+    A = phase.A * loop.flow / loop.flow[:, None]
+    size = 2 * max(np.linalg.norm(A, 1), np.linalg.norm(A, np.inf)) * phase.length / _SMALL
+    return max(0, math.ceil(math.log2(size))) if size > 1 else 0
+
+
+def _phase(loop: ScaledMap, phase: Phase, times: int) -> PowerSection:
+    into, back = balls.ball(np.diag(1 / loop.flow)), balls.ball(np.diag(loop.flow))
+    A = into * balls.ball(phase.A) * back
+    B, C = into * _ball(phase.B), _ball(phase.C) * back
+    step = flint.arb(phase.length) * flint.arb(2) ** -times
+    weight, source = C.transpose() * C, B * B.transpose()
+    W, Q = source * step, weight * step
+    J = (source * weight).trace() * step * step / 2
+    term_w, term_q, factor = source, weight, step
+    for k in range(1, _TERMS):
+        term_w = balls.symmetric(A * term_w) * flint.arb(2)
+        term_q = balls.symmetric(A.transpose() * term_q) * flint.arb(2)
+        factor = factor * step / (k + 1)
+        W, Q = W + term_w * factor, Q + term_q * factor
+        J = J + (source * term_q).trace() * factor * step / (k + 2)
+    # What the series leaves out: each term is at most a quarter of the one before it.
+    rest = flint.arb(_SMALL) ** _TERMS * step
+    size_w, size_q = _norm(source), _norm(weight)
+    n = A.nrows()
+    found = PowerSection(
+        (A * step).exp(),
+        W + _unknown(n, rest * size_w),
+        Q + _unknown(n, rest * size_q),
+        J + flint.arb(0, (rest * step * size_w * size_q * n).upper()),
+    )
+    for _ in range(times):
+        found = _joined(found, found)
+    return found
+
+
+def _joined(first: PowerSection, second: PowerSection) -> PowerSection:
+    return PowerSection(
+        second.A * first.A,
+        balls.symmetric(second.W + second.A * first.W * second.A.transpose()),
+        balls.symmetric(first.Q + first.A.transpose() * second.Q * first.A),
+        first.J + second.J + (second.Q * first.W).trace(),
+    )
+
+
+def _at_samples(loop: ScaledMap, flow: PowerSection) -> tuple[Ball, Ball, Ball]:
+    """Return state map, covariance and output energy of a period in the states at its samples."""
+    L, N = loop.map.connected(_ball, lambda a, b: a * b)
+    into, back = balls.ball(np.diag(1 / loop.sample)), balls.ball(np.diag(loop.sample))
+    L = balls.ball(np.diag(1 / loop.flow)) * L * back
+    M = into * balls.ball(loop.map.M) * balls.ball(np.diag(loop.flow))
+    return (
+        into * N * back + M * flow.A * L,
+        balls.symmetric(M * flow.W * M.transpose()),
+        balls.symmetric(L.transpose() * flow.Q * L),
+    )
+
+
+def _covariance_above(A: Ball, W: Ball) -> Ball | None:
+    """Return an S with S > A S A' + W, which proves stability and bounds the covariance."""
+    step, source = balls.midpoint(A), balls.midpoint(W)
+    n = len(step)
+    if np.abs(np.linalg.eigvals(step)).max(initial=0.0) >= 1:
+        return None
+    size = max(float(np.linalg.norm(source, 2)), 1e-300)
+    for margin in _POWER_MARGINS:
+        S = np.asarray(
+            linalg.solve_discrete_lyapunov(step, source + margin * size * np.eye(n)), dtype=float
+        )
+        if not np.isfinite(S).all():
+            return None
+        ball = balls.symmetric(balls.ball(S))
+        rest = balls.symmetric(ball - A * ball * A.transpose() - W)
+        if balls.is_positive_definite(rest) and balls.is_positive_definite(ball):
+            return ball
+    return None
+
+
+def _norm(matrix: Ball) -> Any:
+    """Return an upper bound of the Frobenius norm."""
+    return sum((entry * entry for entry in matrix.entries()), flint.arb(0)).sqrt()
+
+
+def _unknown(n: int, radius: Any) -> Ball:
+    return flint.arb_mat(n, n, [flint.arb(0, radius.upper())] * (n * n))
+
+
+SLACKS = (2e-6, 1e-5, 1e-4, 1e-3)
+"""How far above the norm a bound may be claimed: the first that can be proven is."""
+
+_MARGINS = (1e-13, 1e-11, 1e-9, 1e-7)
+"""Energy of the states, beside that of z in a period, by which the inequality is kept strict."""
+
+_REFINEMENTS = 5
+_BITS_PER_STAGE = (24, 120)
+"""Bits that a doubling over periods may cost where the gain comes near to gamma; tried in turn.
+
+NN7 of COMPleib, nine states of the controller, needs the second.
+"""
+
+
+def prove_below(loop: ScaledMap, gamma: float) -> tuple[float, Matrix] | None:
+    """Prove that a loop is stable and its norm at most a little above gamma.
+
+    Parameters
+    ----------
+    loop : ScaledMap
+    gamma : float
+        The norm as doubles found it, positive.
+
+    Returns
+    -------
+    (bound, storage) or None
+        With x'Px, which falls by more in every period than z gained over bound^2 w.
+    """
+    for slack in SLACKS:
+        bound = gamma * (1 + slack)
+        try:
+            with balls.precision(bits_needed(loop, bound)):
+                section, sound = period_balls(loop, bound)
+                if not sound:
+                    continue
+                for margin in _MARGINS:
+                    test = judge_gain(loop, bound, margin)
+                    if test.storage is None:
+                        continue
+                    proven = _dissipating(section, test.storage, margin)
+                    if proven is not None:
+                        return bound, proven
+        except ZeroDivisionError:
+            continue
+    return None
+
+
+def _dissipating(section: BallSection, storage: Matrix, margin: float) -> Matrix | None:
+    """Return a storage function that is proven, refined from one that doubles found."""
+    if not np.isfinite(storage).all():
+        return None
+    n = len(storage)
+    P = balls.symmetric(balls.ball(storage))
+    level = margin * float(np.linalg.norm(balls.midpoint(section.Q), 2))
+    extra = balls.identity(n) * flint.arb(level)
+    for _ in range(_REFINEMENTS):
+        through = (balls.identity(n) - section.G * P).inv() * section.A
+        after = balls.symmetric(section.A.transpose() * P * through)
+        if _dissipates(section, P, after):
+            return balls.midpoint(P)
+        rest = balls.midpoint(section.Q + extra + after - P)
+        step = _flow_sum(balls.midpoint(through), rest)
+        if step is None:
+            return None
+        P = balls.symmetric((P + balls.ball(step)).mid())
+    return None
+
+
+def _flow_sum(through: Matrix, rest: Matrix) -> Matrix | None:
+    """Return the sum of T'^k R T^k: Newton's step on the Riccati equation."""
+    total, power = rest, through
+    for _ in range(_DOUBLINGS):
+        added = power.T @ total @ power
+        total, power = total + added, power @ power
+        if not np.isfinite(total).all():
+            return None
+        if np.linalg.norm(added) <= 1e-16 * np.linalg.norm(total):
+            return (total + total.T) / 2
+    return None
+
+
+def _dissipates(section: BallSection, P: Ball, after: Ball) -> bool:
+    """Prove P > 0, P^-1 > G and P > Q + A'(P^-1 - G)^-1 A."""
+    return (
+        balls.is_positive_definite(balls.symmetric(P - section.Q - after))
+        and balls.is_positive_definite(P)
+        and balls.is_positive_definite(balls.symmetric(P - P * section.G * P))
+    )
+
+
+def prove_above(loop: ScaledMap, test: GainTest) -> bool:
+    """Prove that the gain which a failed test saw is really reached, by an input that ends.
+
+    The costate l names an input that costs l'G1 l and brings the energy l'G1 Q2 G1 l afterwards.
+
+    Parameters
+    ----------
+    loop : ScaledMap
+    test : GainTest
+        One that failed.
+
+    Returns
+    -------
+    bool
+        False where the balls leave it open.
+    """
+    if test.stage < 0 and test.phase >= 0:
+        return all(_direct(loop, test.gamma))
+    if test.costate is None or not test.costate.any():
+        return False
+    return any(_witnessed(loop, test, bits) for bits in _BITS_PER_STAGE)
+
+
+def _witnessed(loop: ScaledMap, test: GainTest, bits_per_stage: int) -> bool:
+    """Compare cost and energy of the input that a costate names."""
+    bits = bits_needed(loop, test.gamma) + bits_per_stage * max(0, test.stage)
+    costate = np.zeros(0) if test.costate is None else test.costate
+    try:
+        with balls.precision(bits):
+            first, second = _pair(loop, test)
+            direction = first.G * balls.ball(costate[:, None])
+            cost = (balls.ball(costate[None, :]) * direction)[0, 0]
+            gain = (direction.transpose() * second.Q * direction)[0, 0]
+            return bool(cost > 0 and gain >= cost)
+    except ZeroDivisionError:
+        return False
+
+
+def _direct(loop: ScaledMap, gamma: float) -> list[bool]:
+    """Tell of each phase whether D alone reaches gamma, for inputs that change quickly enough."""
+    gains = [np.linalg.norm(p.D, 2) if p.D.size else 0.0 for p in loop.phases]
+    return [bool(gain * (1 - 1e-13) >= gamma) for gain in gains]
+
+
+def _pair(loop: ScaledMap, test: GainTest) -> tuple[BallSection, BallSection]:
+    """Return the two stretches between which the gain is reached."""
+    phases = loop.map.phases
+    if test.phase < len(phases):
+        found, _ = phase_balls(phases[test.phase], loop.flow, test.gamma, test.stage)
+        return found, found
+    parts = [phase_balls(phase, loop.flow, test.gamma)[0] for phase in phases]
+    if test.phase == len(phases):
+        return parts[0], parts[1]
+    whole = parts[0] if len(parts) == 1 else joined_balls(parts[0], parts[1])
+    section = at_samples(loop, whole)
+    for _ in range(test.stage):
+        section = joined_balls(section, section)
+    return section, section

@@ -1,0 +1,668 @@
+"""A controller as a computer runs it, with the certificate of its sampled loop."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import control
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from robustpolish.base.arrays import Vector
+from robustpolish.base.checks import invalid
+from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.base.saved import Fields, confirm_norm, read_saved, write_saved
+from robustpolish.errors import InfeasibleError, SolverError
+from robustpolish.implementation.certify_sampled import (
+    certify_sampled,
+    checked_delay,
+    checked_plant,
+    discrete_controller,
+)
+from robustpolish.implementation.export.c import CodeSpec, write_c
+from robustpolish.implementation.export.data_files import write_json, write_mat
+from robustpolish.implementation.export.fmu import write_fmu
+from robustpolish.implementation.realization import (
+    FORMS,
+    Limits,
+    RoundoffBound,
+    control_limits,
+    realized,
+    single_precision,
+)
+from robustpolish.implementation.realization import anti_windup as anti_windup_gain
+from robustpolish.implementation.run import sampled_run
+from robustpolish.implementation.sampled.certificate import (
+    Norm,
+    SampledCertificate,
+    certificate_of,
+    filter_system,
+    tone_gains,
+    with_filter,
+)
+from robustpolish.linear.norms.singular_values import singular_values
+from robustpolish.linear.stability import stability
+from robustpolish.plants.plant import (
+    GeneralizedPlant,
+    check_size,
+    plant_content,
+    plant_from,
+    system_content,
+    system_from,
+)
+from robustpolish.plots.frequency import plot_gains
+
+# What the file of a sampled design holds: plant, controller and timing; the rest is proven again.
+#
+# It lies below the design, which writes and reads itself with it.
+
+_REMEDY = "Plant, controller or timing were changed after saving; discretize it anew."
+
+
+def sampled_content(sampled: Any) -> dict[str, Any]:
+    """Return what is written of a :class:`robustpolish.results.SampledDesign`."""
+    analogue = sampled.anti_aliasing
+    return {
+        "norm": sampled.norm,
+        "achieved": sampled.certificate.achieved,
+        "continuous_norm": sampled.continuous_norm,
+        "message": sampled.message,
+        "method": sampled.method,
+        "period": sampled.period,
+        "delay": sampled.delay,
+        "form": sampled.details.get("form"),
+        "plant": plant_content(sampled.plant),
+        "controller": system_content(sampled.controller),
+        "anti_aliasing": None if analogue is None else system_content(analogue),
+    }
+
+
+def sampled_fields(fields: Fields) -> dict[str, Any]:
+    """Return the fields of the sampled design in a file, with a new certificate.
+
+    Raises
+    ------
+    InvalidInputError
+        If a key is missing or wrong, if the controller does not earn a certificate, or if its
+        loop has another norm than the file says.
+    """
+    plant = checked_plant(plant_from(fields.table("plant")))
+    given = system_from(fields.table("controller"))
+    check_size(fields, plant.system, given)
+    period, delay = fields.number("period"), fields.number("delay")
+    if not (math.isfinite(period) and period > 0):
+        raise invalid(f"{fields.where}: period", period, "a time above 0 s", _REMEDY)
+    delay = checked_delay(delay, period)
+    controller = discrete_controller(plant, given, period)
+    analogue = None
+    if fields.raw("anti_aliasing") is not None:
+        analogue = filter_system(system_from(fields.table("anti_aliasing")), plant.ny)
+    norm = fields.text("norm", ("hinf", "h2"))
+    certificate = certify_sampled(
+        plant,
+        controller,
+        delay=delay,
+        norm="h2" if norm == "h2" else "hinf",
+        anti_aliasing=analogue,
+    )
+    confirm_norm(fields, certificate, _REMEDY)
+    before = fields.number("continuous_norm")
+    if np.isnan(before) or before < 0:
+        raise invalid(f"{fields.where}: continuous_norm", before, "a norm", _REMEDY)
+    form = None if fields.raw("form") is None else fields.text("form", FORMS)
+    return {
+        "plant": plant,
+        "controller": controller,
+        "period": period,
+        "delay": delay,
+        "certificate": certificate,
+        "message": fields.text("message"),
+        "norm": certificate.norm,
+        "continuous_norm": before,
+        "method": fields.text("method"),
+        "anti_aliasing": analogue,
+        "details": MappingProxyType({} if form is None else {"form": form}),
+    }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SampledDesign(Displayed):
+    """A discrete controller for a continuous plant, certified with everything between the samples.
+
+    Attributes
+    ----------
+    plant : GeneralizedPlant
+        Continuous, as it was designed for; without the anti-aliasing filter.
+    controller : control.StateSpace
+        Discrete: u[k] = K y[k], positive sign.
+    period, delay : float
+        Seconds between samples, and from a sample until its control acts.
+    certificate : SampledCertificate
+        Of the loop with hold, delay and filter.
+    message : str
+        What sampling cost.
+    norm : {"hinf", "h2"}
+        The norm that is certified.
+    continuous_norm : float
+        The norm of the continuous loop that it imitates.
+    method : str
+        How the controller was imitated: "tustin", ...
+    anti_aliasing : control.StateSpace or None
+        The analogue filter before the samplers.
+    details : mapping
+        What else is known.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    >>> rp.given_controller(plant, [[-3.0]]).discretize(0.3, delay=0.12)
+    Sampled design (tustin): valid
+      period [s]             0.3
+      delay [s]              0.12
+      controller             a static gain
+      norm, continuous       0.5
+      norm, sampled          0.797087, proven between 0.797086 and 0.797088
+      largest pole           0.676701
+      Sampled every 300 ms with a delay of 120 ms, the loop is stable; its norm rises ...
+    """
+
+    plant: GeneralizedPlant
+    controller: control.StateSpace
+    period: float
+    delay: float
+    certificate: SampledCertificate
+    message: str
+    norm: Norm
+    continuous_norm: float
+    method: str = "tustin"
+    anti_aliasing: control.StateSpace | None = None
+    details: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def cost(self) -> float:
+        """By how much the norm has risen, relative: 0.05 is 5 percent."""
+        before = self.continuous_norm
+        return self.certificate.achieved / before - 1 if before > 0 else np.inf
+
+    def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
+        """Write the sampled design to one JSON file, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.json``; its folder has to exist.
+        force : bool, optional
+            Replace an existing file.
+
+        Raises
+        ------
+        InvalidInputError
+            If the file exists and `force` is not set, or it cannot be written there.
+
+        Examples
+        --------
+        >>> import os, tempfile
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> sampled = rp.given_controller(plant, [[-3.0]]).discretize(0.1, delay=0.05)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     sampled.save(os.path.join(folder, "sampled.json"))
+        ...     again = rp.results.SampledDesign.load(os.path.join(folder, "sampled.json"))
+        >>> again.certificate.valid, again.certificate.bound == sampled.certificate.bound
+        (True, True)
+        """
+        write_saved(path, "sampled design", sampled_content(self), force)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], *, max_bytes: float | None = None) -> SampledDesign:
+        """Read a sampled design from a file, and certify it again: the file is not believed.
+
+        Parameters
+        ----------
+        path : path
+            A file that :meth:`save` wrote.
+        max_bytes : float, optional
+            Largest size of the file in bytes, 2e8 by default.
+
+        Returns
+        -------
+        SampledDesign
+            Of its details only the ``form`` is kept.
+
+        Raises
+        ------
+        InvalidInputError
+            If it is no such file, or if its controller does not earn a certificate for the norm
+            that the file claims.
+
+        Examples
+        --------
+        See :meth:`save`.
+
+        >>> import robustpolish as rp
+        >>> rp.results.SampledDesign.load("missing.json")
+        Traceback (most recent call last):
+        ...
+        robustpolish.errors.InvalidInputError: path: got missing.json (No such file or directory)...
+        """
+        return sampled_from(read_saved(path, "sampled design", max_bytes))
+
+    def realization(self, form: str = "balanced") -> SampledDesign:
+        """Return the same controller in other coordinates, and say what single precision costs it.
+
+        Parameters
+        ----------
+        form : {"balanced", "modal", "sections"}, optional
+            "balanced": states as easy to reach as to see. "modal": a block of one or two
+            states per mode, as large at its input as at its output. "sections": the same blocks
+            scaled to inputs of one unit.
+
+        Returns
+        -------
+        SampledDesign
+            Certified afresh. ``details["single_precision"]`` holds the certificate with
+            coefficients rounded to single precision, the shift of the poles, and bounds of what
+            rounding adds to the controls; the message sums it up.
+
+        Raises
+        ------
+        InvalidInputError
+            If the form is unknown.
+        SolverError
+            If the new coordinates lose the certificate.
+
+        Examples
+        --------
+        >>> import control
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> K = control.ss([[-9.0]], [[3.0]], [[-10.0]], 0)
+        >>> sampled = rp.given_controller(plant, K).discretize(0.01).realization("modal")
+        >>> loss = sampled.details["single_precision"]
+        >>> loss.certificate.valid, loss.pole_shift < 1e-7
+        (True, True)
+        """
+        K = realized(self.controller, form)
+        certificate = certificate_of(self._filtered, K, self.delay, self.norm)
+        if not certificate.valid:
+            raise SolverError(
+                f"form: the loop has no certificate with a {form} controller, because "
+                + "; ".join(certificate.reasons)
+                + ". Choose another form."
+            )
+        achieved = certificate.achieved
+        loss = single_precision(self._filtered, K, self.delay, self.norm, achieved)
+        details = {**self.details, "form": form, "single_precision": loss}
+        message = f"{self.message} Realised in {form} form. {loss.sentence}"
+        return replace(
+            self,
+            controller=K,
+            certificate=certificate,
+            message=message,
+            details=MappingProxyType(details),
+        )
+
+    def simulate(
+        self, disturbance: xr.Dataset, limits: Limits = None, *, anti_windup: str = "auto"
+    ) -> xr.Dataset:
+        """Simulate the sampled loop from rest, exactly between its samples.
+
+        Parameters
+        ----------
+        disturbance : xarray.Dataset
+            One variable over `time` (s) per disturbance w, by name, linear between its samples;
+            those that are missing are zero, other variables are ignored.
+        limits : float, (float, float), mapping or list, optional
+            Of the controls: a size, (low, high), either by name, or an entry per control. By
+            default those of the plant (``with_actuator(..., limit=)``); `math.inf` for none.
+        anti_windup : {"auto", "conditioned", "observer", "none"}, optional
+            How the controller's states follow a control that was cut off at a limit: as if y had
+            asked for it (Hanus), or by an observer; "auto" takes the first where it is stable.
+
+        Returns
+        -------
+        xarray.Dataset
+            Every z, and every control as it acts (held, late, within its limits), over `time` with
+            at least ten steps per sample. ``at_limit`` among a control's attributes tells
+            at which part of the samples it was cut off. A control that is called as a z gets
+            a number behind its name, as in :func:`robustpolish.simulate`.
+
+        Raises
+        ------
+        InvalidInputError
+            If the disturbance or the limits do not fit.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import xarray as xr
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> sampled = rp.given_controller(plant, [[-3.0]]).discretize(0.1)
+        >>> push = xr.Dataset({"w1": ("time", np.ones(101))}, {"time": np.linspace(0, 10, 101)})
+        >>> run = sampled.simulate(push, limits=2.0)
+        >>> round(float(run["z1"][-1]), 3), round(float(run["u1"][-1]), 3)
+        (0.5, -1.5)
+        """
+        found, K = self._limits(limits), self.controller
+        if found is None:
+            windup = np.zeros((K.nstates, K.noutputs))
+        else:
+            windup = anti_windup_gain(K, anti_windup).L
+        return sampled_run(self._filtered, K, self.delay, disturbance, found, windup)
+
+    def export_c(
+        self,
+        path: str | os.PathLike[str],
+        name: str = "controller",
+        precision: str = "double",
+        limits: Limits = None,
+        *,
+        anti_windup: str = "auto",
+        test_vectors: int = 0,
+        force: bool = False,
+    ) -> Path:
+        """Write the controller as one C99 file without allocation.
+
+        Parameters
+        ----------
+        path : path
+            An existing folder, or a file that ends in ``.c``.
+        name : str, optional
+            Before every name in the file: ``name_state``, ``name_init``, ``name_step``.
+        precision : {"double", "float"}, optional
+            For "float" the loop is certified with rounded coefficients, and the head of the file
+            states a bound on the difference of the outputs.
+        limits : float, (float, float), mapping or list, optional
+            Of the controls, as in :meth:`simulate`.
+        anti_windup : {"auto", "conditioned", "observer", "none"}, optional
+            As in :meth:`simulate`.
+        test_vectors : int, optional
+            So many random samples of y and u are written to ``<file>_vectors.csv``.
+        force : bool, optional
+            Replace existing files.
+
+        Returns
+        -------
+        pathlib.Path
+            Of the C file.
+
+        Raises
+        ------
+        InvalidInputError
+            If an argument is wrong, or the file exists.
+        InfeasibleError
+            If the loop is unstable with coefficients in single precision.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> sampled = rp.given_controller(plant, [[-3.0]]).discretize(0.1)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     text = sampled.export_c(folder, name="lag", limits=10.0).read_text()
+        >>> "void lag_step(lag_state *s, const double y[1], double u[1]);" in text
+        True
+        """
+        bound = None
+        about: tuple[str, ...] = ()
+        if precision == "float":
+            bound, about = self._single()
+        spec = self._spec(limits, anti_windup, about)
+        return write_c(spec, path, name, precision, bound, test_vectors=test_vectors, force=force)
+
+    def export_mat(
+        self,
+        path: str | os.PathLike[str],
+        name: str = "controller",
+        limits: Limits = None,
+        *,
+        anti_windup: str = "auto",
+        force: bool = False,
+    ) -> Path:
+        """Write the controller as a MAT file.
+
+        Parameters
+        ----------
+        path : path
+            An existing folder, or a file that ends in ``.mat``.
+        name : str, optional
+            Of the file, if `path` is a folder.
+        limits : float, (float, float), mapping or list, optional
+            Of the controls, as in :meth:`simulate`.
+        anti_windup : {"auto", "conditioned", "observer", "none"}, optional
+            As in :meth:`simulate`.
+        force : bool, optional
+            Replace an existing file.
+
+        Returns
+        -------
+        pathlib.Path
+            The file holds A, B, C, D, Ts, InputName, OutputName, InputUnit, OutputUnit, delay, low,
+            high, and L of the anti-windup. In MATLAB: ``load controller; K = ss(A, B, C, D, Ts)``,
+            connected with positive sign.
+
+        Raises
+        ------
+        InvalidInputError
+            If an argument is wrong, or the file exists.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from scipy.io import loadmat
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> sampled = rp.given_controller(plant, [[-3.0]]).discretize(0.1)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     content = loadmat(sampled.export_mat(folder))
+        >>> float(content["D"][0, 0]), float(content["Ts"][0, 0])
+        (-3.0, 0.1)
+        """
+        return write_mat(self._spec(limits, anti_windup), path, name, force=force)
+
+    def export_json(
+        self,
+        path: str | os.PathLike[str],
+        name: str = "controller",
+        limits: Limits = None,
+        *,
+        anti_windup: str = "auto",
+        force: bool = False,
+    ) -> Path:
+        """Write the controller as a JSON file.
+
+        Parameters
+        ----------
+        path : path
+            An existing folder, or a file that ends in ``.json``.
+        name : str, optional
+            Of the file, if `path` is a folder.
+        limits : float, (float, float), mapping or list, optional
+            Of the controls, as in :meth:`simulate`.
+        anti_windup : {"auto", "conditioned", "observer", "none"}, optional
+            As in :meth:`simulate`.
+        force : bool, optional
+            Replace an existing file.
+
+        Returns
+        -------
+        pathlib.Path
+            Matrices, names, units, period, delay, limits and the sign, every number exact.
+
+        Raises
+        ------
+        InvalidInputError
+            If an argument is wrong, or the file exists.
+
+        Examples
+        --------
+        >>> import json, tempfile
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> sampled = rp.given_controller(plant, [[-3.0]]).discretize(0.1)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     content = json.loads(sampled.export_json(folder).read_text())
+        >>> content["D"], content["period"], content["sign"]
+        ([[-3.0]], 0.1, 'u[k] = +K y[k]')
+        """
+        return write_json(self._spec(limits, anti_windup), path, name, force=force)
+
+    def export_fmu(
+        self,
+        path: str | os.PathLike[str],
+        name: str = "controller",
+        limits: Limits = None,
+        *,
+        anti_windup: str = "auto",
+        force: bool = False,
+    ) -> Path:
+        """Write the controller as an FMU for co-simulation (FMI 2.0), compiled for this machine.
+
+        Parameters
+        ----------
+        path : path
+            An existing folder, or a file that ends in ``.fmu``.
+        name : str, optional
+            Of the model.
+        limits : float, (float, float), mapping or list, optional
+            Of the controls, as in :meth:`simulate`.
+        anti_windup : {"auto", "conditioned", "observer", "none"}, optional
+            As in :meth:`simulate`.
+        force : bool, optional
+            Replace an existing file.
+
+        Returns
+        -------
+        pathlib.Path
+            Inputs are the measurements, outputs the controls as they act, held and late by the
+            delay. Samples are taken at the start time and every period after it, of the inputs
+            that were set before the step which begins there; steps may be of any length. Its
+            source is inside, for other machines.
+
+        Raises
+        ------
+        InvalidInputError
+            If an argument is wrong, or the file exists.
+        MissingDependencyError
+            If there is no C compiler.
+
+        Examples
+        --------
+        >>> import tempfile, zipfile
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> sampled = rp.given_controller(plant, [[-3.0]]).discretize(0.1)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     zipfile.ZipFile(sampled.export_fmu(folder)).namelist()[0]
+        'modelDescription.xml'
+        """
+        return write_fmu(self._spec(limits, anti_windup), path, name, force=force)
+
+    @property
+    def _filtered(self) -> GeneralizedPlant:
+        return with_filter(self.plant, self.anti_aliasing)
+
+    def _limits(self, limits: Limits) -> tuple[Vector, Vector] | None:
+        """Return the limits that are meant: by default those that the plant knows."""
+        given = self.plant.limits if limits is None else limits
+        return control_limits(given, self.controller.output_labels)
+
+    def _single(self) -> tuple[RoundoffBound, tuple[str, ...]]:
+        """Certify the loop in single precision, and return the bound and what there is to tell."""
+        loss = self.details.get("single_precision")
+        if loss is None:
+            before = self.certificate.achieved
+            loss = single_precision(self._filtered, self.controller, self.delay, self.norm, before)
+        if not loss.certificate.valid:
+            raise InfeasibleError(
+                "precision: with coefficients rounded to single precision, "
+                + "; ".join(loss.certificate.reasons)
+                + ". Take another form first, with .realization('sections'), or 'double'.",
+            )
+        return RoundoffBound(loss.per_sample, loss.outputs, loss.size), (loss.sentence,)
+
+    def _spec(self, limits: Limits, anti_windup: str, about: tuple[str, ...] = ()) -> CodeSpec:
+        K, plant, c = self.controller, self.plant, self.certificate
+        found = self._limits(limits)
+        windup = anti_windup_gain(K, anti_windup if found is not None else "none")
+        kind = "induced L2" if self.norm == "hinf" else "H2"
+        filtered = self.anti_aliasing
+        words = [
+            f"Plant: {plant.nx} states, from {', '.join(plant.disturbance_names)} to "
+            f"{', '.join(plant.performance_names)}.",
+            f"Sampled every {self.period:.9g} s; the control acts {self.delay:.9g} s after its "
+            f"sample and is held. Imitated by {self.method}.",
+            "Without an anti-aliasing filter."
+            if filtered is None
+            else f"Behind an analogue anti-aliasing filter of {filtered.nstates} states in all.",
+            f"The {kind} norm of the sampled loop is proven to be at most {c.bound:.6g} "
+            f"({self.continuous_norm:.6g} with the continuous controller).",
+        ]
+        if windup.form != "none":
+            words.append(f"Limits with anti-windup in {windup.form} form; no norm is proven there.")
+        return CodeSpec(K, self.period, self.delay, plant.units, found, windup.L, (*words, *about))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the gain from w to z without control and in the sampled loop over frequency.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Up to half the sample rate: RMS of z for a sinusoidal w of RMS one, with all
+            frequencies in z that it brings about. The norm may lie a little higher, because the
+            worst w holds several frequencies.
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> rp.given_controller(plant, [[-3.0]]).discretize(0.1).plot().get_xlabel()
+        'frequency'
+        """
+        sampled = tone_gains(self._filtered, self.controller, self.delay)
+        open_loop = self.plant.open_loop
+        without = singular_values(open_loop, sampled["frequency"].values).isel(singular_value=0)
+        name = "without control" + ("" if stability(open_loop) else " (unstable)")
+        gains = {name: without, "sampled loop": sampled}
+        c = self.certificate
+        mark = {}
+        if c.peak_frequency is not None:
+            mark = {f"norm {c.achieved:.4g}": (c.peak_frequency / (2 * np.pi), c.achieved)}
+        return plot_gains(gains, mark, ax, first_style=0)
+
+    def _card(self) -> Card:
+        c, order = self.certificate, self.controller.nstates
+        rows = (
+            ("period [s]", f"{self.period:.6g}"),
+            ("delay [s]", f"{self.delay:.6g}"),
+            ("controller", f"{order} states" if order else "a static gain"),
+            ("norm, continuous", f"{self.continuous_norm:.6g}"),
+            (
+                "norm, sampled",
+                f"{c.achieved:.6g}, proven between {c.lower:.6g} and {c.bound:.6g}",
+            ),
+            ("largest pole", f"{c.spectral_radius:.6g}"),
+        )
+        verdict = "valid" if c.valid else "NOT valid"
+        notes = (self.message, *c.reasons, *c.notes)
+        return Card(f"Sampled design ({self.method}): {verdict}", (quantities(*rows),), notes)
+
+
+def sampled_from(fields: Fields) -> SampledDesign:
+    """Return the sampled design in a file that has been opened; see :meth:`SampledDesign.load`."""
+    return SampledDesign(**sampled_fields(fields))

@@ -1,0 +1,200 @@
+"""State-space matrices as plain arrays, rescaled by powers of two so that nothing is rounded."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import control
+import numpy as np
+from scipy.linalg import lapack
+
+from robustpolish.base.arrays import AnyMatrix, Matrix
+from robustpolish.base.checks import state_space
+from robustpolish.linear.arithmetic.powers_of_two import (
+    LARGEST,
+    BeyondDoublesError,
+    nearest_exponent,
+    too_far_apart,
+)
+
+_lapack: Any = lapack
+
+
+@dataclass(frozen=True, eq=False)
+class Realisation:
+    """The matrices of a system in scaled units, and how to come back.
+
+    Attributes
+    ----------
+    A, B, C, D : ndarray
+        Scaled matrices; every scale is a power of two, so they are exact.
+    discrete : bool
+        True for discrete time.
+    step : float
+        Sampling time in s (1 if none was given); 1 in continuous time.
+    time : float
+        Scaled frequency times `time` is rad/s; 1 in discrete time.
+    gain : float
+        Scaled gain times `gain` is the gain of the original system.
+    """
+
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+    discrete: bool
+    step: float = 1.0
+    time: float = 1.0
+    gain: float = 1.0
+
+    @property
+    def states(self) -> int:
+        """Number of states."""
+        return self.A.shape[0]
+
+    @property
+    def matrices(self) -> dict[str, Matrix]:
+        """A, B, C and D by name."""
+        return {"A": self.A, "B": self.B, "C": self.C, "D": self.D}
+
+
+def realisation(argument: str, system: Any) -> Realisation:
+    """Read a validated ``control.StateSpace``; an unspecified `dt` means continuous time."""
+    system = state_space(argument, system)
+    n, m, p = system.nstates, system.ninputs, system.noutputs
+    discrete = bool(system.isdtime(strict=True))
+    step = 1.0 if system.dt is None or system.dt is True or not discrete else float(system.dt)
+    return Realisation(
+        np.array(system.A, dtype=float).reshape(n, n),
+        np.array(system.B, dtype=float).reshape(n, m),
+        np.array(system.C, dtype=float).reshape(p, n),
+        np.array(system.D, dtype=float).reshape(p, m),
+        discrete,
+        step,
+    )
+
+
+def named_like(
+    system: control.StateSpace, A: Matrix, B: Matrix, C: Matrix, D: Matrix
+) -> control.StateSpace:
+    """Return a system of these matrices with the sampling time and names of another."""
+    return control.StateSpace(
+        A,
+        B,
+        C,
+        D,
+        system.dt,
+        states=system.state_labels,
+        inputs=system.input_labels,
+        outputs=system.output_labels,
+        remove_useless_states=False,
+    )
+
+
+def power_of_two(value: float) -> float:
+    """Return the power of two nearest to a positive `value`; 1 for zero and infinity."""
+    return 2.0 ** nearest_exponent(value)
+
+
+# Squares between these neither overflow nor lose digits.
+_LEAST, _MOST = 1e-260, 1e260
+_LEAST_NORMAL = float(np.finfo(float).tiny)
+
+
+def size(M: AnyMatrix) -> float:
+    """Return the Frobenius norm, without overflow."""
+    square = np.vdot(M, M).real
+    if _LEAST < square < _MOST:
+        return math.sqrt(square)
+    largest = float(np.abs(M).max(initial=0.0))
+    if largest == 0 or not math.isfinite(largest):
+        return largest
+    return largest * float(np.linalg.norm(M / largest))
+
+
+def state_scales(
+    A: Matrix, B: Matrix | None = None, C: Matrix | None = None
+) -> tuple[Matrix, float]:
+    """Balance A by powers of two, together with B and C if they are given.
+
+    All inputs together, and all outputs together, are treated as one more
+    state, because only a common factor of them may be traded for a gain.
+
+    Returns
+    -------
+    scales : ndarray of shape (n,)
+        x = scales * (scaled x).
+    signal : float
+        B is multiplied by `signal` and C divided by it.
+    """
+    from robustpolish.linear.arithmetic.even_units import balance
+
+    n, signals = A.shape[0], False
+    M = np.array(A, dtype=float, order="C")
+    if B is not None and C is not None:
+        M, signals = np.zeros((n + C.shape[0], n + B.shape[1])), True
+        M[:n, :n], M[:n, n:], M[n:, :n] = A, B, C
+    if not np.isfinite(M).all():
+        raise BeyondDoublesError
+    rows, columns = (np.zeros(size, np.int64) for size in M.shape)
+    balance(M, n, rows, columns, signals)
+    scales = np.ldexp(1.0, columns)
+    return scales[:n], float(scales[n]) if scales.size > n else 1.0
+
+
+def rescaled(system: Realisation) -> Realisation:
+    """Balance the states, then choose units of time and gain that make the entries near one."""
+    if system.states == 0:
+        return system
+    try:  # no `within_doubles`: small systems would wait for the context of it
+        return _rescaled(system)
+    except BeyondDoublesError:
+        raise too_far_apart("system", system.matrices) from None
+
+
+def _rescaled(system: Realisation) -> Realisation:
+    # Imports Numba, which what only holds a realisation does without.
+    from robustpolish.linear.arithmetic.even_units import even_signals, even_states, rounded_nothing
+
+    n, m, p = system.states, system.B.shape[1], system.C.shape[0]
+    given = np.empty((n + p, n + m))
+    given[:n, :n], given[:n, n:] = system.A, system.B
+    given[n:, :n], given[n:, n:] = system.C, system.D
+    M, rows, columns = given.copy(), np.zeros(n + p, np.int64), np.zeros(n + m, np.int64)
+    rates = [even_states(M, n, rows, columns, not system.discrete), 0]
+    if not system.discrete:
+        rates[1] = nearest_exponent(typical_rate(M[:n, :n]))
+    gains = even_signals(M, n, rows, columns, rates[1])
+    time, gain = _times(system.time, rates), _times(system.gain, gains)
+    if time < _LEAST_NORMAL or not rounded_nothing(M, rows, columns, given, LARGEST):
+        raise BeyondDoublesError
+    A, B, C, D = M[:n, :n].copy(), M[:n, n:].copy(), M[n:, :n].copy(), M[n:, n:].copy()
+    return Realisation(A, B, C, D, system.discrete, system.step, time, gain)
+
+
+def _times(value: float, exponents: Iterable[int]) -> float:
+    """Multiply by powers of two, one after the other, none of which may leave the doubles."""
+    for exponent in exponents:
+        try:
+            value = math.ldexp(value, exponent)
+        except OverflowError as error:
+            raise BeyondDoublesError from error
+        if not 0 < value < math.inf:
+            raise BeyondDoublesError
+    return value
+
+
+def typical_rate(A: Matrix) -> float:
+    """Return the geometric mean of the magnitudes of the eigenvalues that are not zero."""
+    if not A.size:
+        return 1.0
+    factors = _lapack.dgetrf(A)[0]  # silent where A is singular
+    pivots = [abs(pivot) for pivot in factors.diagonal().tolist()]
+    if min(pivots) > 1e-6 * max(pivots):  # no eigenvalue is nearly zero
+        return math.exp(sum(map(math.log, pivots)) / len(pivots))
+    rates = np.abs(np.linalg.eigvals(A))
+    rates = rates[rates > np.finfo(float).eps * size(A)]
+    return float(np.exp(np.mean(np.log(rates)))) if rates.size else 1.0

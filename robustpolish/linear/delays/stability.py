@@ -1,0 +1,568 @@
+"""Stability with the delays as they are, not as Pade says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+from scipy import linalg
+from scipy.linalg import block_diag
+
+from robustpolish.base.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vector
+from robustpolish.base.checks import instance_of
+from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
+from robustpolish.linear.delays.systems import (
+    MOST_ORDER,
+    DelayedSystem,
+    DelayLine,
+    pade,
+    resolvent_response,
+)
+from robustpolish.plots.poles import plot_poles
+
+# The rightmost characteristic roots of a system with delays, each with its residual.
+#
+# What runs through a delay line is a transport along it; Chebyshev polynomials along each line turn
+# the system into a matrix whose eigenvalues tend to the roots, spectrally fast: Breda, Maset,
+# Vermiglio, "Pseudospectral differencing methods for characteristic roots of delay differential
+# equations", SIAM J. Scientific Computing 27 (2005) 482-495, here in the form of lines with ports,
+# so that delays may also feed each other directly. Newton steps on the characteristic matrix itself
+# then make each root exact, and its smallest singular value tells whether it is one.
+
+MOST_SIZE = 700
+"""Largest matrix whose eigenvalues are computed; several seconds."""
+
+
+@dataclass(frozen=True)
+class RootPolicy:
+    """Thresholds of the search for roots.
+
+    Attributes
+    ----------
+    nodes : int
+        Least number of Chebyshev nodes along a line: roots of a few rad per delay come out to
+        twelve digits.
+    nodes_per_radian : float
+        More nodes per radian of delay at the highest frequency where a root can be unstable;
+        polynomials need pi per wavelength.
+    residual : float
+        Smallest over largest singular value of the characteristic matrix at what counts as a root.
+    steps : int
+        Newton steps; from the eigenvalues three are enough.
+    moved : float
+        How far, relative to its size and the unit of rate, Newton may move a start.
+    """
+
+    nodes: int = 20
+    nodes_per_radian: float = 1.5
+    residual: float = 1e-9
+    steps: int = 12
+    moved: float = 0.1
+
+
+POLICY = RootPolicy()
+
+
+def rightmost_roots(
+    ports: tuple[Matrix, Matrix, Matrix, Matrix],
+    seconds: Vector,
+    highest: float,
+    count: int = 6,
+    policy: RootPolicy = POLICY,
+) -> AnyVector:
+    """Return the rightmost roots that were confirmed, from right to left.
+
+    Parameters
+    ----------
+    ports : tuple of ndarray
+        A, B, C, D from delayed signals d to the signals v that enter the lines.
+    seconds : ndarray, shape (lines,)
+    highest : float
+        Frequency in rad/s beyond which no root has to be found.
+    count : int
+        How many starts are followed; pairs count twice.
+
+    Returns
+    -------
+    ndarray of complex
+        In rad/s; empty where the system is too large or nothing was confirmed.
+    """
+    A, B, C, D, unit = _scaled(*ports)
+    delays = seconds * unit
+    nodes = policy.nodes + int(np.ceil(policy.nodes_per_radian * highest * seconds.max()))
+    if len(A) + len(seconds) * nodes > MOST_SIZE:
+        return np.zeros(0, complex)
+    starts = np.linalg.eigvals(_transport(A, B, C, D, delays, nodes))
+    starts = starts[np.argsort(-starts.real)][: 3 * count]
+    found: list[complex] = []
+    for start in starts:
+        root = _root(A, B, C, D, delays, complex(start), policy)
+        if root is not None and not any(abs(root - r) <= 1e-6 * (1 + abs(r)) for r in found):
+            found.append(root)
+    found.sort(key=lambda root: (-root.real, -root.imag))
+    return np.array(found[:count], dtype=complex) * unit
+
+
+def _scaled(
+    A: Matrix, B: Matrix, C: Matrix, D: Matrix
+) -> tuple[Matrix, Matrix, Matrix, Matrix, float]:
+    """Balance states and lines by powers of two, and choose a unit of rate."""
+    n = len(A)
+    whole = np.block([[A, B], [C, D]])
+    with np.errstate(invalid="ignore"):
+        _, (scale, _) = linalg.matrix_balance(whole, permute=False, separate=True)
+    whole = whole * scale / scale[:, None]
+    rates = np.abs(np.linalg.eigvals(whole[:n, :n])) if n else np.zeros(0)
+    through = float(np.linalg.norm(whole[:n, n:] @ whole[n:, :n]))  # gain per second, by the lines
+    rates = np.append(rates, through)
+    rates = rates[rates > 0]
+    unit = float(np.exp2(np.round(np.log2(np.median(rates))))) if rates.size else 1.0
+    return whole[:n, :n] / unit, whole[:n, n:] / unit, whole[n:, :n], whole[n:, n:], unit
+
+
+def _transport(A: Matrix, B: Matrix, C: Matrix, D: Matrix, delays: Vector, nodes: int) -> Matrix:
+    """Return the matrix of states and of what is under way along each line.
+
+    Along line i the signal phi(theta) moves by phi' = d phi / d theta, theta from -delay to 0;
+    it enters at 0, where phi = v = C x + D d, and leaves at -delay as d.
+    """
+    n, k = len(A), len(delays)
+    points = np.cos(np.pi * np.arange(nodes + 1) / nodes)
+    weight = np.ones(nodes + 1)
+    weight[[0, -1]] = 2.0
+    weight *= (-1.0) ** np.arange(nodes + 1)
+    away = points[:, None] - points + np.eye(nodes + 1)
+    slope = np.outer(weight, 1 / weight) / away
+    slope -= np.diag(slope.sum(axis=1))
+    whole = np.zeros((n + k * nodes, n + k * nodes))
+    ends = [n + (i + 1) * nodes - 1 for i in range(k)]
+    whole[:n, :n] = A
+    whole[:n, ends] = B
+    for i, delay in enumerate(delays):
+        own = slice(n + i * nodes, n + (i + 1) * nodes)
+        along = slope[1:] * (2 / delay)
+        whole[own, own] += along[:, 1:]
+        whole[own, :n] += np.outer(along[:, 0], C[i])
+        whole[own, ends] += np.outer(along[:, 0], D[i])
+    return whole
+
+
+def _root(
+    A: Matrix,
+    B: Matrix,
+    C: Matrix,
+    D: Matrix,
+    delays: Vector,
+    start: complex,
+    policy: RootPolicy,
+) -> complex | None:
+    """Follow Newton's steps on the characteristic matrix; None if they end at no root."""
+    s = start
+    for _ in range(policy.steps):
+        T, slope = _characteristic(A, B, C, D, delays, s)
+        if not np.isfinite(T).all():
+            return None
+        U, sizes, Vh = np.linalg.svd(T)
+        u, v = U[:, -1].conj(), Vh[-1].conj()
+        change = u @ slope @ v
+        if change == 0:
+            return None
+        step = (u @ T @ v) / change
+        s = complex(s - step)
+        if abs(step) <= 1e-14 * (1 + abs(s)):
+            break
+    T, _ = _characteristic(A, B, C, D, delays, s)
+    if not np.isfinite(T).all() or abs(s - start) > policy.moved * (1 + abs(start)):
+        return None
+    sizes = np.linalg.svd(T, compute_uv=False)
+    return s if sizes[-1] <= policy.residual * sizes[0] else None
+
+
+def _characteristic(
+    A: Matrix, B: Matrix, C: Matrix, D: Matrix, delays: Vector, s: complex
+) -> tuple[AnyMatrix, AnyMatrix]:
+    """Return the matrix that is singular at a root, and its derivative.
+
+    A line is scaled by 1 + |e^(-s delay)|, lest roots far to the left drown.
+    """
+    n, k = len(A), len(delays)
+    with np.errstate(over="ignore", invalid="ignore"):
+        E = np.exp(-s * delays)
+        E = E[:, None] / (1 + np.abs(E))[:, None]
+        one = np.diag(1 / (1 + np.abs(np.exp(-s * delays))))
+    T = np.block([[s * np.eye(n) - A, -B.astype(complex)], [-E * C, one - E * D]])
+    slope = np.block(
+        [
+            [np.eye(n), np.zeros((n, k))],
+            [delays[:, None] * E * C, delays[:, None] * E * D],
+        ]
+    )
+    return T, slope
+
+
+# How many roots of a system with delays are unstable: the argument principle, from Pade on.
+
+
+@dataclass(frozen=True)
+class WindingPolicy:
+    """Thresholds of the count.
+
+    Attributes
+    ----------
+    small : float
+        Where the gain through the delay lines is below it no delay whatever moves a root, so
+        that steps may be as wide as the system itself allows.
+    turn : float
+        Largest phase in rad between neighbours where it is not.
+    delay : float
+        Largest phase in rad of the longest delay between neighbours there.
+    per_decade : int
+        Points of the first grid; around each resonance there are more.
+    most_points : int
+        Points beyond which the count is given up: 5 s for 30 states.
+    whole : float
+        How far the count may lie from a whole number.
+    least : float
+        A determinant that comes so near to zero is a root on the axis, as far as doubles tell.
+    axis : float
+        How near to the axis, relative to its size, no eigenvalue of a Pade model may lie.
+    """
+
+    small: float = 0.8
+    turn: float = 0.4
+    delay: float = 0.3
+    per_decade: int = 60
+    most_points: int = 200_000
+    whole: float = 0.05
+    least: float = 1e-9
+    axis: float = 1e-9
+
+
+WINDING_POLICY = WindingPolicy()
+
+
+class Counted(NamedTuple):
+    """The number of unstable roots or None, why none, and where (rad/s) the last can lie."""
+
+    unstable: int | None
+    reason: str
+    highest: float
+
+
+def count_unstable(system: DelayedSystem, policy: WindingPolicy = WINDING_POLICY) -> Counted:
+    """Count the characteristic roots to the right of the axis.
+
+    Parameters
+    ----------
+    system : DelayedSystem
+        With at least one line, and lines that feed each other directly with a gain below 1.
+
+    Returns
+    -------
+    Counted
+    """
+    lines = _orders(system, policy)
+    if lines is None:
+        return Counted(None, "every Pade model has a pole on the axis", 0.0)
+    system = replace(system, lines=lines)
+    loop = _Loop.of(system)
+    poles = np.concatenate([np.linalg.eigvals(loop.A), np.linalg.eigvals(loop.ports[0])])
+    right = int((np.linalg.eigvals(loop.A).real > 0).sum())
+    omega = _grid(poles, system.seconds, policy)
+    for _ in range(8):  # until the lines are quiet at the end of the grid
+        if loop.gain(omega[-1:])[0] < policy.small:
+            break
+        omega = np.append(omega, omega[-1] * np.geomspace(1.05, 10, policy.per_decade))
+    else:
+        return Counted(None, "the gain through the delays does not fall", float(omega[-1]))
+    gain, value = loop.gain(omega), loop.value(omega)
+    widest = policy.delay / float(system.seconds.max())
+    while True:
+        loud = (gain[:-1] >= policy.small) | (gain[1:] >= policy.small)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turn = np.abs(np.angle(value[1:] / value[:-1]))
+        wide = loud & ((np.diff(omega) > widest) | ~(turn <= policy.turn))
+        wide &= np.diff(omega) > 1e-13 * omega[1:]
+        if not wide.any():
+            break
+        if omega.size + int(wide.sum()) > policy.most_points:
+            return Counted(None, "too many frequencies would be needed", float(omega[-1]))
+        at = np.flatnonzero(wide)
+        new = (omega[at] + omega[at + 1]) / 2
+        omega = np.insert(omega, at + 1, new)
+        gain = np.insert(gain, at + 1, loop.gain(new))
+        value = np.insert(value, at + 1, loop.value(new))
+    heard = np.flatnonzero(gain >= policy.small)
+    highest = float(omega[heard[-1]]) if heard.size else 0.0
+    if np.abs(value).min() < policy.least:
+        return Counted(None, "a root lies on the axis, as far as can be told", highest)
+    turned = np.angle(value[1:] / value[:-1])
+    # Between quiet neighbours the phase is known by itself: no eigenvalue passes zero.
+    quiet = ~loud
+    own = loop.quiet_phase(omega)
+    turned[quiet] = np.diff(own)[quiet]
+    unstable = right - (turned.sum() - own[-1]) / np.pi
+    whole = round(unstable)
+    if abs(unstable - whole) > policy.whole or whole < 0:
+        return Counted(None, f"the count of roots came out as {unstable:.3g}", highest)
+    return Counted(whole, "", highest)
+
+
+class _Loop(NamedTuple):
+    """The loop around the difference of exact delays and Pade, and the lines' own gain."""
+
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+    ports: tuple[Matrix, Matrix, Matrix, Matrix]
+    system: DelayedSystem
+
+    @classmethod
+    def of(cls, system: DelayedSystem) -> _Loop:
+        A, B, C, D = system.ports()
+        Ap, Bp, Cp, Dp = _block(system)
+        inner = np.linalg.inv(np.eye(len(D)) - Dp @ D)
+        # d = Pade(v) + e = inner (Cp xp + Dp C x + e), v = C x + D d
+        x, p = inner @ Dp @ C, inner @ Cp
+        whole = np.block([[A + B @ x, B @ p], [Bp @ (C + D @ x), Ap + Bp @ D @ p]])
+        into = np.vstack([B @ inner, Bp @ D @ inner])
+        return cls(whole, into, np.hstack([C + D @ x, D @ p]), D @ inner, (A, B, C, D), system)
+
+    def difference(self, omega: Vector) -> AnyArray:
+        """Return exact minus Pade, shape (k, lines)."""
+        s = 1j * omega
+        exact = np.exp(-np.multiply.outer(s, self.system.seconds))
+        return exact - np.stack(
+            [
+                resolvent_response(*pade(line.seconds, line.order), s)[:, 0, 0]
+                for line in self.system.lines
+            ],
+            axis=1,
+        )
+
+    def value(self, omega: Vector) -> AnyVector:
+        """Return the determinant, which is 1 at rest and turns about zero for each root."""
+        M = resolvent_response(self.A, self.B, self.C, self.D, 1j * omega)
+        inside = np.eye(len(self.D)) - M * self.difference(omega)[:, None, :]
+        return np.linalg.det(inside)
+
+    def lines_response(self, omega: Vector) -> AnyArray:
+        """Return what the delayed signals come back as, without the delays."""
+        return resolvent_response(*self.ports, 1j * omega)
+
+    def gain(self, omega: Vector) -> Vector:
+        """Return the largest gain through the lines that any phases could make, in any units."""
+        size = np.abs(self.lines_response(omega))
+        found = np.full(omega.size, np.inf)
+        finite = np.isfinite(size).all(axis=(1, 2))
+        if finite.any():
+            found[finite] = np.abs(np.linalg.eigvals(size[finite])).max(axis=1)
+        return found
+
+    def quiet_phase(self, omega: Vector) -> Vector:
+        """Return the determinant's phase where the gain is below 1, and anything elsewhere."""
+        H = self.lines_response(omega)
+        H = np.where(np.isfinite(H), H, 0)
+        exact = np.exp(-np.multiply.outer(1j * omega, self.system.seconds))
+        models = exact - self.difference(omega)
+        phases = []
+        for factors in (exact, models):
+            phases.append(np.angle(1 - np.linalg.eigvals(H * factors[:, None, :])).sum(axis=1))
+        return phases[0] - phases[1]
+
+
+def _block(system: DelayedSystem) -> list[Matrix]:
+    """Return the Pade approximations of all lines as one system."""
+    models = [pade(line.seconds, line.order) for line in system.lines]
+    return [np.asarray(block_diag(*M)) for M in zip(*models, strict=True)]
+
+
+def _orders(system: DelayedSystem, policy: WindingPolicy) -> tuple[DelayLine, ...] | None:
+    """Return lines whose Pade model is well posed and has no pole on the axis."""
+    for more in range(6):
+        lines = tuple(
+            replace(line, order=min(line.order + more, MOST_ORDER)) for line in system.lines
+        )
+        trial = replace(system, lines=lines)
+        D = system.ports()[3]
+        Dp = _block(trial)[3]
+        if np.linalg.cond(np.eye(len(D)) - Dp @ D) > 1e8:
+            continue
+        poles = np.linalg.eigvals(_Loop.of(trial).A)
+        if (np.abs(poles.real) > policy.axis * np.abs(poles).max(initial=0.0)).all():
+            return lines
+    return None
+
+
+def _grid(poles: Any, seconds: Vector, policy: WindingPolicy) -> Vector:
+    """Return frequencies from 0 to far beyond the fastest pole, dense around resonances."""
+    rates = np.concatenate([np.abs(poles), 1 / seconds])
+    rates = rates[rates > 1e-12 * rates.max()]
+    low, high = rates.min() / 100, rates.max() * 100
+    many = int(np.ceil(policy.per_decade * np.log10(high / low)))
+    grid = [np.zeros(1), np.geomspace(low, high, many)]
+    for pole in poles[np.abs(poles.imag) > 0]:
+        width = abs(pole.real / pole.imag)
+        away = np.geomspace(max(width, 1e-12) / 10, 0.3, 40)
+        grid.append(abs(pole.imag) * np.concatenate([1 - away[::-1], [1.0], 1 + away]))
+    return np.unique(np.concatenate(grid))
+
+
+@dataclass(frozen=True, repr=False)
+class DelayStability(Displayed):
+    """Whether a system with delays is stable; true in a condition only if that was shown.
+
+    Attributes
+    ----------
+    verdict : {"stable", "unstable", "undecided"}
+    unstable_roots : int or None
+        How many characteristic roots lie to the right of the axis, by the argument principle; None
+        if they could not be counted.
+    rightmost : complex or None
+        The rightmost root that was found and confirmed, in rad/s.
+    reason : str
+        How it was decided.
+    roots : ndarray of complex
+        The rightmost roots that were confirmed, in rad/s.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> H = control.ss([[-1.0]], [[1.0, -2.0]], [[1.0], [1.0]], 0)
+    >>> rp.linear.delay_stability(
+    ...     rp.simulation.DelayedSystem(H, (rp.simulation.DelayLine("x", 0.3),))
+    ... )
+    stable
+      rightmost root      -2.54819+4.00697j rad/s
+      roots on the right  0
+      no root right of the axis, counted by the argument principle from Pade to exact delays
+    """
+
+    verdict: Literal["stable", "unstable", "undecided"]
+    unstable_roots: int | None
+    rightmost: complex | None
+    reason: str
+    roots: NDArray[np.complex128] = field(
+        default_factory=lambda: np.zeros(0, complex), compare=False
+    )
+
+    def __bool__(self) -> bool:
+        return self.verdict == "stable"
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the rightmost roots.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import control
+        >>> import robustpolish as rp
+        >>> H = control.ss([[-1.0]], [[1.0, -2.0]], [[1.0], [1.0]], 0)
+        >>> found = rp.linear.delay_stability(
+        ...     rp.simulation.DelayedSystem(H, (rp.simulation.DelayLine("x", 0.3),))
+        ... )
+        >>> found.plot().get_xlabel()
+        'real part [1/s]'
+        """
+        return plot_poles({"rightmost roots": self.roots}, ax=ax)
+
+    def _card(self) -> Card:
+        root = self.rightmost
+        shown = None if root is None else f"{root.real:.6g}{root.imag:+.6g}j rad/s"
+        rows = (("rightmost root", shown), ("roots on the right", self.unstable_roots))
+        return Card(self.verdict, (quantities(*rows),), (self.reason,))
+
+
+def delay_stability(system: DelayedSystem) -> DelayStability:
+    r"""Decide whether a system with delays is stable.
+
+    The roots to the right of the axis are counted by the argument principle: those of the Pade
+    model, which are eigenvalues, and the turns that
+
+    .. math:: \det(I - M(i\omega) (e^{-i\omega\tau} - \mathrm{Pade}(i\omega)))
+
+    makes about zero, with M the loop around the difference. Independently, the rightmost roots are
+    computed by Chebyshev polynomials along the delay lines and confirmed by their residuals.
+    Stable is only what both find stable.
+
+    Parameters
+    ----------
+    system : DelayedSystem
+        What its inputs and outputs do does not matter, only what runs through its delays.
+
+    Returns
+    -------
+    DelayStability
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no ``DelayedSystem``.
+
+    Notes
+    -----
+    Delays that feed each other directly (D between them) leave a chain of roots at ever higher
+    frequencies. A system counts as stable only if it stays so under any small change of the
+    delays: Hale, Verduyn Lunel, "Strong stabilization of neutral functional differential
+    equations", IMA J. Mathematical Control and Information 19 (2002) 5-23.
+
+    Examples
+    --------
+    x' = -x(t - T) is stable up to T = pi / 2.
+
+    >>> import control
+    >>> import robustpolish as rp
+    >>> H = control.ss([[0.0]], [[-1.0]], [[1.0]], 0)
+    >>> [rp.linear.delay_stability(
+    ...     rp.simulation.DelayedSystem(H, (rp.simulation.DelayLine("x", T),))
+    ... ).verdict
+    ...  for T in (1.57, 1.5709)]
+    ['stable', 'unstable']
+    """
+    remedy = "Use plant.delayed_loop(controller), or build a DelayedSystem."
+    instance_of("system", system, DelayedSystem, "a DelayedSystem", remedy)
+    refuse_extreme("system", dict(zip("ABCD", system.matrices, strict=True)))
+    ports = system.ports()
+    if not system.lines:
+        poles: Any = np.linalg.eigvals(ports[0]).astype(complex)
+        poles = poles[np.argsort(-poles.real)]
+        right = int((poles.real >= 0).sum())
+        verdict = "unstable" if right else "stable"
+        first = complex(poles[0]) if poles.size else None
+        return DelayStability(verdict, right, first, "there are no delays", poles)
+    direct = float(np.abs(np.linalg.eigvals(np.abs(ports[3]))).max())
+    if direct >= 1:
+        surely = len(system.lines) == 1 and direct > 1
+        text = f"delays feed each other with a gain of {direct:.4g}, not below 1"
+        return DelayStability("unstable" if surely else "undecided", None, None, text)
+    counted = count_unstable(system)
+    roots: Any = rightmost_roots(ports, system.seconds, counted.highest)
+    first = complex(roots[0]) if roots.size else None
+    found = int((roots.real >= 0).sum())
+    if counted.unstable is None:
+        if found:
+            text = "a root right of the axis was found and confirmed"
+            return DelayStability("unstable", None, first, text, roots)
+        return DelayStability("undecided", None, first, counted.reason, roots)
+    if counted.unstable:
+        text = f"{counted.unstable} roots right of the axis, counted by the argument principle"
+        return DelayStability("unstable", counted.unstable, first, text, roots)
+    if found:
+        text = "the argument principle counts no root on the right, yet one was found"
+        return DelayStability("undecided", None, first, text, roots)
+    text = "no root right of the axis, counted by the argument principle from Pade to exact delays"
+    return DelayStability("stable", 0, first, text, roots)

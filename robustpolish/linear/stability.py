@@ -1,0 +1,340 @@
+"""Is a system stable? Decided without rounding where rounding could matter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import control
+import numpy as np
+from flint import acb, arb, fmpq_mat, fmpz_poly
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.linear.arithmetic.balls import precision
+from robustpolish.linear.arithmetic.rational import EXACT_STATES, ExactModel, rational, reachable
+from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
+from robustpolish.linear.eigen import Eigensystem, eigensystem
+from robustpolish.plots.poles import plot_poles
+
+# Poles by exact arithmetic: the characteristic polynomial in integers, its roots isolated.
+#
+# That decides what double precision cannot: on which side of the stability boundary a
+# pole lies. At twelve states it costs a millisecond.
+
+
+@dataclass(frozen=True)
+class PoleCount:
+    """Poles by where they lie, decided exactly.
+
+    Attributes
+    ----------
+    unstable, marginal : tuple of complex
+        Poles beyond and on the imaginary axis or the unit circle, in the
+        units of the matrix; repeated as often as they occur.
+    """
+
+    unstable: tuple[complex, ...]
+    marginal: tuple[complex, ...]
+
+
+def count_poles(A: fmpq_mat, discrete: bool) -> PoleCount:
+    """Sort the eigenvalues of a rational matrix by the side of the stability boundary."""
+    sided = sided_poles(A, discrete)
+    return PoleCount(
+        tuple(pole for pole, side in sided if side > 0),
+        tuple(pole for pole, side in sided if side == 0),
+    )
+
+
+def sided_poles(A: fmpq_mat, discrete: bool) -> list[tuple[complex, int]]:
+    """Return the eigenvalues with -1, 0 or 1 for inside, on and beyond the stability boundary."""
+    return _sided(fmpz_poly(A.charpoly().numer().coeffs()), discrete)
+
+
+def hidden_poles(A: fmpq_mat, B: fmpq_mat, discrete: bool) -> list[tuple[complex, bool]]:
+    """Return the eigenvalues that B does not reach, and whether each is strictly stable."""
+    reached, _, _ = reachable(A, B, fmpq_mat(0, A.nrows()))
+    if reached.nrows() == A.nrows():
+        return []
+    rest = A.charpoly() // reached.charpoly() if reached.nrows() else A.charpoly()
+    sided = _sided(fmpz_poly(rest.numer().coeffs()), discrete)
+    return [(pole, side < 0) for pole, side in sided]
+
+
+def _sided(polynomial: fmpz_poly, discrete: bool) -> list[tuple[complex, int]]:
+    """Return the roots with -1, 0 or 1 for inside, on and beyond the stability boundary."""
+    n = polynomial.degree()
+    if discrete:  # roots at z = -1 go to infinity, where the degree tells
+        polynomial = _mobius(polynomial, n)
+    sided = [(complex(-1), 0)] * (n - polynomial.degree())
+    if polynomial.degree() == 0:
+        return sided
+    mirrored = fmpz_poly([(-1) ** k * int(c) for k, c in enumerate(polynomial.coeffs())])
+    symmetric = polynomial.gcd(mirrored)  # holds every root on the axis, and pairs around it
+    for root, times in _resolved(polynomial, _axis_count(symmetric)):
+        where = complex(root)
+        side = int(root.real > 0) - int(root.real < 0)
+        sided += [(_pole(where if side else 1j * where.imag, discrete), side)] * times
+    return sided
+
+
+def eigenvalues(A: fmpq_mat) -> list[complex]:
+    """Return the eigenvalues of a rational matrix, each part to double precision."""
+    polynomial = fmpz_poly(A.charpoly().numer().coeffs())
+    bits = 128
+    while True:
+        with precision(bits):
+            roots = isolated_roots(polynomial)
+            if bits > 4096 or all(_sharp(root.real) and _sharp(root.imag) for root, _ in roots):
+                return [complex(root) for root, times in roots for _ in range(times)]
+        bits *= 2
+
+
+def _sharp(value: arb) -> bool:
+    """Say whether a part of an eigenvalue is known to double precision or is exactly zero."""
+    return value.rel_accuracy_bits() >= 56 or value == 0
+
+
+def _pole(root: complex, discrete: bool) -> complex:
+    return (1 + root) / (1 - root) if discrete and root != 1 else root
+
+
+def _mobius(polynomial: fmpz_poly, n: int) -> fmpz_poly:
+    """Return (1 - s)^n p((1 + s)/(1 - s))."""
+    up, down = fmpz_poly([1, 1]), fmpz_poly([1, -1])
+    result, power = fmpz_poly([0]), fmpz_poly([1])
+    for k, c in enumerate(polynomial.coeffs()):
+        result += power * down ** (n - k) * c
+        power *= up
+    return result
+
+
+def _resolved(polynomial: fmpz_poly, on_axis: int) -> list[tuple[acb, int]]:
+    """Isolate the roots until only the `on_axis` ones have no sign in their real part."""
+    bits = 64
+    while True:
+        with precision(bits):
+            roots = isolated_roots(polynomial)
+        if sum(times for root, times in roots if root.real.contains(0)) == on_axis:
+            return roots
+        bits *= 2
+
+
+def _axis_count(symmetric: fmpz_poly) -> int:
+    """Count the roots on the imaginary axis of an even or odd polynomial."""
+    coefficients = symmetric.coeffs()
+    zeros = next(k for k, c in enumerate(coefficients) if c != 0)
+    rest = coefficients[zeros:]
+    even = fmpz_poly([(-1) ** k * int(c) for k, c in enumerate(rest[::2])])  # in x = -s^2
+    return zeros + 2 * sum(times for _, times in positive_roots(even))
+
+
+def isolated_roots(polynomial: fmpz_poly) -> list[tuple[acb, int]]:
+    """Return disjoint balls around the roots, with multiplicities, at the precision in force."""
+    roots: Any = polynomial.complex_roots()  # the library's stub forgets the multiplicities
+    return roots
+
+
+def positive_roots(polynomial: fmpz_poly) -> list[tuple[acb, int]]:
+    """Isolate the real roots at or above zero of a polynomial with integer coefficients."""
+    if polynomial.degree() <= 0:
+        return []
+    coefficients = polynomial.coeffs()
+    zeros = next(k for k, c in enumerate(coefficients) if c != 0)
+    found: list[tuple[acb, int]] = [(acb(0), zeros)] if zeros else []
+    rest = fmpz_poly(coefficients[zeros:])
+    bits = 128
+    while True:
+        with precision(bits):
+            roots = isolated_roots(rest) if rest.degree() > 0 else []
+        real = [(root, times) for root, times in roots if root.imag == 0]
+        if not any(root.real.contains(0) for root, _ in real):
+            return found + [(root, times) for root, times in real if root.real > 0]
+        bits *= 2
+
+
+COUNTED_STATES = 150
+"""Largest number of coupled states whose poles are counted in exact arithmetic."""
+
+
+@dataclass(frozen=True, repr=False)
+class Stability(Displayed):
+    """On which side of the stability boundary the poles lie.
+
+    Attributes
+    ----------
+    verdict : {"stable", "marginal", "unstable"}
+        Marginal: none beyond the boundary, but at least one on it.
+    pole : complex or None
+        The pole nearest to the boundary or farthest beyond it, in rad/s (in
+        discrete time without unit); None without states.
+    margin : float
+        Its distance from the boundary, positive inside: the negative real part
+        in rad/s, or one less the magnitude.
+    exact : bool
+        Whether it took exact arithmetic to decide.
+    reason : str
+        The verdict in a sentence.
+    poles : ndarray of complex
+        All poles, to be drawn; the verdict does not rest on them.
+    discrete : bool
+        Whether the unit circle is the boundary.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> rp.linear.stability(control.ss([[-2.0]], [[1.0]], [[1.0]], 0))
+    stable
+      nearest pole  -2 rad/s
+      margin        2 rad/s
+      exact         no
+      all poles are strictly stable
+    """
+
+    verdict: Literal["stable", "marginal", "unstable"]
+    pole: complex | None
+    margin: float
+    exact: bool
+    reason: str
+    poles: NDArray[np.complex128] = field(
+        default_factory=lambda: np.zeros(0, complex), compare=False
+    )
+    discrete: bool = False
+
+    def __bool__(self) -> bool:
+        return self.verdict == "stable"
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the poles with the boundary of stability.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> rp.linear.stability(rp.air_bearing().open_loop).plot().get_ylabel()
+        'frequency [kHz]'
+        """
+        return plot_poles({"poles": self.poles}, ax=ax, discrete=self.discrete)
+
+    def _card(self) -> Card:
+        unit = "" if self.discrete else " rad/s"
+        rows = (
+            ("nearest pole", None if self.pole is None else _shown(self.pole, self.discrete)),
+            ("margin", f"{self.margin:.6g}{unit}"),
+            ("exact", self.exact),
+        )
+        return Card(self.verdict, (quantities(*rows),), (self.reason,))
+
+
+def stability(system: control.StateSpace) -> Stability:
+    r"""Decide whether all poles are strictly stable.
+
+    Poles whose distance from the imaginary axis (the unit circle) is within
+    reach of rounding are counted again in exact rational arithmetic, so the
+    answer is right for the matrix as it is stored, at any scale.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        Continuous or discrete.
+
+    Returns
+    -------
+    Stability
+        True in a condition if, and only if, the system is strictly stable.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no ``StateSpace`` or has entries that are not finite.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> oscillator = control.ss([[0, 1], [-1, -2e-12]], [[0], [1]], [[1, 0]], 0)
+    >>> bool(rp.linear.stability(oscillator))
+    True
+    >>> rp.linear.stability(control.ss([[0.0]], [[1.0]], [[1.0]], 0)).reason
+    'pole 0 rad/s on the imaginary axis'
+    """
+    model = rescaled(realisation("system", system))
+    spectrum = eigensystem(model.A)
+    poles = spectrum.values * model.time
+    return replace(stability_of(model, spectrum), poles=poles, discrete=model.discrete)
+
+
+def stability_of(model: Realisation, spectrum: Eigensystem | None = None) -> Stability:
+    """Decide it for rescaled matrices; the `spectrum` of A is taken if it is at hand."""
+    spectrum = spectrum or eigensystem(model.A)
+    poles, errors = spectrum.values, spectrum.errors
+    if poles.size == 0:
+        return Stability("stable", None, np.inf, False, "there are no states")
+    margins = 1 - np.abs(poles) if model.discrete else -poles.real
+    worst = int(margins.argmin())
+    pole, margin = complex(poles[worst]) * model.time, float(margins[worst]) * model.time
+    clear = np.count_nonzero(np.abs(margins) > errors)
+    if clear == margins.size or (margins < -errors).any():
+        verdict = "stable" if margin > 0 else "unstable"
+        return Stability(verdict, pole, margin, False, _sentence(verdict, pole, model.discrete))
+    if model.states > COUNTED_STATES:
+        text = f"pole {_shown(pole, model.discrete)} too near the boundary to decide: not trusted"
+        return Stability("marginal", pole, margin, False, text)
+    return _exactly(model, pole, margin)
+
+
+def _exactly(model: Realisation, pole: complex, margin: float) -> Stability:
+    count = count_poles(rational(model.A), model.discrete)
+    if count.unstable:
+        verdict, pole = "unstable", max(count.unstable, key=lambda p: _excess(p, model.discrete))
+        margin = -_excess(pole, model.discrete)
+    elif count.marginal:
+        verdict, pole, margin = "marginal", count.marginal[0], 0.0
+    else:
+        text = _sentence("stable", pole, model.discrete) + ", decided in exact arithmetic"
+        return Stability("stable", pole, abs(margin), True, text)
+    pole, margin = pole * model.time, margin * model.time
+    return Stability(verdict, pole, margin, True, _sentence(verdict, pole, model.discrete))
+
+
+def stable_part(model: Realisation, verdict: Stability) -> ExactModel | None:
+    """Return what inputs and outputs see of a marginal system, if that is strictly stable."""
+    if model.states > EXACT_STATES or not verdict.exact:
+        return None
+    seen = ExactModel.of(model).minimal()
+    left = count_poles(seen.A, model.discrete)
+    return None if left.marginal or left.unstable else seen
+
+
+def _excess(pole: complex, discrete: bool) -> float:
+    return abs(pole) - 1 if discrete else pole.real
+
+
+def _sentence(verdict: str, pole: complex, discrete: bool) -> str:
+    if verdict == "stable":
+        return "all poles are strictly stable"
+    side = {
+        ("unstable", False): "in the right half-plane",
+        ("unstable", True): "outside the unit circle",
+        ("marginal", False): "on the imaginary axis",
+        ("marginal", True): "on the unit circle",
+    }[verdict, discrete]
+    return f"pole {_shown(pole, discrete)} {side}"
+
+
+def _shown(pole: complex, discrete: bool) -> str:
+    unit = "" if discrete else " rad/s"
+    if pole.imag == 0:
+        return f"{pole.real:.6g}{unit}"
+    return f"{pole.real:.6g} {'+' if pole.imag > 0 else '-'} {abs(pole.imag):.6g}j{unit}"

@@ -1,0 +1,489 @@
+"""How much gain, phase and delay a loop bears: one signal at a time, and all at once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Literal
+
+import control
+import numpy as np
+from matplotlib.axes import Axes
+
+from robustpolish.base.arrays import AnyMatrix, Vector
+from robustpolish.base.results import Card, Displayed, Table, quantities
+from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
+from robustpolish.linear.eigen import eigensystem
+from robustpolish.linear.norms.peak import cayley
+from robustpolish.loops.disk_margins import DelayedIntervals, DiskMargin, decibel, disk_of
+from robustpolish.loops.loop import Loop, Place
+from robustpolish.loops.pictures import plot_loop_nyquist
+from robustpolish.loops.response import Response, roots
+from robustpolish.loops.scaled_peak import MOST_INTERVALS, best_scales, interval, scaled_peak
+
+# The margins of several loops at once: every signal of a place changed in any combination.
+
+Where = Literal["inputs", "outputs", "inputs and outputs"]
+_MOST_STEPS = 300
+# With delays an interval is as wide as a slope allows, where states alone have eigenvalues for it.
+_MOST_DELAYED = 1000
+_SHARES_OF_SCALES = (1.0, 0.6, 0.2)
+# What the bound of delays may lose: intervals of constant scales get long enough.
+_SLACK = 1e-2
+# A loop that is not small this far above its poles counts as large for ever.
+_FARTHEST = 1e15
+
+
+@dataclass(frozen=True)
+class MarginsAtOnce:
+    """What several loops bear together, each changed by a factor or delay of its own.
+
+    Attributes
+    ----------
+    where : {"inputs", "outputs", "inputs and outputs"}
+        Of the plant.
+    signals : tuple of str
+        The signals that change.
+    disk : DiskMargin
+        A factor from the disk at every signal, in any combination.
+    common_delay_s : float
+        Smallest delay in s that makes the loop unstable if all signals of the place have it; nan
+        for inputs and outputs together.
+    any_delay_s : float
+        Delays up to this, in s, in any combination leave the loop stable: a lower bound, which
+        takes the worst complex change in place of a delay.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> A, C = [[0, 10], [-10, 0]], [[1, 10], [-10, 1]]
+    >>> satellite = control.ss(A, [[1, 0], [0, 1]], C, 0)
+    >>> at_once = rp.loop_analysis(satellite, [[-1, 0], [0, -1]]).at_once["inputs"]
+    >>> round(at_once.disk.alpha, 3), at_once.disk.proven
+    (0.1, True)
+    """
+
+    where: Where
+    signals: tuple[str, ...]
+    disk: DiskMargin
+    common_delay_s: float
+    any_delay_s: float
+
+
+def margins_at_once(loop: Loop, where: Where) -> MarginsAtOnce:
+    """Return what a stable loop bears at all inputs, all outputs, or all of both."""
+    place: Place | None = {"inputs": "input", "outputs": "output"}.get(where)  # type: ignore
+    if place is None:
+        at, opened = [*loop.at("input"), *loop.at("output")], loop.side_by_side
+        common = math.nan
+    else:
+        at, opened = loop.at(place), loop.opened(place)
+        common = common_delay(loop.response(place))
+    names = tuple(loop.closed.input_labels[i] for i in at)
+    balanced = _axis(loop.around(at, 2.0, 1.0), _closed_delays(loop, at))
+    if len(at) == 1:  # no scales to choose
+        disk = disk_of(loop.balanced_peak(at))
+    else:
+        peak = scaled_peak(
+            balanced.size, balanced.response, balanced.seeds(), balanced.around, balanced.most
+        )
+        alpha = 2 / peak.upper if peak.upper else math.inf
+        hertz = float(balanced.omega(peak.frequency) / (2 * math.pi))
+        disk = DiskMargin(alpha, hertz, peak.covered)
+    delay = any_delay(balanced, _axis(opened, _opened_delays(loop, place)), disk.alpha)
+    return MarginsAtOnce(where, names, disk, common, delay)
+
+
+@dataclass(frozen=True, eq=False)
+class _Axis:
+    """A system over the continuous frequency x, of which rad/s is a function."""
+
+    model: Realisation
+    discrete: bool
+    step: float
+    most = MOST_INTERVALS
+
+    @classmethod
+    def of(cls, system: control.StateSpace) -> _Axis:
+        model = realisation("system", system)
+        model = rescaled(model) if model.states else model
+        discrete, step = model.discrete, model.step
+        image = cayley(model)
+        gain = model.gain
+        image = Realisation(
+            image.A, image.B * gain, image.C, image.D * gain, False, 1.0, model.time, 1.0
+        )
+        return cls(image, discrete, step)
+
+    def omega(self, x: float) -> float:
+        """Return the frequency in rad/s."""
+        return 2 * math.atan(x) / self.step if self.discrete else x * self.model.time
+
+    def x(self, omega: float) -> float:
+        """Return the frequency of the model."""
+        if not self.discrete:
+            return omega / self.model.time
+        angle = omega * self.step / 2
+        return math.tan(angle) if angle < math.pi / 2 * (1 - 1e-15) else math.inf
+
+    def response(self, x: float) -> AnyMatrix:
+        model = self.model
+        D = model.D.astype(complex)
+        if not model.states or not math.isfinite(x):
+            return D
+        try:
+            inner = np.linalg.solve(1j * x * np.eye(model.states) - model.A, model.B + 0j)
+        except np.linalg.LinAlgError:
+            return np.full_like(D, np.inf)
+        return D + model.C @ inner
+
+    @property
+    def size(self) -> float:
+        """A frequency near the fastest of the model."""
+        return float(np.linalg.norm(self.model.A)) or 1.0
+
+    def around(self, x: float, scales: Vector, level: float) -> tuple[float, float]:
+        """Return the frequencies around one at which the scaled response is below a level."""
+        return interval(self.model, x, scales, level)
+
+    def seeds(self) -> Vector:
+        """Return the frequencies of the poles."""
+        poles: Any = np.linalg.eigvals(self.model.A) if self.model.states else np.zeros(0)
+        return np.unique(np.round(np.abs(poles), 12))
+
+
+@dataclass(frozen=True, eq=False)
+class _DelayedAxis(_Axis):
+    """The same with exact delays; the model shows where to look."""
+
+    exact: DelayedIntervals
+    most = _MOST_DELAYED
+
+    def response(self, x: float) -> AnyMatrix:
+        if not math.isfinite(x):
+            return super().response(x)
+        return self.exact.response(self.omega(x))
+
+    def around(self, x: float, scales: Vector, level: float) -> tuple[float, float]:
+        # Scales that are best by a hair may be far apart, and the slope then large: less will do.
+        found = [
+            self.exact.around(self.omega(x), scales**share, level)
+            for share in _SHARES_OF_SCALES[: 1 if len(scales) == 1 else None]
+        ]
+        return self.x(min(one[0] for one in found)), self.x(max(one[1] for one in found))
+
+
+def _axis(system: control.StateSpace, exact: DelayedIntervals | None) -> _Axis:
+    own = _Axis.of(system)
+    return own if exact is None else _DelayedAxis(own.model, own.discrete, own.step, exact)
+
+
+def _closed_delays(loop: Loop, at: list[int]) -> DelayedIntervals | None:
+    """Return S - T = 2 S - 1 at some signals with exact delays; None without."""
+    if loop.delayed is None:
+        return None
+    every = np.eye(loop.plant.nu + loop.plant.ny)
+    # z = 2 q - w: q holds w already, and o = q - w.
+    some = every[at]
+    return DelayedIntervals.wired(loop.delayed, every, some.T, (some, some))
+
+
+def _opened_delays(loop: Loop, place: Place | None) -> DelayedIntervals | None:
+    """Return what :attr:`Loop.side_by_side`, or the loop opened at a place, is with delays."""
+    if loop.delayed is None:
+        return None
+    every = np.eye(loop.plant.nu + loop.plant.ny)
+    broken = list(range(len(every))) if place is None else loop.at(place)
+    back = every.copy()
+    back[broken] = 0.0
+    return DelayedIntervals.wired(
+        loop.delayed, back, every[:, broken], (-every[broken], np.zeros((len(broken), len(every))))
+    )
+
+
+def common_delay(response: Response) -> float:
+    """Return the smallest delay in s at all signals of a loop that makes it unstable.
+
+    A pole is on the boundary if an eigenvalue of L, turned by the delay, is -1: the frequencies
+    at which one has size 1 are found by bracketing among points that are dense at resonances.
+    """
+    points = [response.grid, response.level_hints(1.0)]
+
+    def eigenvalues(omega: Vector | float) -> Any:
+        values = response.at(omega)
+        values[~np.isfinite(values).all(axis=(1, 2))] = 1e300
+        found = np.linalg.eigvals(values)
+        return np.take_along_axis(found, np.argsort(-np.abs(found), axis=1), axis=1)
+
+    def excess(omega: Vector | float, rank: int) -> Vector:
+        with np.errstate(divide="ignore"):
+            return np.log(np.abs(eigenvalues(omega)[:, rank]))
+
+    if not response.model.discrete and np.abs(eigenvalues(math.inf)).max() >= 1 - 1e-12:
+        return 0.0
+    least = math.inf
+    for rank in range(response.system.ninputs or 0):
+        for omega in roots(partial(excess, rank=rank), points, response.highest):
+            found = eigenvalues(omega)[0]
+            crossing = found[np.abs(np.abs(found) - 1) < 1e-6]
+            lags = (np.angle(crossing) + math.pi) % (2 * math.pi)
+            least = min(least, float(lags.min(initial=math.inf)) / omega)
+    return least
+
+
+def any_delay(balanced: _Axis, opened: _Axis, alpha: float) -> float:
+    """Return a delay in s up to which delays in any combination leave the loop stable.
+
+    A delay turns the phase by omega tau, and the balanced disk of size alpha holds all turns up
+    to 2 atan(alpha / 2). Above the frequency from which on L is small, any turn will do.
+    """
+    top = _last_large(opened)
+    if top in (0.0, math.inf):
+        return math.inf if top == 0.0 else 0.0
+    least, end = math.inf, top
+    for _ in range(_MOST_STEPS):
+        if 2 * math.atan(alpha / 2) / end >= least:
+            return least
+        x = balanced.x(end)
+        value, scales = best_scales(balanced.response(x))
+        level = value * (1 + _SLACK)
+        least = min(least, 2 * math.atan(1 / level) / end)
+        first = balanced.omega(balanced.around(x, scales, level)[0])
+        end = min(first, end * (1 - 1e-6))
+        if end <= 0:
+            return least
+    return min(least, 2 * math.atan(alpha / 2) / top)
+
+
+def _last_large(opened: _Axis) -> float:
+    """Return the frequency in rad/s above which no change of phases matters, L being small."""
+    model = opened.model
+    fastest = float(np.abs(np.linalg.eigvals(model.A)).max()) if model.states else 0.0
+    end = fastest or 1.0
+    while True:  # out to where the loop is small and stays so
+        value, scales = best_scales(opened.response(end))
+        if value < 1 and opened.around(end, scales, 1.0)[1] == math.inf:
+            break
+        if end > _FARTHEST * (fastest or 1.0):
+            return opened.omega(math.inf)
+        end *= 10
+    for _ in range(_MOST_STEPS):
+        value, scales = best_scales(opened.response(end * (1 - 1e-4)))
+        if value >= 1:
+            return opened.omega(end)
+        end = min(end * (1 - 1e-4), opened.around(end * (1 - 1e-4), scales, 1.0)[0])
+        if end == 0:
+            return 0.0
+    return opened.omega(end)
+
+
+# The margins of one loop, broken at one signal while all others stay closed.
+
+# A crossing of the negative axis below 160 dB or above them is rounding of the response.
+_SMALLEST_GAIN = 1e-8
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A frequency at which the loop's gain is 1, or its phase -180 degrees.
+
+    Attributes
+    ----------
+    frequency_hz : float
+    gain : float
+        Factor of the gain that makes the loop marginal here; 1 at a gain crossover.
+    phase_deg : float
+        Lag, from 0 to 360 degrees, that makes it marginal here; 0 at a phase crossover.
+    delay_s : float
+        The same lag as a delay in s; infinite at frequency 0.
+
+    Examples
+    --------
+    >>> from robustpolish.loops import Crossing
+    >>> Crossing(10.0, 1.0, 36.0, 0.01).delay_s
+    0.01
+    """
+
+    frequency_hz: float
+    gain: float
+    phase_deg: float
+    delay_s: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopMargins(Displayed):
+    """Margins at one signal, all other loops being closed.
+
+    Attributes
+    ----------
+    name : str
+        The signal at which the loop is broken.
+    place : {"input", "output"}
+        Of the plant.
+    gain_up, gain_down : float
+        Factors to which the gain may rise and fall; infinite and 0 if it may as it likes.
+    phase_deg : float
+        Degrees by which the phase may lag or lead; infinite if the gain never is 1.
+    delay_s : float
+        Smallest delay in s that makes the loop unstable; infinite if none does, 0 if any does. In
+        discrete time it is a turn of the phase by omega times the delay, exact for whole samples.
+    modulus : float
+        Smallest distance of the Nyquist curve from -1, one over the peak of S.
+    disk : DiskMargin
+        Gain and phase changed together.
+    gain_crossovers, phase_crossovers : tuple of Crossing
+        All of them, by frequency.
+    loop : control.StateSpace
+        L, with S = 1/(1 + L).
+    unstable_poles : int
+        Poles of L beyond the boundary of stability.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> s = control.tf("s")
+    >>> analysis = rp.loop_analysis(1 / (s * (s + 1) * (0.5 * s + 1)), -1)
+    >>> margins = analysis.margins[0]
+    >>> round(margins.gain_up, 6), round(margins.phase_deg, 4), round(margins.delay_s, 5)
+    (3.0, 32.6131, 0.75958)
+    >>> margins.plot().get_xlabel()
+    'real part of L'
+    """
+
+    name: str
+    place: Place
+    gain_up: float
+    gain_down: float
+    phase_deg: float
+    delay_s: float
+    modulus: float
+    disk: DiskMargin
+    gain_crossovers: tuple[Crossing, ...]
+    phase_crossovers: tuple[Crossing, ...]
+    loop: control.StateSpace = field(repr=False)
+    unstable_poles: int = 0
+
+    @property
+    def gain_up_db(self) -> float:
+        """The upper gain margin in dB."""
+        return decibel(self.gain_up)
+
+    @property
+    def gain_down_db(self) -> float:
+        """The lower gain margin in dB; negative."""
+        return decibel(self.gain_down)
+
+    @property
+    def delay_samples(self) -> float:
+        """The delay margin in samples of a discrete loop; nan in continuous time."""
+        if not self.loop.isdtime(strict=True):
+            return math.nan
+        return self.delay_s / (1.0 if self.loop.dt is True else float(self.loop.dt))
+
+    @property
+    def conditionally_stable(self) -> bool:
+        """Whether less gain makes a loop unstable whose own poles are all stable."""
+        return self.gain_down > 0 and self.unstable_poles == 0
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the Nyquist curve of the loop with the disk that it stays out of.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        return plot_loop_nyquist({self.name: self.loop}, {self.name: self.disk.alpha}, ax)
+
+    def _card(self) -> Card:
+        rows = (
+            ("gain margin [dB]", f"{self.gain_down_db:.4g} to {self.gain_up_db:.4g}"),
+            ("phase margin [deg]", self.phase_deg),
+            ("delay margin [s]", self.delay_s),
+            ("disk margin", f"{self.disk.alpha:.4g}: {_disk_words(self.disk)}"),
+            ("modulus margin", self.modulus),
+        )
+        columns = ("crossing", "frequency [Hz]", "gain [dB]", "lag [deg]", "delay [s]")
+        crossings = tuple(
+            (kind, c.frequency_hz, decibel(c.gain), c.phase_deg, c.delay_s)
+            for kind, found in (("gain", self.gain_crossovers), ("phase", self.phase_crossovers))
+            for c in found
+        )
+        tables = [quantities(*rows, digits=4)]
+        if crossings:
+            tables.append(Table("", columns, crossings))
+        notes = ("Less gain makes it unstable too.",) if self.conditionally_stable else ()
+        return Card(f"Loop broken at {self.place} {self.name}", tuple(tables), notes)
+
+
+def margins_of(loop: Loop, place: Place, signal: int) -> LoopMargins:
+    """Return the margins of a stable loop at one signal of a place."""
+    response = loop.response(place, [signal])
+    at_gain = tuple(_gain_crossover(response, omega) for omega in response.level_crossings(1.0))
+    at_phase = tuple(_phase_crossovers(response))
+    return LoopMargins(
+        name=loop.names(place)[signal],
+        place=place,
+        gain_up=min((c.gain for c in at_phase if c.gain > 1), default=math.inf),
+        gain_down=max((c.gain for c in at_phase if c.gain < 1), default=0.0),
+        phase_deg=min((min(c.phase_deg, 360 - c.phase_deg) for c in at_gain), default=math.inf),
+        delay_s=_delay(response, at_gain),
+        modulus=_modulus(loop, place, signal),
+        disk=disk_of(loop.balanced_peak(loop.at(place, [signal]))),
+        gain_crossovers=at_gain,
+        phase_crossovers=at_phase,
+        loop=response.system,
+        unstable_poles=_unstable(response),
+    )
+
+
+def _gain_crossover(response: Response, omega: float) -> Crossing:
+    lag = (float(np.angle(response.scalar(omega)[0])) + math.pi) % (2 * math.pi)
+    return Crossing(omega / (2 * math.pi), 1.0, math.degrees(lag), lag / omega)
+
+
+def _phase_crossovers(response: Response) -> list[Crossing]:
+    """Return where L is real and negative, at both ends of the axis too."""
+    found = [0.0, *response.phase_crossings()]
+    if response.highest not in found:
+        found.append(response.highest)
+    crossings = []
+    for omega in found:
+        value: Any = response.scalar(omega)[0]
+        real = float(value.real)
+        beyond = not np.isfinite(value) or not _SMALLEST_GAIN < -real < 1 / _SMALLEST_GAIN
+        if not beyond and abs(value.imag) <= 1e-6 * abs(real):
+            crossings.append(Crossing(omega / (2 * math.pi), -1 / real, 0.0, 0.0))
+    return crossings
+
+
+def _delay(response: Response, crossovers: tuple[Crossing, ...]) -> float:
+    """Return the smallest delay; any will do if the gain stays at or above 1 for ever."""
+    if not response.model.discrete and abs(response.scalar(math.inf)[0]) >= 1 - 1e-12:
+        return 0.0
+    return min((c.delay_s for c in crossovers), default=math.inf)
+
+
+def _modulus(loop: Loop, place: Place, signal: int) -> float:
+    largest = loop.peak(loop.at(place, [signal])).value
+    return 1 / largest if largest > 0 else math.inf
+
+
+def _unstable(response: Response) -> int:
+    """Count poles beyond the boundary of stability, those that rounding leaves on it aside."""
+    model = response.model
+    spectrum = eigensystem(model.A)
+    poles = spectrum.values
+    beyond = np.abs(poles) - 1 if model.discrete else poles.real
+    return int((beyond > spectrum.errors).sum())
+
+
+def _disk_words(disk: DiskMargin) -> str:
+    return f"±{disk.gain_db:.3g} dB with ±{disk.phase_deg:.3g} deg"

@@ -1,1 +1,0 @@
-"""How much gain, phase and delay a loop bears: one signal at a time, and all at once."""

@@ -1,1 +1,0 @@
-"""Loops with a plant that is known at measured frequencies only."""

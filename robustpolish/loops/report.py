@@ -1,0 +1,618 @@
+"""Can this loop be built, and what limits it: the figures in a paragraph."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import control
+import numpy as np
+
+from robustpolish.base.checks import invalid
+from robustpolish.base.results import Table, bears_prefix, prefix_power, prefixed
+from robustpolish.linear.stability import Stability
+from robustpolish.loops.disk_margins import DiskMargin, decibel
+from robustpolish.loops.loop import PLACES, Loop, Place
+from robustpolish.loops.margins import LoopMargins, MarginsAtOnce, Where
+from robustpolish.loops.performance import (
+    Effort,
+    GivenEffort,
+    LoopBandwidth,
+    SampleRate,
+    Sensitivities,
+)
+from robustpolish.loops.requirements import LoopRequirements
+
+# What was found out about a loop, and what follows from it, without words and pictures.
+
+_MOST_SHOWN = 5
+"""So many single loops are drawn in one picture."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopFigures:
+    """The fields of :class:`robustpolish.results.LoopAnalysis`, whose docstring explains them."""
+
+    loop: Loop
+    stability: Stability
+    input: Sensitivities
+    output: Sensitivities
+    margins: tuple[LoopMargins, ...]
+    at_once: Mapping[Where, MarginsAtOnce]
+    bandwidths: tuple[LoopBandwidth, ...]
+    noise: tuple[Effort, ...]
+    effort: tuple[Effort, ...]
+    given: tuple[GivenEffort, ...]
+    sample_rate: SampleRate | None
+    requirements: LoopRequirements
+
+    @property
+    def stable(self) -> bool:
+        """Whether the closed loop is strictly stable; there are no margins otherwise."""
+        return bool(self.stability)
+
+    @property
+    def S(self) -> control.StateSpace:
+        """Sensitivity at the plant's output."""
+        return self.output.S
+
+    @property
+    def T(self) -> control.StateSpace:
+        """Complementary sensitivity at the plant's output."""
+        return self.output.T
+
+    @property
+    def KS(self) -> control.StateSpace:
+        """From noise on the measurements to the controls."""
+        return self.output.KS
+
+    @property
+    def GS(self) -> control.StateSpace:
+        """From disturbances at the controls to the measurements."""
+        return self.output.GS
+
+    @property
+    def gain_margin(self) -> tuple[float, float]:
+        """Factors to which the gain of any one loop may fall and rise; nan if unstable."""
+        if not self.margins:
+            return math.nan, math.nan
+        return max(m.gain_down for m in self.margins), min(m.gain_up for m in self.margins)
+
+    @property
+    def phase_margin(self) -> float:
+        """Degrees by which the phase of any one loop may turn; nan if unstable."""
+        return self._least(lambda margins: margins.phase_deg)
+
+    @property
+    def delay_margin(self) -> float:
+        """Smallest delay in s, in one loop or in all of a place alike, that makes it unstable."""
+        common = [found.common_delay_s for found in self.at_once.values()]
+        known = [delay for delay in common if not math.isnan(delay)]
+        return min([self._least(lambda margins: margins.delay_s), *known])
+
+    @property
+    def disk_margin(self) -> DiskMargin:
+        """The smallest disk margin of one loop at a time; nan if unstable."""
+        if not self.margins:
+            return DiskMargin(math.nan, math.nan, False)
+        return min((margins.disk for margins in self.margins), key=lambda disk: disk.alpha)
+
+    @property
+    def modulus_margin(self) -> float:
+        """The smallest distance of any one Nyquist curve from -1; nan if unstable."""
+        return self._least(lambda margins: margins.modulus)
+
+    @property
+    def largest_rate(self) -> dict[str, float]:
+        """Largest rate of each control, in units per second, after a unit step of a disturbance."""
+        names = {row.control: 0.0 for row in self.effort}
+        for row in self.effort:
+            names[row.control] = max(names[row.control], row.step_rate)
+        return names
+
+    def _chosen(self, place: Place, signal: str | None) -> list[tuple[Place, int]]:
+        """Return where loops are broken to be shown: at one signal, or at those of a place."""
+        if signal is None:
+            return [(place, i) for i in range(min(len(self.loop.names(place)), _MOST_SHOWN))]
+        for where in PLACES:
+            if signal in self.loop.names(where):
+                return [(where, self.loop.names(where).index(signal))]
+        known = ", ".join(name for where in PLACES for name in self.loop.names(where))
+        raise invalid("signal", signal, f"one of {known}", "Check its spelling.")
+
+    def _least(self, of: Callable[[LoopMargins], float]) -> float:
+        return min((of(margins) for margins in self.margins), default=math.nan)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain numbers, without systems.
+
+        Returns
+        -------
+        dict
+            Its keys are the names of the attributes.
+        """
+        disk = self.disk_margin
+        return {
+            "stable": self.stable,
+            "stability": self.stability.reason,
+            "gain_margin": list(self.gain_margin),
+            "phase_margin_deg": self.phase_margin,
+            "delay_margin_s": self.delay_margin,
+            "modulus_margin": self.modulus_margin,
+            "disk_margin": _disk_figure(disk),
+            "margins": [
+                {
+                    "name": m.name,
+                    "place": m.place,
+                    "gain_down": m.gain_down,
+                    "gain_up": m.gain_up,
+                    "phase_deg": m.phase_deg,
+                    "delay_s": m.delay_s,
+                    "modulus": m.modulus,
+                    "disk": _disk_figure(m.disk),
+                    "unstable_poles": m.unstable_poles,
+                    "gain_crossovers": [dict(vars(c)) for c in m.gain_crossovers],
+                    "phase_crossovers": [dict(vars(c)) for c in m.phase_crossovers],
+                }
+                for m in self.margins
+            ],
+            "at_once": {
+                where: {
+                    "signals": list(m.signals),
+                    "disk": _disk_figure(m.disk),
+                    "common_delay_s": m.common_delay_s,
+                    "any_delay_s": m.any_delay_s,
+                }
+                for where, m in self.at_once.items()
+            },
+            "bandwidths": [dict(vars(row)) for row in self.bandwidths],
+            "noise": [dict(vars(row)) for row in self.noise],
+            "effort": [dict(vars(row)) for row in self.effort],
+            "given": [dict(vars(row)) for row in self.given],
+            "largest_rate": self.largest_rate,
+            "sample_rate": None if self.sample_rate is None else dict(vars(self.sample_rate)),
+            "requirements": dict(vars(self.requirements)),
+        }
+
+
+def _disk_figure(disk: DiskMargin) -> dict[str, Any]:
+    return {
+        "alpha": disk.alpha,
+        "gain_db": disk.gain_db,
+        "phase_deg": disk.phase_deg,
+        "frequency_hz": disk.frequency_hz,
+        "proven": disk.proven,
+    }
+
+
+# The figures of a loop as tables.
+
+# More rows than this are shortened to the worst source of each control.
+_MOST_ROWS = 12
+
+
+def tables_of(found: LoopFigures) -> tuple[Table, ...]:
+    """Return what is known of a loop as tables; none for an unstable one."""
+    if not found.stable:
+        return ()
+    tables = [_margins(found), _at_once(found), _bandwidths(found)]
+    tables += [
+        _efforts("Noise on the measurements: what the controls do", found.noise),
+        _efforts("Disturbances: what the controls do", found.effort),
+    ]
+    if found.given:
+        rows = tuple(
+            (row.control, row.peak, row.rms, row.peak_rate, row.unit) for row in found.given
+        )
+        head = ("control", "peak", "RMS", "rate [1/s]", "unit")
+        tables.append(Table("Under the given disturbance", head, rows))
+    if found.sample_rate is not None:
+        rate = found.sample_rate
+        rules: list[tuple[Any, ...]] = list(rate.rules.items())
+        rules += [("needed", rate.needed_hz), ("lowest stable", rate.lowest_stable_hz)]
+        tables.append(Table("Sampling", ("rule", "rate [Hz]"), tuple(rules)))
+    return tuple(tables)
+
+
+def _margins(found: LoopFigures) -> Table:
+    head = (
+        "broken at", "signal", "gain down [dB]", "gain up [dB]", "phase [deg]", "delay [s]",
+        "disk", "disk [dB]", "disk [deg]", "modulus",
+    )  # fmt: skip
+    rows = tuple(
+        (
+            m.place, m.name, m.gain_down_db, m.gain_up_db, m.phase_deg, m.delay_s,
+            m.disk.alpha, m.disk.gain_db, m.disk.phase_deg, m.modulus,
+        )
+        for m in found.margins
+    )  # fmt: skip
+    return Table("Margins, one loop at a time", head, rows)
+
+
+def _at_once(found: LoopFigures) -> Table:
+    head = (
+        "changed at", "disk", "disk [dB]", "disk [deg]", "worst at [Hz]",
+        "common delay [s]", "any delays [s]",
+    )  # fmt: skip
+    rows = tuple(
+        (
+            where, m.disk.alpha, m.disk.gain_db, m.disk.phase_deg, m.disk.frequency_hz,
+            m.common_delay_s, m.any_delay_s,
+        )
+        for where, m in found.at_once.items()
+    )  # fmt: skip
+    return Table("Margins, all at once", head, rows)
+
+
+def _bandwidths(found: LoopFigures) -> Table:
+    head = (
+        "broken at", "signal", "crossover [Hz]", "S -3 dB [Hz]", "T -3 dB [Hz]", "peak S", "peak T",
+    )  # fmt: skip
+    rows = tuple(
+        (
+            row.place, row.name, row.crossover_hz, row.sensitivity_hz, row.complementary_hz,
+            row.peak_s, row.peak_t,
+        )
+        for row in found.bandwidths
+    )  # fmt: skip
+    return Table("Bandwidths", head, rows)
+
+
+def _efforts(caption: str, rows: Sequence[Effort]) -> Table:
+    head = (
+        "source",
+        "control",
+        "RMS",
+        "peak gain",
+        "at [Hz]",
+        "step peak",
+        "step rate [1/s]",
+        "unit",
+    )
+    kept = [row for row in rows if row.peak_gain > 0]
+    if len(kept) > _MOST_ROWS:
+        controls = dict.fromkeys(row.control for row in kept)
+        kept = [
+            max((row for row in kept if row.control == name), key=lambda row: row.peak_gain)
+            for name in controls
+        ]
+        caption += ", the strongest source of each"
+    cells = tuple(
+        (
+            row.source, row.control, row.rms, row.peak_gain, row.peak_gain_hz,
+            row.step_peak, row.step_rate, _per(row),
+        )
+        for row in kept
+    )  # fmt: skip
+    return Table(caption, head, cells)
+
+
+def _per(row: Effort) -> str:
+    """Return the unit of the control for a unit of its source."""
+    return f"{row.unit}/{row.source_unit}" if row.unit and row.source_unit else ""
+
+
+def problems(found: LoopFigures) -> list[str]:
+    """Return what speaks against building the loop, the worst first; nothing if it can be built."""
+    if not found.stable:
+        return [_unstable(found)]
+    asked, told = found.requirements, []
+    told += _delays(found)
+    rate = found.sample_rate
+    if rate is not None and rate.needed_hz > asked.sample_rate_hz:
+        wanted = (
+            f"it needs sampling at {quantity(rate.needed_hz, 'Hz')} ({rate.limited_by})"
+            if math.isfinite(rate.needed_hz)
+            else "no sampling is fast enough for it"
+        )
+        told.append(f"{wanted}, where {quantity(asked.sample_rate_hz, 'Hz')} can be bought")
+    dt = found.loop.dt
+    if found.loop.is_discrete and dt is not True and 1 / float(dt) > asked.sample_rate_hz:
+        told.append(
+            f"it is sampled at {quantity(1 / float(dt), 'Hz')}, where "
+            f"{quantity(asked.sample_rate_hz, 'Hz')} can be bought"
+        )
+    weak = [m for m in found.margins if m.disk.alpha < asked.disk]
+    if weak:
+        worst = min(weak, key=lambda m: m.disk.alpha)
+        told.append(
+            f"its disk margin at {worst.place} {worst.name} is "
+            f"{_disk_text(worst.disk)}, below {asked.disk_gain_db:g} dB "
+            f"and {asked.disk_phase_deg:g} deg"
+        )
+    weak_together = [
+        m
+        for where, m in found.at_once.items()
+        if where != "inputs and outputs"
+        and len(m.signals) > 1
+        and m.disk.alpha < asked.disk_at_once
+    ]
+    if weak_together:
+        worst = min(weak_together, key=lambda m: m.disk.alpha)
+        told.append(
+            f"its disk margin at all {worst.where} at once is {_disk_text(worst.disk)}, below "
+            f"{asked.at_once_gain_db:g} dB"
+        )
+    near = [m for m in found.margins if m.modulus < asked.modulus and m not in weak]
+    if near:
+        worst = min(near, key=lambda m: m.modulus)
+        told.append(
+            f"its Nyquist curve at {worst.place} {worst.name} comes within {worst.modulus:.3g} "
+            f"of -1, where {asked.modulus:g} is asked"
+        )
+    return told
+
+
+def explain(found: LoopFigures) -> str:
+    """Say in a paragraph whether the loop can be built, and what limits it."""
+    against = problems(found)
+    if not found.stable:
+        return f"This loop cannot be built: {against[0]}. There are no margins."
+    sentences = [verdict(against), margins_in_words(found), at_once_in_words(found), _where(found)]
+    sentences += [_sampling(found), _sensors(found), _noise(found), _effort(found)]
+    sentences += _conditional(found)
+    sentences += [_outside(found), _approximated(found)]
+    return " ".join(filter(None, sentences))
+
+
+def _unstable(found: LoopFigures) -> str:
+    loop = found.loop
+    text = f"the closed loop is not stable ({found.stability.reason})"
+    if loop.opposite_stability:
+        text += "; with the opposite sign it would be, so pass -K: here u = K y"
+    return text
+
+
+def verdict(against: list[str]) -> str:
+    """Say whether the loop can be built."""
+    if not against:
+        return "This loop can be built."
+    return f"This loop cannot be built as it is: {'; '.join(against)}."
+
+
+def _delays(found: LoopFigures) -> list[str]:
+    asked, margin = found.requirements, found.delay_margin
+    if found.loop.dt is True:  # without a sampling time, seconds mean nothing
+        return []
+    if found.loop.is_discrete:
+        total = asked.delay_s
+        what = f"a chain of measurement and drive takes {quantity(total, 's')}"
+    else:
+        sampling = asked.sampling_delay_samples / asked.sample_rate_hz
+        total = asked.delay_s + sampling
+        what = (
+            f"{asked.sampling_delay_samples:g} samples at "
+            f"{quantity(asked.sample_rate_hz, 'Hz')} and the chain of measurement and drive take "
+            f"{quantity(total, 's')}"
+        )
+    if margin == 0:
+        return [f"any delay makes it unstable, and {what}"]
+    if margin <= total:
+        return [f"a delay of {quantity(margin, 's')} makes it unstable, and {what}"]
+    if asked.delay_share * margin < total:
+        share = f"{100 * total / margin:.0f} %"
+        return [f"of its delay margin of {quantity(margin, 's')}, {share} are used up: {what}"]
+    return []
+
+
+def margins_in_words(found: LoopFigures) -> str:
+    """Say what one loop at a time bears."""
+    down, up = found.gain_margin
+    gains = f"the gain may {_gain_words(down, up)}"
+    phase = found.phase_margin
+    turns = (
+        f"the phase turn by {phase:.3g} deg" if math.isfinite(phase) else "the phase turn freely"
+    )
+    delay = found.delay_margin
+    if delay == 0:
+        waits = "but no delay be added"
+    elif math.isfinite(delay):
+        waits = f"and a delay reach {_delay(found, delay)}"
+    else:
+        waits = "and any delay be added"
+    disk = found.disk_margin
+    return (
+        f"One loop at a time, {gains}, {turns} {waits}; gain and phase together may change by "
+        f"{_disk_text(disk)}{_at(found, disk.frequency_hz)}."
+    )
+
+
+def _gain_words(down: float, up: float) -> str:
+    falls = f"fall by {-decibel(down):.3g} dB" if down > 0 else "fall to nothing"
+    rises = f"rise by {decibel(up):.3g} dB" if math.isfinite(up) else "rise without limit"
+    return f"{falls} and {rises}"
+
+
+def at_once_in_words(found: LoopFigures) -> str:
+    """Say what all loops bear at once; nothing of a single one."""
+    several = {where: m for where, m in found.at_once.items() if len(m.signals) > 1}
+    single = [m for where, m in several.items() if where != "inputs and outputs"]
+    if not single:
+        return ""
+    parts = [
+        f"{_disk_text(m.disk)} at all {where}"
+        for where, m in several.items()
+        if where != "inputs and outputs"
+    ]
+    delay = min(m.any_delay_s for m in single)
+    waits = f", and delays up to {_delay(found, delay)} in any combination" if delay > 0 else ""
+    return f"All at once they bear {' and '.join(parts)}{waits if math.isfinite(delay) else ''}."
+
+
+def _where(found: LoopFigures) -> str:
+    crossovers = [c.frequency_hz for m in found.margins for c in m.gain_crossovers]
+    if not crossovers:
+        return "The gain of no single loop reaches 1: control changes little."
+    fastest = max(crossovers)
+    own = _plant_frequencies(found)
+    text = f"The highest gain crossover is at {_frequency(found, fastest)}"
+    if own and fastest > 10 * max(own):
+        ratio = fastest / max(own)
+        text += (
+            f", {ratio:.3g} times the plant's fastest own frequency of "
+            f"{_frequency(found, max(own))}: the gain is far above what the plant asks for"
+        )
+    return text + "."
+
+
+def _plant_frequencies(found: LoopFigures) -> list[float]:
+    loop = found.loop
+    poles: Any = np.linalg.eigvals(loop.plant_matrices[0]) if loop.inside else np.zeros(0)
+    if loop.is_discrete:
+        poles = np.log(poles[poles != 0]) / (1.0 if loop.dt is True else float(loop.dt))
+    hertz = np.abs(poles) / (2 * math.pi)
+    return [float(value) for value in hertz if value > 0]
+
+
+def _sampling(found: LoopFigures) -> str:
+    rate = found.sample_rate
+    if rate is None:
+        dt = found.loop.dt
+        unit = "" if dt is True else f" ({quantity(1 / float(dt), 'Hz')})"
+        extra = min((m.delay_samples for m in found.margins), default=math.inf)
+        if not math.isfinite(extra):
+            return f"It is sampled{unit}, and bears any further delay."
+        return f"It is sampled{unit}, and bears a further delay of less than {extra:.3g} samples."
+    text = f"It needs sampling at {quantity(rate.needed_hz, 'Hz')} for its {rate.limited_by}"
+    if rate.lowest_stable_hz == 0:
+        return text + ", and no slower rate makes it unstable."
+    if not math.isfinite(rate.needed_hz):
+        return "No sampling is fast enough, for the gain of the loop never falls below 1."
+    if not math.isfinite(rate.lowest_stable_hz):
+        return text + ", and no rate was found at which the sampled loop is stable."
+    late = rate.computation_samples
+    return (
+        f"{text}; below {quantity(rate.lowest_stable_hz, 'Hz')}, with {late} "
+        f"{'sample' if late == 1 else 'samples'} of computation, the sampled loop is unstable."
+    )
+
+
+def _sensors(found: LoopFigures) -> str:
+    plant = found.loop.plant
+    whole = plant.C2.shape == (plant.nx, plant.nx) and (np.eye(plant.nx) == plant.C2).all()
+    if not whole or plant.nx < 2 or plant.D22.any():
+        return ""
+    return (
+        f"It takes all {plant.nx} states as measured: as many sensors, or an observer with margins "
+        "of its own."
+    )
+
+
+def _noise(found: LoopFigures) -> str:
+    rows = [row for row in found.noise if row.peak_gain > 0]
+    if not rows:
+        return ""
+    endless = [row for row in rows if not math.isfinite(row.rms)]
+    if endless:
+        names = sorted({row.control for row in endless})
+        return (
+            f"White measurement noise drives {_listed(names)} without bound, because the "
+            "controller answers at once: give it a low-pass filter beyond the bandwidth "
+            "that is needed."
+        )
+    worst = max(rows, key=lambda row: row.rms)
+    often = "in every sample" if found.loop.is_discrete else "per root hertz"
+    unit, power = worst.source_unit or "unit", 0
+    if bears_prefix(worst.source_unit):  # a metre of noise says little, a micrometre much
+        power = max(0, prefix_power(worst.rms))
+        unit = prefixed(unit, -power)
+    return (
+        f"Measurement noise of 1 {unit} {often} on {worst.source} moves "
+        f"{worst.control} by {_amount(worst.rms / 10.0**power, worst.unit)} RMS."
+    )
+
+
+def _effort(found: LoopFigures) -> str:
+    if found.given:
+        parts = [
+            f"{row.control} reaches {_amount(row.peak, row.unit)} and moves at up to "
+            f"{_rate(found, row.peak_rate, row.unit)}"
+            for row in found.given
+        ]
+        return f"Under the given disturbance {_listed(parts, 6)}."
+    rows = [row for row in found.effort if row.step_peak > 0]
+    if not rows:
+        return ""
+    worst = max(rows, key=lambda row: row.step_rate)
+    rate = f"moves at up to {_rate(found, worst.step_rate, worst.unit)}"
+    return (
+        f"After a step of 1 {worst.source_unit or 'unit'} of {worst.source}, {worst.control} "
+        f"{'jumps' if math.isinf(worst.step_rate) else rate} and reaches "
+        f"{_amount(worst.step_peak, worst.unit)}."
+    )
+
+
+def _conditional(found: LoopFigures) -> list[str]:
+    names = [f"{m.place} {m.name}" for m in found.margins if m.conditionally_stable]
+    if not names:
+        return []
+    return [f"It is only conditionally stable at {_listed(names)}: less gain makes it unstable."]
+
+
+def _outside(found: LoopFigures) -> str:
+    loop = found.loop
+    if not loop.outside or loop.outside_stability:
+        return ""
+    return (
+        f"Outside the loop, where no control reaches or no measurement sees, "
+        f"{_listed(list(loop.outside))} are not stable ({loop.outside_stability.reason})."
+    )
+
+
+def _approximated(found: LoopFigures) -> str:
+    delays = {} if found.loop.is_discrete else found.loop.approximated_delays
+    if not delays:
+        return ""
+    named = [f"{quantity(delay, 's')} at {name}" for name, delay in delays.items()]
+    return (
+        f"Delays of the plant ({_listed(named)}) are exact in stability, in all margins, in "
+        "bandwidths and in peaks of S and T, which are found over frequency and, but for disks of "
+        "several signals, not proven; efforts and systems have Padé models of them."
+    )
+
+
+def _disk_text(disk: Any) -> str:
+    if math.isinf(disk.gain_db):
+        return f"any gain or ±{disk.phase_deg:.3g} deg"
+    return f"±{disk.gain_db:.3g} dB and ±{disk.phase_deg:.3g} deg"
+
+
+def _at(found: LoopFigures, hertz: float) -> str:
+    return f", worst at {_frequency(found, hertz)}" if 0 < hertz < math.inf else ""
+
+
+def _frequency(found: LoopFigures, hertz: float) -> str:
+    """Return a frequency; without a sampling time it is counted per sample."""
+    return f"{hertz:.3g} per sample" if found.loop.dt is True else quantity(hertz, "Hz")
+
+
+def _delay(found: LoopFigures, delay: float) -> str:
+    return f"{delay:.3g} samples" if found.loop.dt is True else quantity(delay, "s")
+
+
+def _listed(names: list[str], most: int = 3) -> str:
+    shown, more = names[:most], len(names) - most
+    if more > 0:
+        return f"{', '.join(shown)} and {more} more"
+    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"
+
+
+def quantity(value: float, unit: str) -> str:
+    """Return a number with its unit and SI prefix, three digits."""
+    if not math.isfinite(value) or value == 0:
+        return f"{value:g} {unit}"
+    digits = f"{value:.3g}"
+    power = prefix_power(abs(float(digits)))
+    return f"{float(digits) / 10**power:.3g} {prefixed(unit, power)}"
+
+
+def _amount(value: float, unit: str) -> str:
+    return f"{value:.3g} {unit}".rstrip()
+
+
+def _rate(found: LoopFigures, value: float, unit: str) -> str:
+    if found.loop.dt is True:
+        return f"{_amount(value, unit)} per sample"
+    return f"{value:.3g} {unit}/s" if unit else f"{value:.3g} per second"

@@ -1,0 +1,351 @@
+"""An effect: a kind of the catalogue at a place, with numbers; and the catalogue of kinds.
+
+The catalogue holds the built-in kinds, those of installed packages, and those that a script
+registers.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from typing import Any
+
+import numpy as np
+
+from robustpolish.base.arrays import Array
+from robustpolish.base.checks import described, invalid
+from robustpolish.errors import RobustPolishWarning
+from robustpolish.machines.effects.kind import GROUND, EffectKind
+from robustpolish.machines.effects.spline_law import learned_kind
+
+ENTRY_POINT_GROUP = "robustpolish.effects"
+BUILT_IN = (
+    "coulomb_friction",
+    "stribeck_friction",
+    "elastic_coulomb_friction",
+    "dahl_friction",
+    "lugre_friction",
+    "quadratic_damping",
+    "structural_damping",
+    "displacement_dependent_damping",
+    "maxwell_element",
+    "bouc_wen_hysteresis",
+    "cubic_stiffness",
+    "quadratic_stiffness",
+    "backlash",
+    "contact_stop",
+    "pendulum_gravity",
+    "constant_force",
+    "harmonic_force",
+    "unbalance",
+    "parametric_stiffness",
+    "gyroscopic_coupling",
+    "cross_stiffness",
+    "attached_resonator",
+    "input_delay",
+    "input_lag",
+    "input_gain",
+    "input_hold",
+    "input_saturation",
+    "input_dead_zone",
+    "sensor_offset",
+    "sensor_gain",
+)
+_registered: dict[str, EffectKind] = {}
+
+
+def register(kind: EffectKind) -> EffectKind:
+    """Add a kind of effect to the catalogue of this process.
+
+    A package that is installed does the same without a call, with an entry
+    point in the group ``robustpolish.effects`` that names an `EffectKind`.
+
+    Parameters
+    ----------
+    kind : EffectKind
+
+    Returns
+    -------
+    EffectKind
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no EffectKind, or the name is one of the catalogue. One that was registered before
+        is replaced; effects that were made of it keep it.
+    """
+    if not isinstance(kind, EffectKind):
+        raise invalid("kind", kind, "an EffectKind", "Build one, see 'How to add an effect'.")
+    present = _catalogue().get(kind.kind) or learned_kind(kind.kind)
+    if present is not None and present != kind:
+        raise invalid("kind.kind", kind.kind, "a name that is not taken", "Choose another name.")
+    _registered[kind.kind] = kind
+    return kind
+
+
+def unregister(name: str) -> None:
+    """Take a kind that was registered out of the catalogue of this process.
+
+    Effects that were made of it keep it.
+
+    Parameters
+    ----------
+    name : str
+
+    Raises
+    ------
+    InvalidInputError
+        If no such kind was registered.
+    """
+    if name not in _registered:
+        listed = ", ".join(_registered) or "those registered, of which there are none"
+        raise invalid("name", name, f"one of {listed}", "Check the spelling.")
+    del _registered[name]
+
+
+def kinds() -> dict[str, EffectKind]:
+    """Return the catalogue, by name.
+
+    Examples
+    --------
+    >>> kinds()["cubic_stiffness"].parameter("stiffness").unit()
+    'N/m^3'
+    """
+    return {**_catalogue(), **_registered}
+
+
+def lookup(name: str) -> EffectKind:
+    """Return the kind called `name`.
+
+    Parameters
+    ----------
+    name : str
+        Of the catalogue, or of a learned law, such as `learned_stiffness_9`.
+
+    Returns
+    -------
+    EffectKind
+
+    Raises
+    ------
+    InvalidInputError
+        If there is none of that name.
+    """
+    kind = _registered.get(name) or _catalogue().get(name) or learned_kind(name)
+    if kind is None:
+        raise invalid(
+            ("effect", "kind"), name, f"one of {', '.join(kinds())}", "Check the spelling."
+        )
+    return kind
+
+
+@lru_cache(maxsize=1)
+def _catalogue() -> dict[str, EffectKind]:
+    found: dict[str, EffectKind] = {
+        name: import_module(f"robustpolish.machines.effects.catalogue.{name}").KIND
+        for name in BUILT_IN
+    }
+    for point in entry_points(group=ENTRY_POINT_GROUP):
+        try:
+            kind = point.load()
+        except Exception as error:  # a broken plug-in must not take the catalogue down
+            warnings.warn(
+                f"effect {point.name!r} of {point.value} cannot be loaded: {error}",
+                RobustPolishWarning,
+                stacklevel=2,
+            )
+            continue
+        if isinstance(kind, EffectKind):
+            found.setdefault(kind.kind, kind)
+    return found
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A kind of effect at a place, with numbers.
+
+    Parameters
+    ----------
+    kind : str
+        Name in the catalogue, see :func:`robustpolish.effects.kinds`.
+    at : sequence of str
+        Names of degrees of freedom ("ground" included), of an input or output.
+    parameters : mapping of str to float
+        SI values; those not given take the kind's defaults.
+    own : EffectKind, optional
+        The kind itself, of an effect of your own: the effect keeps it, whatever is registered
+        under its name later. What is registered now by default, None for the catalogue's.
+
+    Raises
+    ------
+    InvalidInputError
+        For an unknown kind or parameter, a wrong number of places, or a value
+        that is not finite.
+
+    Examples
+    --------
+    >>> friction = Effect("coulomb_friction", ("x", "ground"), {"force": 3.1})
+    >>> friction.values["force"], friction.definition.parameter("force").unit()
+    (3.1, 'N')
+    """
+
+    kind: str
+    at: tuple[str, ...]
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    own: EffectKind | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.own is None:
+            object.__setattr__(self, "own", _registered.get(self.kind))
+        definition = self.definition
+        object.__setattr__(self, "at", _places(definition, self.at))
+        object.__setattr__(self, "parameters", _numbers(definition, self.parameters))
+
+    @classmethod
+    def of(
+        cls, kind: EffectKind, at: Sequence[str], parameters: Mapping[str, float] | None = None
+    ) -> Effect:
+        """Return an effect of this kind, which need not be registered.
+
+        Parameters
+        ----------
+        kind : EffectKind
+        at : sequence of str
+        parameters : mapping of str to float, optional
+
+        Returns
+        -------
+        Effect
+
+        Examples
+        --------
+        >>> Effect.of(kinds()["cubic_stiffness"], ("x", "ground"), {"stiffness": 2.0}).kind
+        'cubic_stiffness'
+        """
+        known = _catalogue().get(kind.kind) or learned_kind(kind.kind)
+        own = None if known == kind else kind
+        return cls(kind.kind, at, parameters or {}, own)  # type: ignore[arg-type]
+
+    @cached_property
+    def definition(self) -> EffectKind:
+        """The kind's description."""
+        return self.own or lookup(self.kind)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # A file needs no copy of the catalogue.
+        return {key: value for key, value in self.__dict__.items() if key != "definition"}
+
+    @property
+    def values(self) -> dict[str, float]:
+        """All parameters in the kind's order, defaults filled in."""
+        given = self.parameters
+        return {p.name: given.get(p.name, p.default) for p in self.definition.parameters}
+
+    def with_parameters(self, **changes: float) -> Effect:
+        """Return the same effect with some parameters changed.
+
+        Parameters
+        ----------
+        **changes : float
+            New values in SI units.
+
+        Returns
+        -------
+        Effect
+        """
+        return self.with_values({**self.parameters, **changes})
+
+    def with_values(self, values: Mapping[str, float]) -> Effect:
+        """Return the same effect with these parameters, the kind's defaults for all others.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            In SI units.
+
+        Returns
+        -------
+        Effect
+
+        Examples
+        --------
+        >>> Effect("coulomb_friction", "x", {"force": 3.1}).with_values({}).values["force"]
+        0.0
+        """
+        return replace(self, parameters=values)
+
+    def on_signal(self, signal: Array, time: Array) -> Array:
+        """Return what an effect on an input or output makes of a signal.
+
+        Parameters
+        ----------
+        signal, time : ndarray, shape (samples,)
+
+        Returns
+        -------
+        ndarray, shape (samples,)
+
+        Raises
+        ------
+        InvalidInputError
+            If it is an effect that makes a force, or its kind returns another shape.
+
+        Examples
+        --------
+        >>> Effect("input_gain", "F", {"gain": 2.0}).on_signal(np.ones(2), np.arange(2.0))
+        array([2., 2.])
+        """
+        change = self.definition.on_signal
+        if change is None:
+            raise invalid("kind", self.kind, "an effect on an input or output", "Simulate it.")
+        changed = np.asarray(change(signal, time, self.values), dtype=float)
+        if changed.shape != signal.shape:
+            raise invalid(
+                f"{self.kind}.on_signal",
+                described(f"a result of shape {changed.shape}"),
+                f"shape {signal.shape}, like the signal",
+                "Return one value for each sample.",
+            )
+        return changed
+
+    def __str__(self) -> str:
+        return f"{self.kind} at {', '.join(self.at)}"
+
+
+def _places(definition: EffectKind, at: Any) -> tuple[str, ...]:
+    names = (at,) if isinstance(at, str) else tuple(at)
+    if definition.domain == "pair" and len(names) == 1:
+        names = (*names, GROUND)
+    if definition.domain == "dof" and len(names) == 2 and names[1] == GROUND:
+        names = names[:1]
+    bad = len(names) != definition.places or not all(isinstance(n, str) and n for n in names)
+    if bad or len(set(names)) != len(names) or names[0] == GROUND:
+        what = {
+            "pair": "two different degrees of freedom, the first not ground",
+            "dof": "one degree of freedom",
+            "axes": "two degrees of freedom",
+            "input": "the name of one input",
+            "output": "the name of one output",
+        }[definition.domain]
+        raise invalid((definition.kind, "at"), at, what, "Name where the effect acts.")
+    return names
+
+
+def _numbers(definition: EffectKind, parameters: Any) -> dict[str, float]:
+    if not isinstance(parameters, Mapping):
+        raise invalid(
+            (definition.kind, "parameters"), parameters, "a table of numbers", "Write name = value."
+        )
+    numbers: dict[str, float] = {}
+    for name, value in parameters.items():
+        definition.parameter(name)
+        bad = isinstance(value, bool) or not isinstance(value, int | float | np.number)
+        if bad or not np.isfinite(float(value)):
+            key = (definition.kind, "parameters", name)
+            raise invalid(key[::2], value, "a finite number", "Check the value.", key)
+        numbers[name] = float(value)
+    return numbers

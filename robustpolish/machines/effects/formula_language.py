@@ -1,0 +1,943 @@
+"""What somebody wrote of an effect: the formula, units, and what else was said."""
+
+from __future__ import annotations
+
+import ast
+import keyword
+import math
+import re
+import unicodedata
+import warnings
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from robustpolish.base.checks import Key, described, invalid, one_of
+from robustpolish.errors import InvalidInputError
+
+# A formula as a list of operations.
+#
+# They stand in postfix order, so that whatever has to be known of a formula (its value, its units,
+# how a parameter enters, its machine code) is one walk along the list: see :meth:`Formula.fold`.
+
+T = TypeVar("T")
+
+MOTION = ("q", "v", "t")
+"""Relative displacement, relative velocity and time, which every formula may name."""
+FUNCTIONS: Mapping[str, Any] = {
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "exp": np.exp,
+    "log": np.log,
+    "sqrt": np.sqrt,
+    "abs": np.abs,
+    "sign": np.sign,
+    "tanh": np.tanh,
+    "arctan": np.arctan,
+}
+PAIRS: Mapping[str, Any] = {
+    "+": np.add,
+    "-": np.subtract,
+    "*": np.multiply,
+    "/": np.divide,
+    "**": np.power,
+    "min": np.minimum,
+    "max": np.maximum,
+}
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A formula as a program in postfix order.
+
+    Parameters
+    ----------
+    text : str
+        As it was written.
+    program : tuple of (str, float or str or None)
+        ``("number", 2.0)`` and ``("name", "q")`` are put on a stack; ``("+", None)`` and the
+        like take their operands off it and put the result there.
+    """
+
+    text: str
+    program: tuple[tuple[str, Any], ...]
+
+    def fold(self, leaf: Callable[[float | str], T], combine: Callable[..., T]) -> T:
+        """Walk along the program.
+
+        Parameters
+        ----------
+        leaf : callable
+            ``leaf(number)`` and ``leaf(name)`` give what stands for them.
+        combine : callable
+            ``combine(operation, *operands)`` gives what an operation makes of them.
+
+        Returns
+        -------
+        object
+            What stands for the whole formula.
+        """
+        stack: list[T] = []
+        for operation, argument in self.program:
+            if argument is not None:
+                stack.append(leaf(argument))
+                continue
+            count = 2 if operation in PAIRS else 1
+            operands = stack[-count:]
+            del stack[-count:]
+            stack.append(combine(operation, *operands))
+        return stack[0]
+
+    def value(self, values: Mapping[str, Any]) -> Any:
+        """Return the value of the formula.
+
+        Parameters
+        ----------
+        values : mapping of str to float or ndarray
+            Of every name in it.
+
+        Returns
+        -------
+        float or ndarray
+            Not finite where the formula has no value.
+
+        Examples
+        --------
+        >>> twice = Formula("f = 2*q", (("number", 2.0), ("name", "q"), ("*", None)))
+        >>> twice.value({"q": 3.0})
+        6.0
+        """
+
+        def leaf(item: float | str) -> Any:
+            return values[item] if isinstance(item, str) else item
+
+        with np.errstate(all="ignore"):
+            found = self.fold(leaf, result_of)
+        return float(found) if np.ndim(found) == 0 else found
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The names in it."""
+        return frozenset(item for kind, item in self.program if kind == "name")
+
+    @property
+    def operations(self) -> frozenset[str]:
+        """The operations in it, such as ``"+"`` and ``"tanh"``."""
+        return frozenset(kind for kind, item in self.program if item is None)
+
+
+def result_of(operation: str, *operands: Any) -> Any:
+    """Return what an operation makes of numbers or arrays."""
+    if operation == "negative":
+        return -operands[0]
+    return (PAIRS.get(operation) or FUNCTIONS[operation])(*operands)
+
+
+# What a formula is made of, counted: units, or how it grows with some of its names.
+#
+# A grade is a product of powers. Sums need one grade on both sides, products add them, sines need
+# none: the rules of units. The same rules tell whether a force grows in proportion with a group of
+# parameters, if these have the grade 1 and all others none.
+
+Powers = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Grade:
+    """A product of powers.
+
+    Parameters
+    ----------
+    powers : dict of str to float, or None
+        None for what fits everything, such as zero.
+    loose : bool, optional
+        Whether a number in it may have a unit that nobody wrote.
+    number : float, optional
+        Its value, of a number.
+    """
+
+    powers: Powers | None
+    loose: bool = False
+    number: float | None = None
+
+
+def multiplied(powers: Powers, others: Mapping[str, float], exponent: float = 1.0) -> Powers:
+    """Return powers times others to an exponent.
+
+    Examples
+    --------
+    >>> multiplied({"N": 1.0, "m": 1.0}, {"m": 1.0}, -1.0)
+    {'N': 1.0}
+    """
+    result = dict(powers)
+    for name, power in others.items():
+        result[name] = round(result.get(name, 0.0) + exponent * power, 9)
+    return {name: power for name, power in result.items() if power}
+
+
+def graded(
+    formula: Formula,
+    grades: Mapping[str, Grade],
+    loose_numbers: bool = False,
+    shown: Callable[[Powers], str] = str,
+) -> Grade:
+    """Return the grade of a formula.
+
+    Parameters
+    ----------
+    formula : Formula
+    grades : mapping of str to Grade
+        Of every name in it.
+    loose_numbers : bool, optional
+        Whether a number may have a unit: ``tanh(v/0.01)`` means 0.01 m/s.
+    shown : callable, optional
+        How powers are written in a message.
+
+    Returns
+    -------
+    Grade
+
+    Raises
+    ------
+    ArithmeticError
+        If the grades do not fit together.
+    """
+
+    def leaf(item: float | str) -> Grade:
+        if isinstance(item, str):
+            return grades[item]
+        return Grade({} if item else None, loose_numbers and item != 0, item)
+
+    def combine(operation: str, *operands: Grade) -> Grade:
+        if operation in ("+", "-", "min", "max"):
+            return _alike(operation, operands[0], operands[1], shown)
+        if operation in ("*", "/"):
+            return _product(operands[0], operands[1], 1.0 if operation == "*" else -1.0)
+        if operation == "**":
+            return _power(operands[0], operands[1], shown)
+        (one,) = operands
+        if operation in ("negative", "abs"):
+            return Grade(one.powers, one.loose)
+        if operation == "sign":
+            return Grade({})
+        if operation == "sqrt":
+            return Grade(one.powers and multiplied({}, one.powers, 0.5), one.loose)
+        if one.powers and not one.loose:
+            raise ArithmeticError(f"{operation} is taken of something in {shown(one.powers)}")
+        return Grade({})
+
+    return formula.fold(leaf, combine)
+
+
+def _alike(operation: str, one: Grade, other: Grade, shown: Callable[[Powers], str]) -> Grade:
+    if one.powers is None:
+        return Grade(other.powers, other.loose or one.loose)
+    if other.powers is None:
+        return Grade(one.powers, one.loose or other.loose)
+    if one.powers == other.powers:
+        return Grade(one.powers, one.loose and other.loose)
+    if one.loose and other.loose:
+        return Grade(None, True)
+    if one.loose or other.loose:  # what is known tells the unit of the number
+        return Grade(other.powers if one.loose else one.powers)
+    pair = f"{shown(one.powers)} and {shown(other.powers)}"
+    raise ArithmeticError(f"{operation} joins {pair}")
+
+
+def _product(one: Grade, other: Grade, exponent: float) -> Grade:
+    loose = one.loose or other.loose
+    if one.powers is None or other.powers is None:
+        return Grade(None, loose)
+    return Grade(multiplied(one.powers, other.powers, exponent), loose)
+
+
+def _power(base: Grade, exponent: Grade, shown: Callable[[Powers], str]) -> Grade:
+    if exponent.powers and not exponent.loose:
+        raise ArithmeticError(f"an exponent is in {shown(exponent.powers)}")
+    if base.powers is None or not base.powers:
+        return Grade(base.powers, base.loose)
+    if exponent.number is None:  # how large is the exponent?
+        return Grade(None, True)
+    return Grade(multiplied({}, base.powers, exponent.number), base.loose)
+
+
+def grows_with(formula: Formula, names: Collection[str]) -> bool:
+    """Return whether the force is multiplied by what all of these names are multiplied by.
+
+    Parameters
+    ----------
+    formula : Formula
+    names : collection of str
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> from robustpolish.machines.effects.formula_language import read_formula
+    >>> grows_with(read_formula("f = -F*tanh(k*q/F)", ["F", "k"]), ["F", "k"])
+    True
+    """
+    grades = {name: Grade({"size": 1.0} if name in names else {}) for name in formula.names}
+    try:
+        whole = graded(formula, grades)
+    except ArithmeticError:
+        return False
+    return whole.powers == {"size": 1.0}
+
+
+def linear_in(formula: Formula, names: Collection[str]) -> bool:
+    """Return whether the force is a sum of terms that each have one of these names as a factor.
+
+    Parameters
+    ----------
+    formula : Formula
+    names : collection of str
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> from robustpolish.machines.effects.formula_language import read_formula
+    >>> linear_in(read_formula("f = -k*q - c*v", ["k", "c"]), ["k", "c"])
+    True
+    """
+    bent = -1  # of no degree
+
+    def combine(operation: str, *degrees: int) -> int:
+        if bent in degrees:
+            return bent
+        if operation == "negative":
+            return degrees[0]
+        if operation in ("+", "-"):
+            return degrees[0] if degrees[0] == degrees[1] else bent
+        if operation == "*":
+            return sum(degrees) if sum(degrees) <= 1 else bent
+        if operation == "/" and degrees[1] == 0:
+            return degrees[0]
+        return bent if any(degrees) else 0
+
+    return formula.fold(lambda item: int(item in names), combine) == 1
+
+
+# Read a formula that somebody typed; nothing of it is ever executed.
+#
+# Python's own parser makes a tree of the text, of which only what stands in the tables below is
+# taken.
+
+_OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
+_CONSTANTS = {"pi": math.pi}
+_LONGEST = 1000  # characters: a law of a machine is shorter
+_DEEPEST = 60  # brackets within brackets
+_EXAMPLE = "such as 'f = -k*q**5'"
+
+_HINTS: Mapping[type, str] = {
+    ast.BitXor: "Write ** for a power, as in q**5.",
+    ast.BitOr: "Write abs(v) for |v|.",
+    ast.Compare: "Write cases with min, max, abs or sign.",
+    ast.BoolOp: "Write cases with min, max, abs or sign.",
+    ast.IfExp: "Write cases with min, max, abs or sign.",
+    ast.Attribute: "Write the function's name alone, as in tanh(v/w).",
+}
+
+
+def read_formula(text: str, declared: Iterable[str]) -> Formula:
+    """Read a formula such as ``"f = -k*q**5"``.
+
+    Parameters
+    ----------
+    text : str
+        ``f =`` and an expression of numbers, ``+ - * / **``, brackets, ``pi``, the functions sin,
+        cos, tan, exp, log, sqrt, abs, sign, tanh, arctan, min and max, and names.
+    declared : iterable of str
+        The names besides q, v and t; each has to be there.
+
+    Returns
+    -------
+    Formula
+
+    Raises
+    ------
+    InvalidInputError
+        If it is anything else.
+
+    Examples
+    --------
+    >>> read_formula("f = -k*q", ["k"]).program
+    (('name', 'k'), ('negative', None), ('name', 'q'), ('*', None))
+    """
+    names = tuple(declared)
+    for name in names:
+        _check_name(name)
+    tree = _tree(text)
+    program: list[tuple[str, Any]] = []
+    _append(program, tree, {*MOTION, *names}, 0)
+    formula = Formula(" ".join(text.split()), tuple(program))
+    for name in names:
+        if name not in formula.names:
+            raise invalid(
+                "formula",
+                described(f"{formula.text!r} without {name}"),
+                f"every name that is declared, {name} too",
+                "Use it in the formula, or leave it out of the declaration.",
+            )
+    return formula
+
+
+def _check_name(name: Any) -> None:
+    taken = {*MOTION, "f", *FUNCTIONS, "min", "max", *_CONSTANTS}
+    plain = isinstance(name, str) and name.isidentifier() and len(name) <= 40
+    if not plain or keyword.iskeyword(name) or name in taken or name.startswith("__"):
+        raise invalid(
+            "parameters",
+            name,
+            f"a name of letters and digits other than {', '.join(sorted(taken))}",
+            "Rename it.",
+        )
+    if unicodedata.normalize("NFKC", name) != name:
+        raise invalid("parameters", name, "a name of plain letters", "Rename it.")
+
+
+def _tree(text: Any) -> ast.expr:
+    if not isinstance(text, str):
+        raise invalid("formula", text, f"text, {_EXAMPLE}", "Write it between quotation marks.")
+    if len(text) > _LONGEST:
+        shown = described(f"{len(text)} characters")
+        raise invalid("formula", shown, f"at most {_LONGEST}", "Shorten it, or write a law.")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # what Python finds doubtful is no formula
+            body = ast.parse(" ".join(text.split())).body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        reason = error.msg if isinstance(error, SyntaxError) else "too long or too deep"
+        shown = described(f"{text[:60]!r} ({reason})")
+        raise invalid("formula", shown, f"a formula, {_EXAMPLE}", "Correct it.") from None
+    statement = body[0] if len(body) == 1 else None
+    if isinstance(statement, ast.Assign) and len(statement.targets) == 1:
+        target = statement.targets[0]
+        if isinstance(target, ast.Name) and target.id == "f":
+            return statement.value
+    remedy = "Begin with 'f =': the force on the first coordinate, the second gets the opposite."
+    raise invalid("formula", text, f"one formula, {_EXAMPLE}", remedy)
+
+
+def _append(program: list[tuple[str, Any]], node: ast.AST, names: set[str], depth: int) -> None:
+    """Append what computes a node."""
+    if depth > _DEEPEST:
+        shown = described("brackets or signs nested too deeply")
+        raise invalid("formula", shown, f"at most {_DEEPEST} levels", "Simplify it.")
+    if isinstance(node, ast.Constant):
+        program.append(("number", _number(node.value)))
+    elif isinstance(node, ast.Name):
+        program.append(_named(node.id, names))
+    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
+        _append(program, node.operand, names, depth + 1)
+        if isinstance(node.op, ast.USub):
+            _apply(program, "negative", 1)
+    elif isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
+        _append_sum(program, node, names, depth)
+    elif isinstance(node, ast.Call):
+        _append_call(program, node, names, depth)
+    else:
+        raise _refused(node.op if isinstance(node, ast.BinOp) else node)
+
+
+def _apply(program: list[tuple[str, Any]], operation: str, count: int) -> None:
+    """Append an operation, or what it makes of numbers."""
+    operands = program[-count:]
+    if any(kind != "number" for kind, _ in operands):
+        program.append((operation, None))
+        return
+    with np.errstate(all="ignore"):
+        result = float(result_of(operation, *(number for _, number in operands)))
+    program[-count:] = [("number", _number(result))]
+
+
+def _append_sum(program: list[tuple[str, Any]], node: ast.BinOp, names: set[str], d: int) -> None:
+    """Append a chain of operators; a long sum leans to the left and is not deep."""
+    chain: list[ast.BinOp] = [node]
+    while isinstance(chain[-1].left, ast.BinOp) and type(chain[-1].left.op) in _OPERATORS:
+        chain.append(chain[-1].left)
+    _append(program, chain[-1].left, names, d + 1)
+    for link in reversed(chain):
+        _append(program, link.right, names, d + 1)
+        _apply(program, _OPERATORS[type(link.op)], 2)
+
+
+def _append_call(program: list[tuple[str, Any]], node: ast.Call, names: set[str], d: int) -> None:
+    if not isinstance(node.func, ast.Name):
+        raise _refused(node.func)
+    name, count = node.func.id, len(node.args)
+    if name not in FUNCTIONS and name not in ("min", "max"):
+        known = f"one of {', '.join(FUNCTIONS)}, min, max"
+        raise invalid("formula", described(f"{name}(...)"), known, "Use one of these functions.")
+    if node.keywords or (count != 1 if name in FUNCTIONS else count < 2):
+        want = "one argument" if name in FUNCTIONS else "two arguments or more"
+        raise invalid("formula", described(f"{name} with {count}"), want, "Correct it.")
+    for i, argument in enumerate(node.args):
+        _append(program, argument, names, d + 1)
+        if i or name in FUNCTIONS:
+            _apply(program, name, 1 if name in FUNCTIONS else 2)
+
+
+def _number(value: Any) -> float:
+    real = isinstance(value, int | float) and not isinstance(value, bool)
+    try:
+        number = float(value) if real else math.nan
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise invalid("formula", value, "finite numbers", "Correct it.")
+    return number
+
+
+def _named(name: str, names: set[str]) -> tuple[str, Any]:
+    if name in _CONSTANTS:
+        return ("number", _CONSTANTS[name])
+    if name not in names:
+        key: Key = ("formula", name)
+        known = f"one of {', '.join(sorted(names))}"
+        remedy = f"Declare it with its unit, parameters={{{name!r}: 'N/m'}}, or correct it."
+        raise invalid("formula", name, known, remedy, key)
+    return ("name", name)
+
+
+def _refused(node: ast.AST) -> InvalidInputError:
+    what = described(type(node).__name__.lower())
+    hint = _HINTS.get(type(node), "Write it with what is allowed.")
+    allowed = "numbers, names, + - * / **, brackets and functions of one line"
+    return invalid("formula", what, allowed, hint)
+
+
+# Units of parameters as text, and what a formula makes of them.
+#
+# A unit is read in two ways: for translation, and for rotation, where ``N m`` is a torque and
+# ``rad`` a displacement. The way in which the formula gives a force (or a torque) is the one that
+# was meant.
+
+_KNOWN = ("N", "m", "s", "kg", "rad", "Hz")
+_TOKEN = re.compile(r"\s*(?:([A-Za-zµμΩ°%]+)|(\^|\*\*)\s*(-?\d+(?:\.\d+)?)|([*·/()])|(1))\s*")
+_LONGEST_UNIT = 80
+_WORD = r"[A-Za-zµμΩ°%]{1,20}"
+_TAKEN = ("F", "L", "T", "M", "signal")  # letters of `Parameter.dimension`
+
+_TRANSLATION: Mapping[str, Powers] = {
+    "N": {"F": 1.0},
+    "m": {"L": 1.0},
+    "s": {"T": 1.0},
+    "kg": {"M": 1.0},
+    "rad": {},
+    "Hz": {"T": -1.0},
+}
+# A torque is a force times a length that is none of the machine's angles.
+_ROTATION: Mapping[str, Powers] = {
+    "N": {"F": 1.0, "metre": -1.0},
+    "m": {"metre": 1.0},
+    "s": {"T": 1.0},
+    "kg": {"M": 1.0, "metre": -2.0},
+    "rad": {"L": 1.0},
+    "Hz": {"T": -1.0},
+}
+_MOTION: Mapping[str, Powers] = {"q": {"L": 1.0}, "v": {"L": 1.0, "T": -1.0}, "t": {"T": 1.0}}
+_FORCE: Powers = {"F": 1.0}
+
+
+def read_unit(text: Any, key: Key, others: Iterable[str] = ()) -> Powers:
+    """Read an SI unit such as ``"N s/m"``.
+
+    Parameters
+    ----------
+    text : str
+        Units of ``N m s kg rad Hz``, ``1`` for none, with powers ``^2``, products by blanks or
+        ``*``, ``/`` and brackets.
+    key : tuple of str
+        Where it stands, for the message.
+    others : iterable of str, optional
+        Further units that are known, such as the ``"V"`` of a channel.
+
+    Returns
+    -------
+    dict of str to float
+        The power of each unit.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no such unit.
+
+    Examples
+    --------
+    >>> read_unit("N s/m", ("units", "c"))
+    {'N': 1.0, 's': 1.0, 'm': -1.0}
+    >>> read_unit("N/(m/s)^2", ("units", "c"))
+    {'N': 1.0, 'm': -2.0, 's': 2.0}
+    """
+    known = (*_KNOWN, *others)
+    expected = f"an SI unit of {' '.join(dict.fromkeys(known))}, such as 'N/m^5', or '1'"
+    remedy = "Write it without prefixes (m, not mm): values are in SI units."
+    bad = invalid(key, text, expected, remedy)
+    if not isinstance(text, str) or not text.strip() or len(text) > _LONGEST_UNIT:
+        raise bad
+    tokens, at = [], 0
+    while at < len(text):
+        found = _TOKEN.match(text, at)
+        if found is None:
+            raise bad
+        tokens.append(found.groups())
+        at = found.end()
+    powers = _unit_product(tokens, known, bad, 0)
+    if tokens:
+        raise bad
+    return powers
+
+
+def _unit_product(
+    tokens: list[Any], known: Iterable[str], bad: InvalidInputError, depth: int
+) -> Powers:
+    """Take a product off the front of the tokens."""
+    result, sign, divided = _factor(tokens, known, bad, depth), 0.0, False
+    while tokens and tokens[0][3] != ")":
+        mark = tokens[0][3]
+        if mark in ("*", "·", "/"):
+            tokens.pop(0)
+        sign = -1.0 if mark == "/" else 1.0
+        if divided and sign > 0:  # N/m s: who knows what is meant
+            raise bad
+        divided = divided or sign < 0
+        result = multiplied(result, _factor(tokens, known, bad, depth), sign)
+    return result
+
+
+def _factor(tokens: list[Any], known: Iterable[str], bad: InvalidInputError, depth: int) -> Powers:
+    if not tokens or depth > 5:
+        raise bad
+    word, _, _, mark, one = tokens.pop(0)
+    if word in known:
+        powers: Powers = {word: 1.0}
+    elif one:
+        powers = {}
+    elif mark == "(":
+        powers = _unit_product(tokens, known, bad, depth + 1)
+        if not tokens or tokens.pop(0)[3] != ")":
+            raise bad
+    else:
+        raise bad
+    if tokens and tokens[0][1]:
+        exponent = float(tokens.pop(0)[2])
+        powers = multiplied({}, powers, exponent)
+    return powers
+
+
+def channel_unit(text: Any, key: Key) -> str:
+    """Return the unit of a channel: an SI unit, or any other word, such as ``"V"``."""
+    word = isinstance(text, str) and re.fullmatch(_WORD, text)
+    if word and text not in _TAKEN:
+        return text
+    if text in _TAKEN:
+        raise invalid(key, text, "another word", "Write it in full, such as tesla.")
+    read_unit(text, key)
+    return text
+
+
+def dimensions(
+    formula: Formula, units: Mapping[str, str], channels: Mapping[str, str]
+) -> dict[str, Powers]:
+    """Return the dimension of each parameter, as the formula needs it.
+
+    Parameters
+    ----------
+    formula : Formula
+    units, channels : mapping of str to str
+        Units of the parameters and of the channels.
+
+    Returns
+    -------
+    dict of str to dict
+        Powers of F, L, T, M and of units of channels.
+
+    Raises
+    ------
+    InvalidInputError
+        If a unit is none, or the formula does not make a force of them.
+    """
+    words = {name: channel_unit(text, ("channels", name)) for name, text in channels.items()}
+    others = [text for text in words.values() if re.fullmatch(_WORD, text)]
+    read = {name: read_unit(text, ("units", name), others) for name, text in units.items()}
+    signals = {name: read_unit(text, ("channels", name), others) for name, text in words.items()}
+    best, why = None, ""
+    for table in (_TRANSLATION, _ROTATION):
+        found = {name: _in_letters(powers, table) for name, powers in read.items()}
+        outside = {name: _in_letters(powers, table) for name, powers in signals.items()}
+        try:
+            loose = _loose(formula, {**found, **outside}, table is _ROTATION)
+        except ArithmeticError as error:
+            rotational = any("rad" in powers for powers in read.values())
+            why = str(error) if not why or rotational else why
+            continue
+        # what is no unit of a rotation, such as the length of a pendulum, stays as it is
+        found = {n: read[n] if "metre" in powers else powers for n, powers in found.items()}
+        if not loose:
+            return found
+        best = best or found
+    if best is not None:
+        return best
+    raise invalid(
+        "formula",
+        described(f"{formula.text!r}, where {why}"),
+        "a force in N, or a torque in N m",
+        "Check the units of the parameters, and brackets.",
+    )
+
+
+def _in_letters(powers: Powers, table: Mapping[str, Powers]) -> Powers:
+    result: Powers = {}
+    for unit, power in powers.items():
+        result = multiplied(result, table.get(unit, {unit: 1.0}), power)
+    return result
+
+
+def _loose(formula: Formula, names: Mapping[str, Powers], rotation: bool) -> bool:
+    """Return whether the formula is a force only if its numbers have units.
+
+    Raises
+    ------
+    ArithmeticError
+        If it is none. Its text says why.
+    """
+    grades = {}
+    for name, powers in {**_MOTION, **names}.items():
+        counted = _without_mass(powers)
+        if rotation:  # an angle is a number, of which a sine may be taken
+            counted.pop("L", None)
+        grades[name] = Grade(counted)
+
+    def shown(powers: Powers) -> str:
+        metres = {"L": powers.get("F", 0.0) + powers.get("metre", 0.0)} if rotation else {}
+        rest = {name: power for name, power in powers.items() if name != "metre"}
+        return unit_text(multiplied(rest, metres))
+
+    whole = graded(formula, grades, loose_numbers=True, shown=shown)
+    if whole.powers is None:
+        return True
+    if whole.powers != _FORCE and not whole.loose:
+        raise ArithmeticError(f"f comes out in {shown(whole.powers)}")
+    return whole.loose and whole.powers != _FORCE
+
+
+def _without_mass(powers: Powers) -> Powers:
+    """Return powers of force, length and time: a mass is a force by an acceleration."""
+    mass = powers.get("M", 0.0)
+    rest = {letter: power for letter, power in powers.items() if letter != "M"}
+    return multiplied(rest, {"F": 1.0, "T": 2.0, "L": -1.0}, mass)
+
+
+def unit_text(powers: Powers) -> str:
+    """Return powers of F, L, T and M as the unit of a translation."""
+    letters = {"F": "N", "L": "m", "T": "s", "M": "kg"}
+    return _joined({letters.get(name, name): power for name, power in powers.items()}, " ")
+
+
+def dimension_text(powers: Powers) -> str:
+    """Return powers as `Parameter.dimension` has them.
+
+    Examples
+    --------
+    >>> dimension_text({"F": 1.0, "L": -5.0})
+    'F/L^5'
+    """
+    return _joined(powers, "*")
+
+
+def _joined(powers: Powers, times: str) -> str:
+    parts = {name: f"{name}^{abs(p):g}" if abs(p) != 1 else name for name, p in powers.items()}
+    over = times.join(parts[name] for name, power in powers.items() if power > 0)
+    under = [f"/{parts[name]}" for name, power in powers.items() if power < 0]
+    return "".join([over or "1", *under])
+
+
+OWN_KEYS = ("formula", "units", "name", "title", "domain", "bounds", "scan", "known", "channels")
+DOMAINS = ("pair", "dof")
+_LONGEST_TEXT = 60  # characters of a name: it stands in tables
+_MOST = 10  # parameters
+
+
+@dataclass(frozen=True)
+class Written:
+    """An effect as it was written; all else follows from it.
+
+    Parameters
+    ----------
+    formula : str
+    units : tuple of (str, str)
+        Parameters and their units, in the order of the law.
+    name, title : str, optional
+        The formula by default.
+    domain : {"pair", "dof"}, optional
+    bounds : tuple of (str, float, float), optional
+        Parameters with their least and largest value.
+    scan : tuple of (str, tuple of float), optional
+        Parameters with the values that a screening tries.
+    known : tuple of (str, float), optional
+        Parameters whose value is known and not fitted.
+    channels : tuple of (str, str), optional
+        Data columns that the formula names, and their units.
+    """
+
+    formula: str
+    units: tuple[tuple[str, str], ...] = ()
+    name: str = ""
+    title: str = ""
+    domain: str = "pair"
+    bounds: tuple[tuple[str, float, float], ...] = ()
+    scan: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    known: tuple[tuple[str, float], ...] = ()
+    channels: tuple[tuple[str, str], ...] = ()
+
+    def read(self) -> Formula:
+        """Return the formula, read.
+
+        Returns
+        -------
+        Formula
+        """
+        return read_formula(self.formula, (*dict(self.units), *dict(self.channels)))
+
+    def table(self) -> dict[str, Any]:
+        """Return what stands in a file.
+
+        Returns
+        -------
+        dict
+        """
+        whole: dict[str, Any] = {
+            "formula": self.formula,
+            "units": dict(self.units),
+            "name": self.name,
+            "title": self.title,
+            "domain": self.domain,
+            "bounds": {name: [lower, upper] for name, lower, upper in self.bounds},
+            "scan": {name: list(values) for name, values in self.scan},
+            "known": dict(self.known),
+            "channels": dict(self.channels),
+        }
+        default = Written("").domain
+        return {k: v for k, v in whole.items() if v and (k, v) != ("domain", default)}
+
+
+def written_from(table: Mapping[str, Any]) -> Written:
+    """Check a table of a file or the arguments of a call.
+
+    Parameters
+    ----------
+    table : mapping
+        Some of `OWN_KEYS`, "formula" at least.
+
+    Returns
+    -------
+    Written
+
+    Raises
+    ------
+    InvalidInputError
+        If something is of the wrong sort; the key says what.
+
+    Examples
+    --------
+    >>> written = written_from({"formula": "f = -k*q**5", "units": {"k": "N/m^5"}})
+    >>> written.table()
+    {'formula': 'f = -k*q**5', 'units': {'k': 'N/m^5'}}
+    """
+    units = _table("units", table.get("units"))
+    channels = _table("channels", table.get("channels"))
+    formula = read_formula(table.get("formula"), (*units, *channels))  # type: ignore[arg-type]
+    if len(units) > _MOST:
+        shown = described(f"{len(units)} parameters")
+        raise invalid(("units",), shown, f"at most {_MOST}", "No record determines so many.")
+    for name in channels:
+        if name in units:
+            raise invalid(("channels", name), name, "a name that no parameter has", "Rename one.")
+    bounds = {n: _bounds(n, v) for n, v in _of_parameters("bounds", table, units).items()}
+    scan = {n: _values(n, v) for n, v in _of_parameters("scan", table, units).items()}
+    known = {
+        n: _written_number(("known", n), v)
+        for n, v in _of_parameters("known", table, units).items()
+    }
+    for name in known:
+        if name in scan:
+            raise invalid(("known", name), name, "no values to scan", "It is known or scanned.")
+    return Written(
+        formula.text,
+        tuple(units.items()),
+        _text("name", table.get("name")),
+        _text("title", table.get("title")),
+        one_of(("domain",), table.get("domain") or "pair", DOMAINS),
+        tuple((name, lower, upper) for name, (lower, upper) in bounds.items()),
+        tuple(scan.items()),
+        tuple(known.items()),
+        tuple(channels.items()),
+    )
+
+
+def _table(key: str, value: Any) -> dict[str, Any]:
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        raise invalid((key,), value, "a table by name", "Write one, such as {'k': 'N/m'}.")
+    return dict(value)
+
+
+def _of_parameters(key: str, table: Mapping[str, Any], units: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table whose names have to be parameters."""
+    found = _table(key, table.get(key))
+    for name in found:
+        if name not in units:
+            listed = ", ".join(units) or "the parameters, of which there are none"
+            raise invalid((key, str(name)), name, f"one of {listed}", "Check the spelling.")
+    return found
+
+
+def _text(key: str, value: Any) -> str:
+    if value is None:
+        return ""
+    if not isinstance(value, str) or not value.strip() or len(value) > _LONGEST_TEXT:
+        raise invalid((key,), value, f"text of at most {_LONGEST_TEXT} characters", "Shorten it.")
+    return " ".join(value.split())
+
+
+def _bounds(name: str, value: Any) -> tuple[float, float]:
+    key: Key = ("bounds", name)
+    pair = list(value) if isinstance(value, list | tuple) else []
+    ends = [
+        _written_number(key, end if end is not None else limit, infinite=True)
+        for end, limit in zip(pair, (-math.inf, math.inf), strict=False)
+    ]
+    if len(pair) != 2 or not ends[0] < ends[1]:
+        remedy = "Write None, or inf in a file, where there is no limit."
+        raise invalid(key, value, "the least and the largest value", remedy)
+    return ends[0], ends[1]
+
+
+def _values(name: str, value: Any) -> tuple[float, ...]:
+    key: Key = ("scan", name)
+    if not isinstance(value, list | tuple) or not 1 <= len(value) <= 50:
+        raise invalid(key, value, "one to 50 values", "Write a list in SI units.")
+    return tuple(_written_number(key, item) for item in value)
+
+
+def _written_number(key: Key, value: Any, infinite: bool = False) -> float:
+    if infinite and value in ("inf", "-inf"):  # as JSON has them
+        value = float(value)
+    real = isinstance(value, int | float) and not isinstance(value, bool)
+    try:
+        number = float(value) if real else math.nan
+    except OverflowError:
+        number = math.nan
+    if math.isnan(number) or (math.isinf(number) and not infinite):
+        raise invalid(key, value, "a finite number", "Check the value.")
+    return number

@@ -1,0 +1,549 @@
+"""Effects of your own: a formula, read safely, as a kind of effect like any other."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+
+from robustpolish.base.checks import described, invalid
+from robustpolish.errors import InvalidInputError, RobustPolishWarning
+from robustpolish.machines.effects.effect import BUILT_IN, register
+from robustpolish.machines.effects.evaluate import POINTER, machine_code
+from robustpolish.machines.effects.formula_language import (
+    FUNCTIONS,
+    OWN_KEYS,
+    Formula,
+    Written,
+    dimension_text,
+    dimensions,
+    grows_with,
+    linear_in,
+    written_from,
+)
+from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan, Values
+
+# What a screening tries of a formula: which parameters are solved for, and which are scanned.
+#
+# - A force that is a sum of terms with one parameter each as a factor is linear in these: their
+#   sizes follow from the data at once.
+# - Any other parameter is scanned: over the values that were given, or over shares of the amplitude
+#   and the speed of the motion, from which its unit can be made.
+# - Where a force enters nonlinearly, as in ``-F*tanh(k*q/F)``, the whole law still grows with all
+#   its forces together. One of them is solved for, the others are scanned in proportion to it.
+
+_SHARES = (0.03, 0.1, 0.3, 0.8)
+"""Of the amplitude or speed: thresholds and widths far below it do not show in the force."""
+_OVER = (0.3, 1.25, 3.0, 10.0)
+"""The same of what is divided by amplitude or speed: slopes over a force, for a knee at 1/10."""
+_MOST = 200
+"""Combinations of scanned values; each is filtered at each place."""
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """How a screening finds first values.
+
+    Parameters
+    ----------
+    linear_in : tuple of str
+        Parameters that are solved for.
+    scan : tuple of Scan
+        Values of the others.
+    together : tuple of str
+        Parameters that grow together and are therefore positive.
+    missing : str
+        Why nothing can be tried, or "".
+    remedy : str
+        What to do about it.
+    unknown : tuple of str
+        Parameters of which values have to be given.
+    """
+
+    linear_in: tuple[str, ...] = ()
+    scan: tuple[Scan, ...] = ()
+    together: tuple[str, ...] = ()
+    missing: str = ""
+    remedy: str = ""
+    unknown: tuple[str, ...] = ()
+
+
+def candidates(
+    formula: Formula, parameters: Sequence[Parameter], given: Mapping[str, Sequence[float]]
+) -> Candidates:
+    """Return what a screening tries of a formula.
+
+    Parameters
+    ----------
+    formula : Formula
+    parameters : sequence of Parameter
+    given : mapping of str to sequence of float
+        Values to try, by parameter, in SI units.
+
+    Returns
+    -------
+    Candidates
+
+    Raises
+    ------
+    InvalidInputError
+        If there are too many values.
+    """
+    if not parameters:
+        return Candidates()
+    by_name = {p.name: p for p in parameters}
+    powers = {p.name: p.powers["F"] + p.powers["M"] for p in parameters}
+    forces = [name for name in powers if powers[name] == 1]
+    free = [name for name in (*forces, *powers) if name not in given]
+    solved, together = _linear(formula, list(dict.fromkeys(free))), []
+    bent = [name for name in powers if powers[name] and name not in solved]
+    if bent:
+        together = forces
+        if any(powers[name] != 1 for name in bent) or not grows_with(formula, forces):
+            why = f"{formula.text!r}, which is not proportional to {', '.join(bent)}"
+            return Candidates(missing=why, remedy="Give it factors that it is proportional to.")
+        half_given = [name for name in forces if name in given]
+        solved = [] if len(half_given) == len(forces) else forces[:1]
+        if half_given and solved:
+            remedy = f"They grow together: give values of {', '.join(forces)}, or of none."
+            return Candidates(missing=f"values of {', '.join(half_given)} alone", remedy=remedy)
+    elif not solved:
+        why = f"{formula.text!r}, which is proportional to no parameter"
+        return Candidates(missing=why, remedy="Give it a factor in front.")
+    scan, unknown = [], []
+    for name in (name for name in powers if name not in solved):
+        unit = by_name[solved[0]] if solved and name in together else None
+        size = _size(by_name[name], unit)
+        if name in given:
+            scan.append(Scan(name, "1", tuple(given[name])))
+        elif size is not None:
+            scan.append(Scan(name, size, _SHARES if sum(size) > 0 else _OVER))
+        else:
+            unknown.append(name)
+    if unknown:
+        example = ", ".join(f"{name!r}: (0.5, 1.0, 2.0)" for name in unknown)
+        return Candidates(
+            missing=f"{formula.text!r}, which is not proportional to {', '.join(unknown)}, "
+            "and the motion gives no size for it",
+            remedy=f"Say which values to try: scan={{{example}}}.",
+            unknown=tuple(unknown),
+        )
+    combinations = math.prod(len(s.shares) for s in scan)
+    if combinations > _MOST:
+        shown = described(f"{combinations} combinations of {', '.join(s.parameter for s in scan)}")
+        raise invalid("scan", shown, f"at most {_MOST}", "Give fewer values of each.")
+    return Candidates(tuple(solved), tuple(scan), tuple(together))
+
+
+def _linear(formula: Formula, names: Sequence[str]) -> list[str]:
+    """Return the most parameters that the force is linear in together, the first ones first."""
+    for count in range(len(names), 0, -1):
+        for chosen in itertools.combinations(names, count):
+            if linear_in(formula, chosen):
+                return list(chosen)
+    return []
+
+
+def _size(parameter: Parameter, of: Parameter | None) -> tuple[float, float] | None:
+    """Return powers of amplitude and speed that have the unit of a parameter (over another's)."""
+    powers = dict(parameter.powers)
+    if of is not None:
+        powers = {letter: power - of.powers[letter] for letter, power in powers.items()}
+        # a mass is a force over an acceleration
+    length = powers["L"] - powers["M"]
+    time = powers["T"] + 2 * powers["M"]
+    foreign = set(_letters(parameter)) ^ set(_letters(of) if of else ())
+    if powers["F"] + powers["M"] or foreign or not (length or time):
+        return None
+    return length + time, -time
+
+
+def _letters(parameter: Parameter) -> list[str]:
+    """Return the units of channels in a dimension."""
+    words = parameter.dimension.replace("*", " ").replace("/", " ").split()
+    found = [word.split("^")[0] for word in words]
+    return [word for word in found if word not in ("F", "L", "T", "M", "1")]
+
+
+# The force law that a formula says: called from Python, or compiled to machine code.
+
+_CORNERS = frozenset({"abs", "sign", "min", "max"})
+_HIGHEST = 64  # whole powers up to this one are multiplied out, as Numba does
+_SIGNALS = (-10.0, -1.0, 0.0, 1.0, 10.0)  # of a channel, in its unit: signals end at 10 V
+_GRID = 33  # odd: with the middle, where friction is steepest
+
+
+def _entry(pointer, i):  # type: ignore[no-untyped-def]  # compiled by Numba
+    return pointer[i]
+
+
+def _power(x, y):  # type: ignore[no-untyped-def]  # compiled by Numba
+    return np.power(x, y)
+
+
+def _unary(name: str) -> Callable[[Any], Any]:
+    """Return a function that Numba can compile in place of a name."""
+    function = FUNCTIONS[name]
+
+    def call(x):  # type: ignore[no-untyped-def]  # compiled by Numba
+        return function(x)
+
+    return call
+
+
+_UNARY = {name: _unary(name) for name in FUNCTIONS}
+
+
+@dataclass(frozen=True)
+class FormulaLaw:
+    """The law of an effect that somebody wrote as a formula.
+
+    It is equal to another one that says the same, and can be pickled.
+
+    Parameters
+    ----------
+    written : Written
+    """
+
+    written: Written
+
+    @cached_property
+    def formula(self) -> Formula:
+        """The formula, read."""
+        return self.written.read()
+
+    def __call__(self, t: float, q: Any, v: Any, z: Any, p: Any, f: Any, dz: Any) -> None:
+        """Write the force, as every law does."""
+        f[0] = self.formula.value(self._values(t, q, v, p))
+
+    def _values(self, t: Any, q: Any, v: Any, p: Any) -> dict[str, Any]:
+        values = {"t": t, "q": q[0], "v": v[0]}
+        values.update((name, p[i]) for i, (name, _) in enumerate(self.written.units))
+        values.update((name, q[1 + i]) for i, (name, _) in enumerate(self.written.channels))
+        return values
+
+    @property
+    def sharp(self) -> bool:
+        """Whether the force may have corners."""
+        return bool(self.formula.operations & _CORNERS)
+
+    def compiled(self) -> Any:
+        """Return the law compiled to the signature of all laws.
+
+        The operations are put together as machine code one by one: no text is executed, and no
+        file holds the result, which would be found again under the name of another formula.
+        """
+        force = _assembled(self)
+
+        def law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
+            f[0] = force(t, q, v, p)
+
+        return machine_code(law, cache=False)
+
+
+def _assembled(law: FormulaLaw) -> Any:
+    """Return the force of (t, q, v, p) as a function that compiled code can call."""
+    written = law.written
+    places: dict[str, tuple[int, int]] = {"q": (1, 0), "v": (2, 0)}
+    places.update((name, (3, i)) for i, (name, _) in enumerate(written.units))
+    places.update((name, (1, 1 + i)) for i, (name, _) in enumerate(written.channels))
+
+    @intrinsic
+    def force(typing_context, t, q, v, p):  # type: ignore[no-untyped-def]
+        signature = types.float64(types.float64, POINTER, POINTER, POINTER)
+
+        def generate(context, builder, _, given):  # type: ignore[no-untyped-def]
+            def constant(number: float) -> Any:
+                return context.get_constant(types.float64, number)
+
+            def call(function: Any, kinds: tuple[Any, ...], operands: tuple[Any, ...]) -> Any:
+                return context.compile_internal(builder, function, types.float64(*kinds), operands)
+
+            def leaf(item: float | str) -> tuple[Any, float | None]:
+                if not isinstance(item, str):
+                    return constant(item), item
+                if item == "t":
+                    return given[0], None
+                array, index = places[item]
+                where = context.get_constant(types.intp, index)
+                return call(_entry, (POINTER, types.intp), (given[array], where)), None
+
+            def combine(operation: str, *operands: tuple[Any, float | None]) -> tuple[Any, None]:
+                values = tuple(value for value, _ in operands)
+                if operation in _BUILDS:
+                    return _BUILDS[operation](builder, *values), None
+                if operation != "**":
+                    return call(_UNARY[operation], (types.float64,), values), None
+                exponent = operands[1][1]
+                if exponent is not None and exponent.is_integer() and abs(exponent) <= _HIGHEST:
+                    power = _multiplied(builder, values[0], int(abs(exponent)), constant(1.0))
+                    return (builder.fdiv(constant(1.0), power) if exponent < 0 else power), None
+                return call(_power, (types.float64, types.float64), values), None
+
+            return law.formula.fold(leaf, combine)[0]
+
+        return signature, generate
+
+    return force
+
+
+def _larger(builder: Any, x: Any, y: Any) -> Any:
+    return builder.select(builder.fcmp_unordered(">", x, y), x, y)
+
+
+def _smaller(builder: Any, x: Any, y: Any) -> Any:
+    return builder.select(builder.fcmp_unordered("<", x, y), x, y)
+
+
+_BUILDS: dict[str, Callable[..., Any]] = {
+    "+": lambda builder, x, y: builder.fadd(x, y),
+    "-": lambda builder, x, y: builder.fsub(x, y),
+    "*": lambda builder, x, y: builder.fmul(x, y),
+    "/": lambda builder, x, y: builder.fdiv(x, y),
+    "negative": lambda builder, x: builder.fneg(x),
+    "min": _smaller,
+    "max": _larger,
+}
+
+
+def _multiplied(builder: Any, x: Any, exponent: int, one: Any) -> Any:
+    """Return a whole power by repeated squaring."""
+    power = one
+    while exponent:
+        if exponent & 1:
+            power = builder.fmul(power, x)
+        x, exponent = builder.fmul(x, x), exponent >> 1
+    return power
+
+
+@dataclass(frozen=True)
+class FormulaGains:
+    """The largest slopes of a formula, which decide on the length of steps.
+
+    Parameters
+    ----------
+    law : FormulaLaw
+    """
+
+    law: FormulaLaw
+
+    def __call__(self, values: Values, q: float, v: float) -> tuple[float, float, float]:
+        """Return the largest stiffness and damping up to these amplitudes, and no rate."""
+        grid = np.linspace(-1.0, 1.0, _GRID)
+        along = {"q": q * grid[:, None], "v": v * grid[None, :], "t": 0.0, **values}
+        slopes = [(0.0, 0.0)]
+        for level in _SIGNALS if self.law.written.channels else (0.0,):
+            along.update((name, level) for name, _ in self.law.written.channels)
+            slopes.append((self._steepest(along, "q", q), self._steepest(along, "v", v)))
+        stiffness, damping = np.max(slopes, axis=0).tolist()
+        return stiffness, damping, 0.0
+
+    def _steepest(self, along: dict[str, Any], name: str, amplitude: float) -> float:
+        if amplitude == 0 or name not in self.law.formula.names:
+            return 0.0
+        step = 1e-6 * amplitude
+        ends = [self.law.formula.value({**along, name: along[name] + d}) for d in (-step, step)]
+        with np.errstate(all="ignore"):
+            slopes = np.abs(np.asarray(ends[1]) - ends[0]) / (2 * step)
+        return float(np.max(slopes, where=np.isfinite(slopes), initial=0.0))
+
+
+# Effects of your own: a kind made of a formula, offered to a diagnosis, read from files.
+
+Range = tuple[float | None, float | None]
+
+
+def effect(
+    formula: str,
+    parameters: Mapping[str, str] | None = None,
+    *,
+    name: str | None = None,
+    title: str | None = None,
+    domain: Literal["pair", "dof"] = "pair",
+    bounds: Mapping[str, Range] | None = None,
+    scan: Mapping[str, Sequence[float]] | None = None,
+    known: Mapping[str, float] | None = None,
+    channels: Mapping[str, str] | None = None,
+) -> EffectKind:
+    """Define a physical effect by a formula, and offer it to every later diagnosis.
+
+    The formula is read, never executed. Calling it again replaces an effect of the same name;
+    models that were made with the former one keep it.
+
+    Parameters
+    ----------
+    formula : str
+        ``"f = ..."``: the force in N (torque in N m) on the first coordinate of a place, the second
+        gets the opposite; a spring is ``"f = -k*q"``. It may name the relative displacement q and
+        velocity v, the time t and the parameters, and use numbers, ``+ - * / **``, brackets, pi,
+        sin, cos, tan, exp, log, sqrt, abs, sign, tanh, arctan, min and max.
+    parameters : mapping of str to str, optional
+        SI units of the parameters by name, such as ``{"k": "N/m^5"}``; ``"1"`` for none. At a
+        rotation N is read as N m and m as rad.
+    name : str, optional
+        What it is called in models and tables; the formula by default.
+    title : str, optional
+        For people; the name by default.
+    domain : {"pair", "dof"}, optional
+        Whether it acts between two coordinates (or one and ground), or on one.
+    bounds : mapping of str to (float or None, float or None), optional
+        Least and largest value of parameters, None where there is no limit.
+    scan : mapping of str to sequence of float, optional
+        Values in SI units that a screening tries of parameters to which the force is not
+        proportional. By default shares of the amplitude, of the speed, or of what their unit makes
+        of these two; only a parameter without unit needs its values.
+    known : mapping of str to float, optional
+        Values in SI units of parameters that are known: they are neither scanned nor fitted.
+    channels : mapping of str to str, optional
+        Data columns that the formula names, with their units, such as ``{"u": "V"}``. Between
+        samples they are straight lines. A diagnosis tries the effect in models that have them,
+        see :meth:`MechanicalModel.with_channel`.
+
+    Returns
+    -------
+    EffectKind
+        For ``model.with_effect(kind, at, {"k": 3.0})``; its name does as well.
+
+    Raises
+    ------
+    InvalidInputError
+        If the formula is none or makes no force of the units, if the name belongs to the catalogue,
+        or if `scan` lacks a parameter. The message says what to do.
+
+    Warns
+    -----
+    RobustPolishWarning
+        If the force is proportional to no parameter, so that a diagnosis cannot try it.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> fifth = rp.effect("f = -k*q**5", parameters={"k": "N/m^5"})
+    >>> model = rp.MechanicalModel([rp.Dof("x", 2.0)], outputs=[rp.Output("x", ("x", "ground"))])
+    >>> model = model.with_effect(fifth, ("x", "ground"), {"k": 3.0})
+    >>> model.effects[0].kind, rp.MechanicalModel.from_toml(model.to_toml()) == model
+    ('f = -k*q**5', True)
+
+    To withdraw it from later diagnoses:
+
+    >>> from robustpolish.effects import unregister
+    >>> unregister(fifth.kind)
+    """
+    given = {
+        "formula": formula,
+        "units": parameters,
+        "name": name,
+        "title": title,
+        "domain": domain,
+        "bounds": bounds,
+        "scan": scan,
+        "known": known,
+        "channels": channels,
+    }
+    try:
+        kind, tried = _made(written_from(given))
+    except InvalidInputError as error:
+        if error.key[:1] != ("units",):
+            raise
+        text = str(error).replace("units", "parameters", 1)  # as the argument is called here
+        raise InvalidInputError(text, ("parameters", *error.key[1:])) from None
+    if tried.unknown:
+        raise invalid("scan", described(tried.missing), "values to try", tried.remedy)
+    if tried.missing:
+        warnings.warn(
+            f"A diagnosis cannot try {tried.missing}; simulation and refit can. {tried.remedy}",
+            RobustPolishWarning,
+            stacklevel=2,
+        )
+    return register(kind)
+
+
+def own_kind(table: Mapping[str, Any]) -> EffectKind:
+    """Return the kind that a table of a file describes, without offering it to anybody.
+
+    Parameters
+    ----------
+    table : mapping
+        As :func:`own_table` gives it.
+
+    Returns
+    -------
+    EffectKind
+
+    Raises
+    ------
+    InvalidInputError
+        As :func:`effect`, but a law that could not be screened is welcome. The key of the error
+        says where in the table.
+
+    Examples
+    --------
+    >>> kind = own_kind({"formula": "f = -c*v**3", "units": {"c": "N s^3/m^3"}})
+    >>> kind.parameter("c").unit(), own_table(kind)
+    ('N s^3/m^3', {'formula': 'f = -c*v**3', 'units': {'c': 'N s^3/m^3'}})
+    """
+    for key in table:
+        if key not in OWN_KEYS:
+            raise invalid((key,), described("an unknown key"), ", ".join(OWN_KEYS), "Correct it.")
+    return _made(written_from(table))[0]
+
+
+def own_table(kind: EffectKind) -> dict[str, Any] | None:
+    """Return the table that describes a kind made of a formula, or None for any other.
+
+    Parameters
+    ----------
+    kind : EffectKind
+
+    Returns
+    -------
+    dict or None
+    """
+    return kind.law.written.table() if isinstance(kind.law, FormulaLaw) else None
+
+
+def _made(written: Written) -> tuple[EffectKind, Candidates]:
+    """Return the kind, and what a screening tries of it."""
+    name = written.name or written.formula
+    if name in BUILT_IN:
+        raise invalid(("name",), name, "a name that the catalogue does not have", "Rename it.")
+    law = FormulaLaw(written)
+    units, known = dict(written.units), dict(written.known)
+    given = {**dict(written.scan), **{symbol: (value,) for symbol, value in known.items()}}
+    powers = dimensions(law.formula, units, dict(written.channels))
+    parameters = [
+        Parameter(symbol, dimension_text(powers[symbol]), f"{symbol} in {written.formula}")
+        for symbol in units
+    ]
+    tried = candidates(law.formula, parameters, given)
+    limits = {symbol: (lower, upper) for symbol, lower, upper in written.bounds}
+    finished = []
+    for p in parameters:
+        least = 0.0 if p.name in tried.together else -math.inf
+        lower, upper = limits.get(p.name, (least, math.inf))
+        default = given.get(p.name, (0.0 if p.name in tried.linear_in else 1.0,))[0]
+        default = min(max(default, lower), upper)
+        free = p.name not in known
+        finished.append(replace(p, lower=lower, upper=upper, default=default, fitted=free))
+    kind = EffectKind(
+        kind=name,
+        title=written.title or name,
+        domain=written.domain,  # type: ignore[arg-type]  # checked by written_from
+        parameters=tuple(finished),
+        law=law,
+        linear_in=tried.linear_in,
+        scan=tried.scan,
+        gains=FormulaGains(law),
+        channels=written.channels,
+        sharp=law.sharp,
+        looks_like=f"A force that follows {written.formula}.",
+    )
+    return kind, tried

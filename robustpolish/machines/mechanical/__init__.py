@@ -1,0 +1,1 @@
+"""Masses, springs, dampers and effects: data below, matrices, files and tables on top."""

@@ -1,0 +1,247 @@
+"""The slopes of the physical effects of a model at a state of rest."""
+
+from __future__ import annotations
+
+import itertools
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import control
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.signal import tf2ss
+
+from robustpolish.base.arrays import AnyArray, Array
+from robustpolish.base.checks import invalid
+from robustpolish.errors import RobustPolishWarning
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.kind import SignalSlope
+from robustpolish.machines.mechanical.data import MechanicalData, context_values, effect_ports
+from robustpolish.machines.mechanical.parts import number
+from robustpolish.plants.linearization import difference
+
+_PHASES = 16
+_PADE_ORDER = 2
+
+
+@dataclass(frozen=True, eq=False)
+class LinearEffects:
+    """Forces f and internal states z of the effects, linear in the motion at their ports.
+
+    ::
+
+        f  = Fq q + Fv v + Fz z          q = Qs s + Qw w
+        z' = Dq q + Dv v + Dz z          v = Vs s + Vw w
+
+    ``motion`` is (Qs, Qw, Vs, Vw); G and H carry the forces to states and outputs.
+    """
+
+    G: Array
+    H: Array
+    motion: tuple[Array, Array, Array, Array]
+    Fq: Array
+    Fv: Array
+    Fz: Array
+    Dq: Array
+    Dv: Array
+    Dz: Array
+    states: tuple[str, ...]
+
+
+def linear_effects(
+    model: MechanicalData, operating_point: Mapping[str, float] | None
+) -> LinearEffects:
+    """Linearise all effects that make forces.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    operating_point : mapping of str to float or None
+        Displacements at rest; None for the equilibrium.
+    """
+    placed, ports, G, H, motion = effect_ports(model)
+    rest = _rest(model, placed, ports, operating_point)
+    slopes = [[np.zeros((0, 0))] * 6]
+    for effect, here in zip(placed, ports, strict=True):
+        slopes.append(_slopes(model, effect, here @ rest))
+    whole: list[Array] = [np.array(block_diag(*parts)) for parts in zip(*slopes, strict=True)]
+    states = [
+        f"{effect.kind}_{i}_{k + 1}"
+        for i, effect in enumerate(placed, 1)
+        for k in range(effect.definition.states)
+    ]
+    return LinearEffects(G, H, motion, *whole, states=tuple(states))
+
+
+def _rest(
+    model: MechanicalData,
+    effects: Sequence[Effect],
+    ports: Sequence[Array],
+    operating_point: Mapping[str, float] | None,
+) -> Array:
+    """Return the displacements of all coordinates at rest."""
+    names = model.dof_names
+    q = np.zeros(len(names))
+    if operating_point is not None:
+        for name, value in operating_point.items():
+            if name not in names:
+                raise invalid("operating_point", name, f"one of {', '.join(names)}", "Correct it.")
+            q[names.index(name)] = number(f"operating_point[{name!r}]", value)
+        return q
+    m, free = model.matrices, model.matrices.free
+    for _ in range(50):
+        force, slope = -(m.K @ q), -m.K.copy()
+        for effect, here in zip(effects, ports, strict=True):
+            force += here.T @ _mean_force(model, effect, here @ q)
+            slope += here.T @ _slopes(model, effect, here @ q, warn=False)[0] @ here
+        pull = force[free]
+        typical = np.max(np.abs(m.K @ q), initial=0.0)
+        if not pull.any() or np.max(np.abs(pull)) <= 1e-12 * typical:
+            break
+        q[free] -= np.linalg.lstsq(slope[free][:, free], pull, rcond=1e-12)[0]
+    return q if np.isfinite(q).all() else np.zeros(len(names))
+
+
+def _law(
+    model: MechanicalData, effect: Effect, time: float, q: Array, v: Array, z: Array
+) -> tuple[Array, Array]:
+    """Evaluate a law in plain Python: force on the first ends, derivatives of internal states."""
+    kind = effect.definition
+    # No time step: laws that blur a jump over what a step can resolve keep the jump.
+    p = np.array([*effect.values.values(), *context_values(model, effect, 0.0)])
+    f, dz = np.zeros(kind.ports), np.zeros(kind.states)
+    assert kind.law is not None  # only effects that make forces come here
+    with np.errstate(all="ignore"):
+        kind.law(time, q, v, z, p, f, dz)
+    return f, dz
+
+
+def _times(model: MechanicalData) -> Array:
+    """Instants over which slopes are averaged: one turn of the spin, or none."""
+    spin = model.spin_frequency
+    return np.arange(_PHASES) / (_PHASES * spin) if spin else np.zeros(1)
+
+
+def _mean_force(model: MechanicalData, effect: Effect, q: Array) -> Array:
+    zero, z = np.zeros(q.size), np.zeros(effect.definition.states)
+    return np.mean([_law(model, effect, t, q, zero, z)[0] for t in _times(model)], axis=0)
+
+
+def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = True) -> list[Array]:
+    """Return the slopes Fq, Fv, Fz of the force and Dq, Dv, Dz of the internal rates."""
+    kind = effect.definition
+    point = np.concatenate([rest, np.zeros(rest.size), np.zeros(kind.states)])
+    n = rest.size
+
+    def both(x: Array) -> Array:
+        values = [
+            np.concatenate(_law(model, effect, t, x[:n], x[n : 2 * n], x[2 * n :]))
+            for t in _times(model)
+        ]
+        return np.mean(values, axis=0)
+
+    table = np.zeros((kind.ports + kind.states, point.size))
+    for j in range(point.size):
+        # Wherever the law has a slope at all, so small a step sees it: nothing in mechanics is
+        # finer than 1e-12 in SI units, and at zero there is no rounding to fear.
+        step = max(1e-12, 1e-7 * abs(point[j]))
+        wide, narrow = (difference(both, point, j, h) for h in (step, step / 16))
+        jumps = np.abs(narrow) > 4 * np.abs(wide)
+        if jumps.any() and warn:
+            warnings.warn(
+                f"{effect} jumps at rest and has no linear part: left out of the linear model. "
+                "Judge the controller by simulating the model with it.",
+                RobustPolishWarning,
+                stacklevel=6,
+            )
+        table[:, j] = np.where(jumps, 0.0, wide)
+    table[~np.isfinite(table)] = 0.0
+    columns = (slice(0, n), slice(n, 2 * n), slice(2 * n, None))
+    return [part[:, c] for part in (table[: kind.ports], table[kind.ports :]) for c in columns]
+
+
+def with_effects(model: MechanicalData, e: LinearEffects) -> tuple[Array, Array, Array, Array]:
+    """Close the loops from the motion at the ports over the effects' slopes to their forces.
+
+    Returns A, B, C, D from the signals to the outputs; the effects' states follow the model's.
+    """
+    A, B, C, D = model.matrices.first_order()
+    Qs, Qw, Vs, Vw = e.motion
+    by_s, by_w = e.Fq @ Qs + e.Fv @ Vs, e.Fq @ Qw + e.Fv @ Vw
+    inner_s, inner_w = e.Dq @ Qs + e.Dv @ Vs, e.Dq @ Qw + e.Dv @ Vw
+    return (
+        np.block([[A + e.G @ by_s, e.G @ e.Fz], [inner_s, e.Dz]]),
+        np.vstack([B + e.G @ by_w, inner_w]),
+        np.hstack([C + e.H @ by_s, e.H @ e.Fz]),
+        D + e.H @ by_w,
+    )
+
+
+def signal_gains(model: MechanicalData) -> Array:
+    """Return the factor that effects put on each signal."""
+    sources = np.array(model.matrices.sources)
+    gains = np.ones(len(sources))
+    for effect, slope in _slopes_of_signals(model, "input"):
+        gains[sources == effect.at[0]] *= slope.gain
+    return gains
+
+
+def signal_timing(model: MechanicalData, s: AnyArray) -> AnyArray:
+    """Return what delays and lags make of each signal at s, shape (s.size, signals)."""
+    sources = np.array(model.matrices.sources)
+    factors = np.ones((s.size, len(sources)), dtype=complex)
+    for effect, slope in _slopes_of_signals(model, "input"):
+        late = np.exp(-s * slope.delay) / (1 + s * slope.lag)
+        factors[:, sources == effect.at[0]] *= late[:, None]
+    return factors
+
+
+def sensor_gains(model: MechanicalData) -> Array:
+    """Return the factor that effects put on each output."""
+    gains = np.ones(len(model.outputs))
+    for effect, slope in _slopes_of_signals(model, "output"):
+        gains[model.output_names.index(effect.at[0])] *= slope.gain
+    return gains
+
+
+def _slopes_of_signals(model: MechanicalData, domain: str) -> Iterator[tuple[Effect, SignalSlope]]:
+    """Yield the effects on inputs or outputs, each with what a linear model keeps of it."""
+    for effect in model.effects:
+        if effect.definition.domain == domain:
+            yield effect, effect.definition.signal_slope(effect.values)
+
+
+def _filters(slope: SignalSlope) -> list[tuple[str, tuple[Array, Array]]]:
+    """Return the names, numerators and denominators of what delays a signal and lags behind it."""
+    found = []
+    if slope.delay > 0:
+        found.append(("delay", control.pade(slope.delay, _PADE_ORDER)))
+    if slope.lag > 0:
+        found.append(("lag", (np.ones(1), np.array([slope.lag, 1.0]))))
+    return found
+
+
+def add_timing(
+    model: MechanicalData, inputs: Sequence[str], A: Array, B: Array, C: Array, D: Array
+) -> tuple[Array, Array, Array, Array, list[str]]:
+    """Put lags and second-order Pade approximations of delays before the inputs that have them."""
+    names: list[str] = []
+    m = model.matrices
+    for effect, slope in _slopes_of_signals(model, "input"):
+        behind = [
+            name
+            for name, source in zip(m.signals, m.sources, strict=True)
+            if source == effect.at[0] and name in inputs
+        ]
+        for name, (what, transfer) in itertools.product(behind, _filters(slope)):
+            j = inputs.index(name)
+            Ap, Bp, Cp, Dp = tf2ss(*transfer)
+            column, through = B[:, [j]].copy(), D[:, [j]].copy()
+            A = np.block([[A, column @ Cp], [np.zeros((len(Ap), len(A))), Ap]])
+            B = np.vstack([B, np.zeros((len(Ap), B.shape[1]))])
+            B[:, [j]] = np.vstack([column @ Dp, Bp])
+            C, D = np.hstack([C, through @ Cp]), D.copy()
+            D[:, [j]] = through @ Dp
+            names += [f"{name}_{what}_{k + 1}" for k in range(len(Ap))]
+    return A, B, C, D, names

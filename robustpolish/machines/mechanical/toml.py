@@ -1,0 +1,460 @@
+"""Mechanical models as TOML files."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from robustpolish.base.atomic_writes import write_file
+from robustpolish.base.checks import Key, described, instance_of, invalid, known_keys, one_of
+from robustpolish.base.input_files import Wanted, check_tree
+from robustpolish.base.input_files import text as read_text
+from robustpolish.base.versions import __version__
+from robustpolish.errors import InvalidInputError
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.formula_language import OWN_KEYS
+from robustpolish.machines.effects.kind import GROUND
+from robustpolish.machines.effects.user_defined import own_kind, own_table
+from robustpolish.machines.mechanical.data import MechanicalData
+from robustpolish.machines.mechanical.parts import (
+    DISPLACEMENT,
+    FORCE,
+    QUANTITIES,
+    CoupledInertia,
+    Damper,
+    Dof,
+    Input,
+    Output,
+    Spring,
+)
+
+# Where in a TOML text a key stands, so that a message can say so.
+#
+# `tomllib` gives values without positions. The keys of our errors, such as
+# ``("spring", 1, "stiffness")`` or ``("input", "F_x", "gain")``, are enough to find the line.
+
+_HEADER = re.compile(r"^\s*\[(?P<list>\[)?\s*(?P<name>[^\]]+?)\s*\]")
+
+
+def line_of(text: str, key: Key) -> int | None:
+    r"""Return the line, counted from 1, on which a key stands.
+
+    Parameters
+    ----------
+    text : str
+        The TOML file.
+    key : tuple of str or int
+        As in `InvalidInputError.key`: the table, the name or number of its entry, then the way
+        inside it.
+
+    Returns
+    -------
+    int or None
+        The line of the key, of its table if the key cannot be found, or None.
+
+    Examples
+    --------
+    >>> line_of("[dof.x]\nmass = -1", ("dof", "x", "mass"))
+    2
+    """
+    if not key:
+        return None
+    lines = text.splitlines()
+    block, inside = _block(lines, key)
+    if block is None:
+        outermost = [part for part in key[:2] if isinstance(part, str)][-1]
+        return _mention(lines, 0, len(lines), rf"(\[\[?\s*)?{_quoted(outermost)}\s*[\]=.]")
+    first, last = block
+    for part in reversed(inside):
+        line = _mention(lines, first, last, rf"{_quoted(part)}\s*[=.]")
+        if line is not None:
+            return line
+    return first
+
+
+def _quoted(part: str | int) -> str:
+    return rf"[\"']?{re.escape(str(part))}[\"']?"
+
+
+def _mention(lines: list[str], first: int, last: int, pattern: str) -> int | None:
+    """Return the first of the lines after `first` that begins like this, counted from 1."""
+    begins = re.compile(rf"^\s*{pattern}")
+    return next((i + 1 for i in range(first, last) if begins.match(lines[i])), None)
+
+
+def _block(lines: list[str], key: Key) -> tuple[tuple[int, int] | None, Key]:
+    """Return the line of a table's header, from 1, and that where the next table begins.
+
+    And what is left of the key inside the table.
+    """
+    headers = [
+        (i, _bare(found["name"]))
+        for i, line in enumerate(lines, 1)
+        if (found := _HEADER.match(line))
+    ]
+    ends = [i - 1 for i, _ in headers[1:]] + [len(lines)]
+    blocks = [(i, end, name) for (i, name), end in zip(headers, ends, strict=False)]
+    if len(key) < 2:
+        return None, ()
+    table, entry = key[:2]
+    for length in range(len(key), 1, -1):  # a table in tables, such as [dof.x]
+        dotted = _bare(".".join(map(str, key[:length])))
+        for first, last, name in blocks:
+            if name == dotted:
+                return (first, last), key[length:]
+    same = [block for block in blocks if block[2] == table]
+    if isinstance(entry, int):
+        chosen = same[entry : entry + 1]
+    else:
+        named = rf"name\s*=\s*{_quoted(entry)}\s*(#|$)"
+        found = [b for b in same if _mention(lines, b[0], b[1], named)]
+        chosen = found[-1:]  # of two with one name the later one is too many
+        if not found and any(
+            _mention(lines, b[0], b[1], rf"{_quoted(entry)}\s*[=.]") for b in same
+        ):
+            return (same[0][0], same[0][1]), key[1:]
+    return ((chosen[0][0], chosen[0][1]) if chosen else None), key[2:]
+
+
+def _bare(name: str) -> str:
+    return re.sub(r"[\"' ]", "", name)
+
+
+Table = Mapping[str, Any]
+
+_FILE = Wanted(
+    "model", "a TOML file with a mechanical model", "Check the path and the file.", 10_000_000
+)
+
+_TOP = (
+    "name", "spin_frequency", "dof", "coupled_inertia", "spring", "damper", "input", "output",
+    "effect", "design", "weights",
+)  # fmt: skip
+
+
+def read_model(source: str | Path, max_bytes: float | None = None) -> MechanicalData:
+    """Read a model from a file, or from TOML text if `source` has a line break."""
+    with located(source, max_bytes) as table:
+        return _model(table)
+
+
+@contextmanager
+def located(source: str | Path, max_bytes: float | None = None) -> Iterator[Table]:
+    """Read a TOML file, or text; what is complained about inside gets the number of its line.
+
+    Parameters
+    ----------
+    source : path or str
+        A file, or TOML text if it has a line break.
+    max_bytes : float, optional
+        Largest size of a file.
+
+    Yields
+    ------
+    mapping
+        The tables.
+    """
+    if isinstance(source, str) and "\n" in source:
+        text, where = source, "model"
+    else:
+        text, where = read_text(source, _FILE.limited(max_bytes)), str(source)
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InvalidInputError(f"{where}: not valid TOML: {error}.") from None
+    except ValueError:  # Python reads no integers of thousands of digits
+        raise InvalidInputError(
+            f"{where}: not a model: an integer of thousands of digits."
+        ) from None
+    except RecursionError:
+        raise InvalidInputError(f"{where}: not a model: tables nested too deeply.") from None
+    try:
+        check_tree(table)
+        yield table
+    except InvalidInputError as error:
+        line = line_of(text, error.key)
+        at = f"{where}, line {line}" if line else where
+        raise InvalidInputError(f"{at}: {error}", error.key) from None
+
+
+def _model(table: Table) -> MechanicalData:
+    known_keys((), table, _TOP, required=("dof", "output"))
+    dofs = [_dof(name, item) for name, item in _table(("dof",), table["dof"]).items()]
+    return MechanicalData(
+        dofs=tuple(dofs),
+        springs=_list(table, "spring", _spring),
+        dampers=_list(table, "damper", _damper),
+        inputs=_list(table, "input", lambda where, item: _input(where, item, dofs)),
+        outputs=_list(table, "output", _output),
+        effects=_list(table, "effect", _effect),
+        spin_frequency=table.get("spin_frequency"),
+        name=table.get("name", ""),
+        coupled_inertias=_list(table, "coupled_inertia", _coupled),
+        design=design_section(table),
+    )
+
+
+def design_section(table: Table) -> dict[str, Any]:
+    """Return the sections [design] and [weights] of a file, the latter as a key of the former.
+
+    They say what is asked of a controller; here nobody reads them, a file that is written anew has
+    them again.
+    """
+    design, weights = (_table((key,), table.get(key, {})) for key in ("design", "weights"))
+    if weights and "weights" in design:
+        shown = described("weights of a [design] that has its own")
+        raise invalid("weights", shown, "one table of weights", "Join them.")
+    section = {**design, "weights": weights} if weights else dict(design)
+    _check_kept(("design",), section)
+    return section
+
+
+def _check_kept(where: Key, value: Any) -> None:
+    """Refuse values of a section that could not be written again, such as dates."""
+    if isinstance(value, dict | list):
+        inside = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, item in inside:
+            _check_kept((*where, key), item)
+    elif not isinstance(value, str | bool | int | float):
+        raise invalid(where, str(value), "a number, text or true or false", "Correct it.")
+
+
+def _table(where: Key, value: Any) -> Table:
+    if not isinstance(value, dict):
+        entry = isinstance(where[-1], int)
+        header = f"[[{where[0]}]]" if entry else f"[{'.'.join(map(str, where))}]"
+        raise invalid(where, value, "a table", f"Write {header} and its keys below.")
+    return value
+
+
+def _list(table: Table, key: str, make: Callable[[Key, Table], Any]) -> tuple[Any, ...]:
+    items = table.get(key, [])
+    if not isinstance(items, list):
+        raise invalid(
+            key, described("a single table"), f"[[{key}]]", "Write two brackets: it is a list."
+        )
+    return tuple(make((key, i), _table((key, i), item)) for i, item in enumerate(items))
+
+
+def _dof(name: str, item: Any) -> Dof:
+    where = ("dof", name)
+    item = _table(where, item)
+    known_keys(where, item, ("mass", "inertia"))
+    if len(item) != 1:
+        shown = described(" and ".join(item) or "neither")
+        raise invalid(where, shown, "either mass or inertia", "Give one of them.")
+    rotational = "inertia" in item
+    return Dof(name, item["inertia" if rotational else "mass"], rotational)
+
+
+def _spring(where: Key, item: Table) -> Spring:
+    known_keys(where, item, ("between", "stiffness"), ("between", "stiffness"))
+    return Spring(item["between"], item["stiffness"])
+
+
+def _damper(where: Key, item: Table) -> Damper:
+    known_keys(where, item, ("between", "damping"), ("between", "damping"))
+    return Damper(item["between"], item["damping"])
+
+
+def _coupled(where: Key, item: Table) -> CoupledInertia:
+    known_keys(where, item, ("between", "value"), ("between", "value"))
+    return CoupledInertia(item["between"], item["value"])
+
+
+def _input(where: Key, item: Table, dofs: list[Dof]) -> Input:
+    places = ("force_on", "torque_on", "motion_of")
+    known_keys(where, item, ("name", *places, "gain", "quantity", "unit"), ("name",))
+    given = [key for key in places if key in item]
+    if len(given) != 1:
+        shown = described(" and ".join(given) or "none of them")
+        raise invalid(where, shown, "one of force_on, torque_on and motion_of", "Give one of them.")
+    key = given[0]
+    if key == "motion_of":
+        imposes = item.get("quantity", DISPLACEMENT)
+        one_of(
+            (*where, "quantity"), imposes, [q for q, kind in QUANTITIES.items() if kind != FORCE]
+        )
+    else:
+        imposes = None
+        if "quantity" in item:
+            raise invalid(
+                (*where, "quantity"), item["quantity"], f"no quantity with {key}", "Remove it."
+            )
+        _force_fits((*where, key), key, item[key], dofs)
+    return Input(item["name"], item[key], imposes, item.get("gain", 1.0), item.get("unit"))
+
+
+def _force_fits(where: Key, key: str, place: Any, dofs: list[Dof]) -> None:
+    """Refuse a force on an inertia and a torque on a mass."""
+    name = place[0] if isinstance(place, list) and place else place
+    for dof in dofs:
+        if dof.name == name and dof.rotational != (key == "torque_on"):
+            wanted = "torque_on" if dof.rotational else "force_on"
+            has = "an inertia in kg m^2" if dof.rotational else "a mass in kg"
+            raise invalid(
+                where,
+                described(f"{key} = {name!r}, which has {has}"),
+                f"{wanted} there: units must match",
+                f"Write {wanted}.",
+            )
+
+
+def _output(where: Key, item: Table) -> Output:
+    known_keys(
+        where, item, ("name", "measures", "quantity", "relative_to", "of", "unit"), ("name",)
+    )
+    quantity = item.get("quantity", DISPLACEMENT)
+    one_of((*where, "quantity"), quantity, tuple(QUANTITIES))
+    unit = item.get("unit")
+    if QUANTITIES[quantity] == FORCE:
+        known_keys(where, item, ("name", "quantity", "of", "unit"), ("of",))
+        of = item["of"]
+        remedy = "Write of = 'F', or of = ['x', 'ground']."
+        instance_of((*where, "of"), of, (str, list), "the name of an input, or two places", remedy)
+        return Output(item["name"], of, quantity, isinstance(of, str) or len(of) == 1, unit)
+    known_keys(where, item, ("name", "measures", "quantity", "relative_to", "unit"), ("measures",))
+    measures = item["measures"]
+    if isinstance(measures, dict):
+        known_keys(where, item, ("name", "measures", "quantity", "unit"))
+        weights = tuple(measures.values())
+        return Output(item["name"], tuple(measures), quantity, unit=unit, weights=weights)
+    of = (measures, item.get("relative_to", GROUND))
+    return Output(item["name"], of, quantity, unit=unit)
+
+
+def _effect(where: Key, item: Table) -> Effect:
+    formula = "formula" in item
+    what = OWN_KEYS if formula else ("kind",)
+    known_keys(where, item, (*what, "at", "parameters"), (what[0], "at"))
+    at = item["at"]
+    if not isinstance(at, str | list) or not at:
+        raise invalid((*where, "at"), at, "a list of names", "Write at = ['x', 'ground'].")
+    place = (at,) if isinstance(at, str) else tuple(at)
+    numbers = item.get("parameters", {})
+    try:
+        if formula:
+            kind = own_kind({key: item[key] for key in OWN_KEYS if key in item})
+            return Effect.of(kind, place, numbers)
+    except InvalidInputError as error:
+        raise _at(where, error, error.key if error.key[0] in OWN_KEYS else error.key[1:]) from None
+    if not isinstance(item["kind"], str):
+        raise invalid((*where, "kind"), item["kind"], "a name", "Write it as text.")
+    try:
+        return Effect(item["kind"], place, numbers)
+    except InvalidInputError as error:
+        raise _at(where, error, error.key[1:]) from None
+
+
+def _at(where: Key, error: InvalidInputError, key: Key) -> InvalidInputError:
+    """Return an error of an effect with its place in the file."""
+    return InvalidInputError(f"effect[{where[1]}]: {error}", (*where, *key))
+
+
+def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
+    """Return `model` as TOML text; write it to `path` whole or not at all."""
+    lines: list[str] = [f"# A mechanical model of robustpolish {__version__}", ""]
+    if model.name:
+        lines.append(f"name = {_value(model.name)}")
+    if model.spin_frequency is not None:
+        lines.append(f"spin_frequency = {_value(model.spin_frequency)}  # Hz")
+    for dof in model.dofs:
+        lines += [
+            "",
+            f"[dof.{_key(dof.name)}]",
+            f"{dof.key[-1]} = {_value(dof.mass)}  # {dof.unit}",
+        ]
+    for coupled in model.coupled_inertias:
+        table = {"between": coupled.between, "value": coupled.value}
+        lines += _entry("coupled_inertia", table)
+    for spring in model.springs:
+        lines += _entry("spring", {"between": spring.between, "stiffness": spring.stiffness})
+    for damper in model.dampers:
+        lines += _entry("damper", {"between": damper.between, "damping": damper.damping})
+    for source in model.inputs:
+        lines += _entry("input", _input_table(model, source))
+    for output in model.outputs:
+        lines += _entry("output", _output_table(output))
+    for effect in model.effects:
+        what = own_table(effect.definition) or {"kind": effect.kind}
+        table = {**what, "at": effect.at, "parameters": dict(effect.parameters)}
+        lines += _entry("effect", table)
+    lines += _section("design", model.design)
+    text = "\n".join(lines).lstrip("\n") + "\n"
+    if path is not None:
+        write_file(path, text, force=True)
+    return text
+
+
+def _input_table(model: MechanicalData, item: Input) -> dict[str, Any]:
+    if item.imposes:
+        table: dict[str, Any] = {"name": item.name, "motion_of": item.on[0]}
+        if item.imposes != DISPLACEMENT:
+            table["quantity"] = item.imposes
+    else:
+        key = "torque_on" if model.dof(item.on[0]).rotational else "force_on"
+        table = {"name": item.name, key: item.on[0] if item.on[1] == GROUND else item.on}
+    if item.gain != 1:
+        table["gain"] = item.gain
+    if item.unit is not None:
+        table["unit"] = item.unit
+    return table
+
+
+def _output_table(item: Output) -> dict[str, Any]:
+    if item.quantity == FORCE:
+        of: Any = item.of[0] if item.drive else item.of
+        table: dict[str, Any] = {"name": item.name, "quantity": item.quantity, "of": of}
+    elif item.weights is not None:
+        measures = dict(zip(item.of, item.weights, strict=True))
+        table = {"name": item.name, "measures": measures, "quantity": item.quantity}
+    else:
+        table = {"name": item.name, "measures": item.of[0], "quantity": item.quantity}
+        if item.of[1] != GROUND:
+            table["relative_to"] = item.of[1]
+    if item.unit is not None:
+        table["unit"] = item.unit
+    return table
+
+
+def _entry(name: str, table: Mapping[str, Any]) -> list[str]:
+    return ["", f"[[{name}]]", *(f"{_key(key)} = {_value(value)}" for key, value in table.items())]
+
+
+def _section(name: str, table: Mapping[str, Any]) -> list[str]:
+    """Write a table, and below it those of its tables that hold tables in turn."""
+    if not table:
+        return []
+    deep = {
+        key: value
+        for key, value in table.items()
+        if isinstance(value, Mapping) and any(isinstance(v, Mapping) for v in value.values())
+    }
+    flat = {key: value for key, value in table.items() if key not in deep}
+    lines = ["", f"[{name}]", *(f"{_key(key)} = {_value(value)}" for key, value in flat.items())]
+    for key, value in deep.items():
+        lines += _section(f"{name}.{_key(key)}", value)
+    return lines
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _value(name)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str):
+        # JSON and TOML escape alike, but for DEL, which TOML wants escaped too.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, Mapping):
+        inside = ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items())
+        return f"{{ {inside} }}" if inside else "{}"
+    if isinstance(value, tuple | list):
+        return "[" + ", ".join(_value(item) for item in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(value if isinstance(value, int) else float(value))

@@ -1,0 +1,679 @@
+"""Run a mechanical model with its physical effects over samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+
+from robustpolish.base.arrays import Array
+from robustpolish.base.checks import described, invalid, matrix
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.evaluate import compiled_law, lagged
+from robustpolish.machines.effects.kind import Timing
+from robustpolish.machines.mechanical.data import (
+    MechanicalData,
+    context_values,
+    dynamic_effects,
+    effect_ports,
+    port_rows,
+)
+from robustpolish.machines.mechanical.parts import DISPLACEMENT, VELOCITY
+from robustpolish.machines.simulation.stepper import (
+    Ahead,
+    ahead,
+    run_pieces,
+    run_steps,
+    step_matrices,
+)
+
+# What inputs are between their samples: held, linear or smooth, and late or not.
+#
+# A run takes every input for a line over each of its steps. One that is not gets the line with the
+# same mean and the same first moment in that step. So the velocity of a mass at the end of it is
+# right, and its displacement, whatever the force did in between: it matters where in a step a force
+# acts to second order only, by what springs and dampers do meanwhile.
+
+HELD, LINEAR, SMOOTH = 0.0, 1.0, 3.0
+_DIGITS = 9
+"""Of a delay in samples: a whole number of them is one in spite of rounding."""
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+
+
+class Lines(NamedTuple):
+    """What signals are at the beginning and the end of the step after each sample.
+
+    Attributes
+    ----------
+    begin, end : ndarray, shape (samples, signals)
+        The step after the last sample is not run.
+    """
+
+    begin: Array
+    end: Array
+
+
+def lines_through(W: Array) -> Lines:
+    """Return the lines between the samples of signals that are linear, W of shape (samples, n)."""
+    return Lines(W, np.concatenate([W[1:], W[-1:]]))
+
+
+def between(u: Array, step: float, order: float, delay: float) -> tuple[Array, Array, Array]:
+    """Return a signal as it acts, from its record.
+
+    Parameters
+    ----------
+    u : ndarray, shape (samples,)
+        The record.
+    step : float
+        Time between samples in s.
+    order : float
+        0 if it is held until the next sample, 1 if it is linear, 3 if it is smooth.
+    delay : float
+        Time in s by which it acts later, moved as a whole. What was before the record is its first
+        sample.
+
+    Returns
+    -------
+    at_samples, begin, end : ndarray, shape (samples,)
+        At the samples, and the line over the step after each of them.
+
+    Examples
+    --------
+    >>> at, begin, end = between(np.array([0.0, 1.0, 0.0]), 1.0, 0.0, 0.0)
+    >>> begin.round(9).tolist(), end.round(9).tolist()
+    ([0.0, 1.0, 0.0], [0.0, 1.0, 0.0])
+    """
+    signal = _signal(u, order)
+    samples = np.arange(u.size, dtype=float)
+    late = float(np.round(delay / step, _DIGITS))
+    kink = late % 1.0  # where in a step the record has its samples
+    mean, slope = np.zeros(u.size), np.zeros(u.size)
+    for a, b in ((0.0, kink), (kink, 1.0)):
+        for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+            x = (a + b) / 2 + (b - a) / 2 * node
+            value = (b - a) / 2 * weight * signal(samples + (x - late))
+            mean += value
+            slope += 12 * (x - 0.5) * value
+    return signal(samples - late), mean - slope / 2, mean + slope / 2
+
+
+def _signal(u: Array, order: float) -> Callable[[Array], Array]:
+    """Return a record as a function of the number of samples that have passed."""
+    last = u.size - 1
+    if order == HELD:
+        return lambda k: u[np.clip(np.floor(k), 0, last).astype(int)]
+    if order == SMOOTH:
+        spline = CubicSpline(np.arange(u.size), u)
+        return lambda k: np.asarray(spline(np.clip(k, 0, last)))
+    return lambda k: np.interp(k, np.arange(u.size), u)
+
+
+# What effects on inputs and outputs make of signals, and how measured outputs lose it again.
+
+# How much of the signal may be left over when output effects are put on again; it is rounding.
+_LEFT_OVER = 1e-6
+
+
+def signals(model: MechanicalData, data: xr.Dataset) -> Array:
+    """Return the columns of `MechanicalMatrices.signals`, effects on inputs applied.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    data : xarray.Dataset
+        Holds every input over ``time``.
+
+    Returns
+    -------
+    ndarray, shape (samples, signals)
+        At the samples.
+
+    Raises
+    ------
+    InvalidInputError
+        If an input is missing.
+    """
+    return _signals(model, data)[0]
+
+
+def lines(model: MechanicalData, data: xr.Dataset) -> Lines | None:
+    """Return what signals do between the samples, None if all are linear.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    data : xarray.Dataset
+        As of :func:`signals`.
+
+    Returns
+    -------
+    Lines or None
+        See :mod:`robustpolish.machines.simulation.run`.
+    """
+    return _signals(model, data)[1]
+
+
+def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, Lines | None]:
+    """Return the signals at the samples, and between them where one of them is not linear."""
+    for name in model.input_names:
+        if name not in data:
+            raise invalid(
+                "data", described(f"no column {name!r}"), "every input", "Check the column names."
+            )
+    time = np.asarray(data["time"].values, dtype=float)
+    m = model.matrices
+    columns = [np.asarray(data[name].values, dtype=float) for name in m.force_inputs]
+    for signal in m.imposed_signals:
+        if signal.name in data:
+            columns.append(np.asarray(data[signal.name].values, dtype=float))
+        else:
+            order = 1 if signal.quantity == VELOCITY else 2
+            columns.append(CubicSpline(time, data[signal.source].values)(time, order))
+    W = np.column_stack(columns) if columns else np.zeros((time.size, 0))
+    timed: dict[int, _Timing] = {}
+    for effect in _on(model, "input"):
+        timing = effect.definition.timing
+        for j, (name, source) in enumerate(zip(m.signals, m.sources, strict=True)):
+            if source != effect.at[0]:
+                continue
+            if timing is None:
+                W[:, j] = _changed(effect, W[:, j], time, derivative=name != source)
+                continue
+            # an imposed motion has a velocity, so that it is smooth
+            first = _Timing(LINEAR if j < len(m.force_inputs) else SMOOTH)
+            timed[j] = timed.get(j, first).then(Timing(*timing(effect.values)))
+    step = (time[-1] - time[0]) / (time.size - 1)
+    acting = {j: timing.acting(W[:, j], step) for j, timing in timed.items()}
+    for j, (at_samples, _, _) in acting.items():
+        W[:, j] = at_samples
+    if all(timing.linear for timing in timed.values()):
+        return np.ascontiguousarray(W), None
+    begin, end = (side.copy() for side in lines_through(W))
+    for j, (_, *sides) in acting.items():
+        begin[:, j], end[:, j] = sides
+    return np.ascontiguousarray(W), Lines(begin, end)
+
+
+class _Timing(NamedTuple):
+    """What a signal is between its samples, how late it acts, and the lags with which it does."""
+
+    order: float
+    delay: float = 0.0
+    lags: tuple[float, ...] = ()
+
+    def then(self, more: Timing) -> _Timing:
+        """Return it with a hold, a delay or a lag more."""
+        order = self.order if more.order is None else more.order
+        lags = (*self.lags, more.lag) if more.lag > 0 else self.lags
+        return _Timing(order, self.delay + more.delay, lags)
+
+    @property
+    def linear(self) -> bool:
+        """Whether the signal is linear between the samples, if only by a lag."""
+        return bool(self.lags) or self._at_once
+
+    @property
+    def _at_once(self) -> bool:
+        return (self.order, self.delay) == (LINEAR, 0.0)
+
+    def acting(self, u: Array, step: float) -> tuple[Array, Array, Array]:
+        """Return a signal as it acts: at the samples, and at both ends of the step after each."""
+        if self._at_once:
+            at, (begin, end) = u, lines_through(u)
+        else:
+            at, begin, end = between(u, step, self.order, self.delay)
+        for lag in self.lags:
+            at = lagged(begin, end, step, lag)
+            begin, end = lines_through(at)
+        return at, begin, end
+
+
+def _changed(effect: Effect, signal: Array, time: Array, derivative: bool) -> Array:
+    """Return what an effect makes of a signal; a constant that it adds has no derivative."""
+    changed = effect.on_signal(signal, time)
+    if not derivative:
+        return changed
+    rest = effect.on_signal(np.zeros(time.size), time)
+    twice = effect.on_signal(2 * signal, time) - rest
+    if np.max(np.abs(twice - 2 * (changed - rest))) > _LEFT_OVER * np.max(np.abs(twice)):
+        raise invalid(
+            f"{effect.kind}.at",
+            effect.at[0],
+            "an input that is a force",
+            "Of a motion that an input imposes its velocity would have to change, too.",
+        )
+    return changed - rest
+
+
+def measured(model: MechanicalData, outputs: Array, time: Array) -> Array:
+    """Return outputs as the sensors show them: with the effects on outputs.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    outputs : ndarray, shape (samples, ny)
+    time : ndarray, shape (samples,)
+        In s.
+
+    Returns
+    -------
+    ndarray, shape (samples, ny)
+    """
+    result = outputs.copy()
+    for effect in _on(model, "output"):
+        j = model.output_names.index(effect.at[0])
+        result[:, j] = effect.on_signal(result[:, j], time)
+    return result
+
+
+def raw_outputs(model: MechanicalData, Y: Array, time: Array) -> Array:
+    """Take the effects on outputs out of measured outputs.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    Y : ndarray, shape (samples, ny)
+    time : ndarray, shape (samples,)
+        In s.
+
+    Returns
+    -------
+    ndarray, shape (samples, ny)
+
+    Raises
+    ------
+    InvalidInputError
+        If an effect is not linear and sample by sample, apart from a constant.
+    """
+    effects = _on(model, "output")
+    if not effects:
+        return Y
+    zero = measured(model, np.zeros_like(Y), time)
+    gain = measured(model, np.ones_like(Y), time) - zero
+    raw = (Y - zero) / np.where(gain == 0, 1.0, gain)
+    left_over = np.abs(measured(model, raw, time) - Y) * (gain != 0)
+    size = np.max(np.abs(Y) + np.abs(zero), axis=0, initial=0.0)
+    for effect in effects:
+        j = model.output_names.index(effect.at[0])
+        if np.max(left_over[:, j], initial=0.0) > _LEFT_OVER * size[j]:
+            raise invalid(
+                f"{effect.kind}.on_signal",
+                described(f"an effect on {effect.at[0]!r} that measured data cannot be freed of"),
+                "each sample times a factor plus a constant",
+                "Such an effect can be simulated only.",
+            )
+    return np.ascontiguousarray(raw)
+
+
+def _on(model: MechanicalData, domain: str) -> list[Effect]:
+    return [effect for effect in model.effects if effect.definition.domain == domain]
+
+
+# A mechanical model with its effects as a linear system with nonlinear ports.
+
+_MOST_SUBSTEPS = 32
+_FADING = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearSystem:
+    """``s' = A s + B w + G f``, ``y = C s + D w + H f`` with port forces f of the effects.
+
+    States s are the free displacements, then their velocities; signals w are those of
+    `MechanicalMatrices.signals`; ``motion`` = (Qs, Qw, Vs, Vw) gives the relative
+    displacements ``Qs s + Qw w`` and velocities ``Vs s + Vw w`` at the ports.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    G: Array
+    H: Array
+    motion: tuple[Array, Array, Array, Array]
+    effects: tuple[Effect, ...]
+    layout: NDArray[np.int64]
+    values: Array
+    internal: int
+
+    @cached_property
+    def laws(self) -> tuple[Any, ...]:
+        """The compiled laws; their addresses hold as long as they are kept here."""
+        return tuple(compiled_law(effect.definition) for effect in self.effects)
+
+    @cached_property
+    def addresses(self) -> NDArray[np.int64]:
+        """Where the compiled laws are in memory."""
+        return np.array([law.address for law in self.laws], dtype=np.int64)
+
+    @property
+    def states(self) -> int:
+        """Number of states without the internal ones."""
+        return self.A.shape[0]
+
+    def steps(self, step: float) -> Ahead:
+        """Return the matrices of a substep."""
+        matrices = (self.A, self.B, self.G, *self.motion)
+        parts = tuple((part.shape, part.tobytes()) for part in matrices)
+        return _known_steps(parts, step)
+
+
+@lru_cache(maxsize=64)
+def _known_steps(parts: tuple[tuple[tuple[int, ...], bytes], ...], step: float) -> Ahead:
+    """Return the matrices of a substep; fits ask again and again, with other forces only."""
+    A, B, G, *motion = (np.frombuffer(data).reshape(shape) for shape, data in parts)
+    return ahead(step_matrices(A, B, G, step), motion)
+
+
+def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
+    """Build the system of a model, for substeps of `step` seconds."""
+    effects, _, G, H, motion = effect_ports(model)
+    layout, values = [], []
+    port = state = parameter = 0
+    for effect in effects:
+        kind, known = effect.definition, effect.values
+        context = context_values(model, effect, step)
+        dry = kind.turns_over != "" and _too_sharp(effect, context)
+        if dry:
+            known = {**known, kind.turns_over: 0.0}
+            context = [0.0] * len(context)
+        p = [*known.values(), *context]
+        layout.append((port, kind.ports, state, kind.states, parameter, len(p), dry))
+        values += p
+        port, state, parameter = port + kind.ports, state + kind.states, parameter + len(p)
+    A, B, C, D = (np.ascontiguousarray(M) for M in model.matrices.first_order())
+    return NonlinearSystem(
+        A=A,
+        B=B,
+        C=C,
+        D=D,
+        G=np.ascontiguousarray(G),
+        H=np.ascontiguousarray(H),
+        motion=tuple(np.ascontiguousarray(part) for part in motion),  # type: ignore[arg-type]
+        effects=tuple(effects),
+        layout=np.array(layout, dtype=np.int64).reshape(-1, 7),
+        values=np.array(values, dtype=float),
+        internal=state,
+    )
+
+
+def _too_sharp(effect: Effect, context: list[float]) -> bool:
+    """Return whether a step cannot resolve how a dry friction turns over: then it is ideal."""
+    kind = effect.definition
+    forces = [abs(effect.values[p.name]) for p in kind.parameters if p.dimension == "F"]
+    resolved = max(forces) * context[kind.context.index("mobility")]
+    return effect.values[kind.turns_over] < resolved
+
+
+def needed_substeps(model: MechanicalData, dt: float, amplitude: float) -> int:
+    """Return steps per sample that resolve the effects' own stiffness and damping.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    dt : float
+        Sampling step in s.
+    amplitude : float
+        Displacement amplitude in m or rad.
+    """
+    if not model.effects:
+        return 1
+    fastest, least = 0.0, 1
+    m = model.matrices
+    omega = np.sqrt(max(np.max(np.abs(np.diag(m.K) / np.maximum(np.diag(m.M), 1e-300))), 0.0))
+    for _, effect in dynamic_effects(model):
+        with np.errstate(over="ignore"):  # a rate beyond doubles is as fast as any
+            stiffness, damping, rate = effect.definition.steepness(
+                effect.values, amplitude, min(omega, 1 / dt) * amplitude
+            )
+        rows = port_rows(model, effect)[:, m.free]
+        inverse = np.trace(rows @ m.inverse_mass @ rows.T)
+        # laws see to it that no memory fades faster than a step; a few are enough for its rate
+        fading = min(0.3 * rate, (_FADING if model.free else _MOST_SUBSTEPS) / dt)
+        fastest = max(fastest, np.sqrt(abs(stiffness) * inverse), abs(damping) * inverse, fading)
+        least = max(least, 4 if effect.definition.sharp else 2)
+    return int(np.clip(np.ceil(2.0 * dt * fastest), least, _MOST_SUBSTEPS))
+
+
+class NonlinearResponse(NamedTuple):
+    """Outputs (samples, ny), states (samples, n) and internal states of effects (samples, nz)."""
+
+    outputs: Array
+    states: Array
+    internal: Array
+
+
+class Course(NamedTuple):
+    """Pieces of record that follow each other in the arrays, and what acts on a machine there.
+
+    Attributes
+    ----------
+    begin, end : ndarray, shape (samples, signals)
+        Signals at the ends of the line over the step after each sample.
+    beside : ndarray, shape (samples, signals), or None
+        What signals are at the samples, more than at the beginning of those lines; None if nowhere.
+    time : ndarray, shape (samples,)
+        In s.
+    marks : ndarray of int, shape (pieces + 1,)
+        Where pieces begin and end.
+    """
+
+    begin: Array
+    end: Array
+    beside: Array | None
+    time: Array
+    marks: NDArray[np.int64]
+
+    @classmethod
+    def of(
+        cls, inputs: Array, lines: Lines | None, time: Array, marks: NDArray[np.int64]
+    ) -> Course:
+        """Return a course of signals at the samples, linear between them unless lines are given."""
+        begin, end = lines_through(inputs) if lines is None else lines
+        beside = None if lines is None else inputs - begin
+        begin, end, time = (np.ascontiguousarray(part) for part in (begin, end, time))
+        return cls(begin, end, beside, time, marks)
+
+
+@dataclass(frozen=True, eq=False)
+class Stepper:
+    """Steps a model over samples, freely or led by data, as often as wanted.
+
+    Parameters
+    ----------
+    model : MechanicalData
+        Its effects on outputs are applied to what comes out.
+    system : NonlinearSystem
+        Of the model, built for ``step / substeps``; it may have more states.
+    step : float
+        Time between samples in s.
+    substeps : int
+        Steps of the integration per sample.
+    """
+
+    model: MechanicalData
+    system: NonlinearSystem
+    step: float
+    substeps: int
+
+    @cached_property
+    def matrices(self) -> Ahead:
+        """Matrices of a substep."""
+        return self.system.steps(self.step / self.substeps)
+
+    def over(
+        self,
+        inputs: Array,
+        state: Array,
+        internal: Array,
+        time: Array,
+        led_by: Array | None = None,
+        gain: Array | None = None,
+        keep: bool = True,
+        lines: Lines | None = None,
+    ) -> NonlinearResponse:
+        """Return outputs as the sensors show them, states and internal states.
+
+        Parameters
+        ----------
+        inputs : ndarray, shape (samples, signals)
+            See :func:`robustpolish.machines.simulation.run.signals`.
+        state, internal : ndarray, shapes (n,) and (nz,)
+            At the first sample.
+        time : ndarray, shape (samples,)
+            In s.
+        led_by, gain : ndarray, shapes (samples, ny) and (n, ny), optional
+            Measured outputs, and what of the prediction error is added to the states after every
+            sample; a free run by default.
+        keep : bool, optional
+            Whether states are kept; otherwise they have no samples.
+        lines : Lines, optional
+            What the inputs do between the samples, see
+            :func:`robustpolish.machines.simulation.run.lines`; linear by default.
+
+        Returns
+        -------
+        NonlinearResponse
+        """
+        system = self.system
+        ny = len(system.C)
+        course = Course.of(inputs, lines, time, np.array([0, time.size]))
+        seen = self._beside(course)
+        Y = np.zeros((1, ny)) if led_by is None else raw_outputs(self.model, led_by, time) - seen
+        K = np.zeros((system.states, ny)) if gain is None else gain
+        outputs, states, inner = run_steps(
+            self.matrices, (system.C, system.D, system.H), system.addresses,
+            system.layout, system.values, course.begin, course.end, Y, K,
+            np.ascontiguousarray(state), np.ascontiguousarray(internal), time[0], self.step,
+            self.substeps, keep,
+        )  # fmt: skip
+        return NonlinearResponse(measured(self.model, outputs + seen, time), states, inner)
+
+    def over_pieces(
+        self, course: Course, starts: Array, internal: Array, keep: bool = False
+    ) -> NonlinearResponse:
+        """Return what :meth:`over` does freely, of pieces that follow each other in the arrays.
+
+        Parameters
+        ----------
+        course : Course
+        starts, internal : ndarray, shapes (pieces, n) and (pieces, nz)
+            At the first sample of each piece.
+        keep : bool, optional
+            Whether states are kept; otherwise they have no samples.
+
+        Returns
+        -------
+        NonlinearResponse
+        """
+        system, time, marks = self.system, course.time, course.marks
+        outputs, states, inner = run_pieces(
+            self.matrices, (system.C, system.D, system.H), system.addresses,
+            system.layout, system.values, course.begin, course.end,
+            np.ascontiguousarray(starts), np.ascontiguousarray(internal),
+            time[marks[:-1]], marks, self.step, self.substeps, keep,
+        )  # fmt: skip
+        seen = self._beside(course)
+        return NonlinearResponse(measured(self.model, outputs + seen, time), states, inner)
+
+    def _beside(self, course: Course) -> Array | float:
+        """Return what outputs see of a sample that is no end of a line.
+
+        An accelerometer sees a held force as it is.
+        """
+        return 0.0 if course.beside is None else course.beside @ self.system.D.T
+
+
+def simulate_model(
+    model: MechanicalData,
+    data: xr.Dataset,
+    initial_state: ArrayLike | None = None,
+    internal_state: ArrayLike | None = None,
+    substeps: int | None = None,
+) -> NonlinearResponse:
+    """Run a model freely on measured inputs.
+
+    Parameters
+    ----------
+    model : MechanicalData
+    data : xarray.Dataset
+        Uniform ``time`` in s and the model's inputs by name, in SI units. Outputs are used
+        only for their amplitude, which decides on substeps.
+    initial_state : array_like, shape (n,), optional
+        Free displacements, then their velocities; zero by default.
+    internal_state : array_like, shape (nz,), optional
+        Internal states of the effects; zero by default.
+    substeps : int, optional
+        Steps per sample; chosen from the effects' stiffness at the amplitude by default, that of
+        a first run if no displacement is measured.
+
+    Returns
+    -------
+    NonlinearResponse
+
+    Raises
+    ------
+    InvalidInputError
+        If an input is missing or a state has the wrong size.
+
+    Examples
+    --------
+    >>> import numpy as np, xarray as xr
+    >>> import robustpolish as rp
+    >>> model = rp.MechanicalModel(
+    ...     [rp.Dof("x", 1.0)],
+    ...     [rp.Spring(("x", "ground"), 4.0)],
+    ...     outputs=[rp.Output("x", ("x", "ground"))],
+    ... )
+    >>> data = xr.Dataset(coords={"time": np.arange(101) * 0.01})
+    >>> response = simulate(model, data, initial_state=[1.0, 0.0])
+    >>> bool(np.allclose(response.outputs[:, 0], np.cos(2 * data.time)))
+    True
+    """
+    time = np.asarray(data["time"].values, dtype=float)
+    dt = (time[-1] - time[0]) / max(time.size - 1, 1)
+
+    def stepped(n: int) -> NonlinearResponse:
+        stepper = Stepper(model, build_system(model, dt / n), dt, n)
+        s0 = _state("initial_state", initial_state, stepper.system.states)
+        z0 = _state("internal_state", internal_state, stepper.system.internal)
+        W, between = signals(model, data), lines(model, data)
+        return stepper.over(W, s0, z0, time, lines=between)
+
+    amplitude = _output_amplitudes(model, data)
+    n = substeps or needed_substeps(model, dt, amplitude)
+    found = stepped(n)
+    if substeps is None and amplitude == 0:
+        needed = needed_substeps(model, dt, _state_amplitude(model, found))
+        found = found if needed == n else stepped(needed)
+    return found
+
+
+def _state(argument: str, value: ArrayLike | None, size: int) -> Array:
+    if value is None:
+        return np.zeros(size)
+    return matrix(argument, np.reshape(np.asarray(value, dtype=float), (1, -1)), (1, size))[0]
+
+
+def _output_amplitudes(model: MechanicalData, data: xr.Dataset) -> float:
+    """Return the largest displacement amplitude in the data, 0 if none is measured."""
+    shown = [
+        float(np.percentile(np.abs(data[o.name].values), 99))
+        for o in model.outputs
+        if o.name in data and o.quantity == DISPLACEMENT
+    ]
+    return max(shown, default=0.0)
+
+
+def _state_amplitude(model: MechanicalData, run: NonlinearResponse) -> float:
+    """Return the largest displacement amplitude of a run, 0 if it diverges."""
+    moved = np.abs(run.states[:, : len(model.free)])
+    finite = moved.size > 0 and bool(np.isfinite(moved).all())
+    return float(np.max(np.percentile(moved, 99, axis=0))) if finite else 0.0

@@ -1,0 +1,538 @@
+"""The matrices of a step of a linear system with nonlinear port forces.
+
+The linear part is integrated exactly (the inputs are linear between samples), the port
+forces by the exponential Runge-Kutta method ETDRK4 of Cox and Matthews (2002), J. Comput.
+Phys. 176, 430-455, their internal states by the matching classical stages. Stiff linear modes
+therefore cost no small steps; only stiff or sharp effects do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm, matrix_balance
+
+from robustpolish.base.arrays import Array
+from robustpolish.base.jit import njit
+from robustpolish.machines.effects.evaluate import call_law
+
+# Dry friction over one step: sliding on, turning round, or resting until the force gives way.
+#
+# The force of ideal dry friction is no function of the velocity: at rest it is whatever holds, up
+# to its limit. A steep curve in its place creeps under every load. Over a step the velocity is
+# nearly linear in time, so that when the body stops, and what it does then, follow from its
+# velocity at both ends; the friction is then a force that jumps within the step, and what of it
+# acts on the state is its mean and its first moment (a time-stepping method with the events inside
+# the step; Acary, Brogliato (2008), Numerical Methods for Nonsmooth Dynamical Systems, chapters 8
+# and 10).
+
+LEAST = 1e-200
+"""A velocity that is as good as none and says a direction."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def friction_over_step(begin, free, mobility, now, forward, backward):  # type: ignore[no-untyped-def]
+    """Return the friction over a step as a mean, its change over the step, and what it is at last.
+
+    Parameters
+    ----------
+    begin : float
+        Velocity at the beginning of the step; 0 of a body at rest.
+    free : float
+        Velocity at its end without the friction.
+    mobility : float
+        Velocity at the end that a unit of constant force gives; positive.
+    now : float
+        The friction while the body slides on as it does at the beginning.
+    forward, backward : float
+        The friction on a body that begins to slide in the one and the other direction;
+        ``forward <= backward``.
+
+    Returns
+    -------
+    mean, change, last : float
+        ``mean + change (t - 1/2)`` over the step, t from 0 to 1, has the friction's impulse and
+        moves the body as far. `last` is the force at the end.
+    """
+    end = free + mobility * now
+    if begin * end > 0.0:
+        return now, 0.0, now
+    gained = free - begin
+    stops = 0.0 if begin == 0.0 else begin / (begin - end)
+    if gained + mobility * forward > 0.0:
+        last = forward
+    elif gained + mobility * backward < 0.0:
+        last = backward
+    else:
+        last = -gained / mobility
+    left = 1.0 - stops
+    mean = stops * now + left * last
+    moment = now * (stops - 0.5 * stops * stops) + 0.5 * last * left * left
+    return mean, 6.0 * mean - 12.0 * moment, last
+
+
+# Compiled stepping of a linear system with nonlinear port forces: see :mod:`.step`.
+
+_SWEEPS = 20
+# Share of its limit to which frictions that hold each other are found, and below which speed, as a
+# share of what friction does in a step, a body rests.
+_HELD = 1e-6
+# Rows that processors add at once: those of a step come in whole vectors, zeros behind.
+_VECTOR = 4
+
+
+@njit(cache=True, error_model="numpy")
+def _force(laws, layout, p, t, motion, at, ports, z, f, dz, i):  # type: ignore[no-untyped-def]
+    """Evaluate one law."""
+    port, state, own = layout[i, 0], layout[i, 2], layout[i, 4]
+    q = at + port
+    call_law(laws[i], t, motion, q, motion, q + ports, z, state, p, own, f, port, dz, state)
+
+
+@njit(cache=True, error_model="numpy")
+def _forces(laws, layout, p, t, motion, at, ports, z, f, dz):  # type: ignore[no-untyped-def]
+    """Evaluate all laws at motions that begin at an entry: displacements, then velocities.
+
+    `layout` rows: port, ports, state, states, parameter, parameters, whether it is dry friction.
+    """
+    for i in range(len(laws)):
+        port, state, own = layout[i, 0], layout[i, 2], layout[i, 4]
+        q = at + port
+        call_law(laws[i], t, motion, q, motion, q + ports, z, state, p, own, f, port, dz, state)
+
+
+@njit(cache=True, error_model="numpy")
+def _limits(laws, layout, p, t, motion, at, ports, z, f, dz, dry, forward, backward):  # type: ignore[no-untyped-def]
+    """Evaluate the frictions on bodies that begin to slide, in either direction."""
+    for d in range(len(dry)):
+        v = at + ports + layout[dry[d], 0]
+        kept = motion[v]
+        motion[v] = LEAST
+        _force(laws, layout, p, t, motion, at, ports, z, f, dz, dry[d])
+        forward[d] = f[layout[dry[d], 0]]
+        motion[v] = -LEAST
+        _force(laws, layout, p, t, motion, at, ports, z, f, dz, dry[d])
+        backward[d] = f[layout[dry[d], 0]]
+        motion[v] = kept
+
+
+@njit(cache=True, error_model="numpy")
+def _slide_on(motion, ports, layout, dry, v0):  # type: ignore[no-untyped-def]
+    """Let bodies that slide slide on, until it is known where in the step they stop."""
+    for d in range(len(dry)):
+        v = ports + layout[dry[d], 0]
+        if v0[d] > 0.0:
+            motion[v] = max(motion[v], LEAST)
+        elif v0[d] < 0.0:
+            motion[v] = min(motion[v], -LEAST)
+
+
+@njit(cache=True, error_model="numpy")
+def _hold(f, layout, dry, v0, held):  # type: ignore[no-untyped-def]
+    """Set the frictions of bodies at rest to what held them last."""
+    for d in range(len(dry)):
+        if v0[d] == 0.0:
+            f[layout[dry[d], 0]] = held[d]
+
+
+@njit(cache=True, error_model="numpy")
+def _at_end(ahead, out, x, n, column):  # type: ignore[no-untyped-def]
+    """Return a motion at the end of a step, `out` beginning with the next state."""
+    total = 0.0
+    for c in range(n):
+        total += ahead[c, column] * out[c]
+    signals = (x.size - n) // 2
+    for c in range(signals):
+        total += ahead[n + c, column] * x[n + signals + c]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def _impulses(m, layout, dry, n, ports):  # type: ignore[no-untyped-def]
+    """Return what constant and tilted frictions do to the state, and to the sliding velocities."""
+    ahead, first, middle, last = m[0], m[4], m[5], m[6]
+    push, tilt = np.empty((len(dry), n)), np.empty((len(dry), n))
+    by_push, by_tilt = np.zeros((len(dry), len(dry))), np.zeros((len(dry), len(dry)))
+    for d in range(len(dry)):
+        port = layout[dry[d], 0]
+        for r in range(n):
+            push[d, r] = first[port, r] + 2 * middle[port, r] + last[port, r]
+            tilt[d, r] = (last[port, r] - first[port, r]) / 2
+        for e in range(len(dry)):
+            column = n + ports + layout[dry[e], 0]
+            for r in range(n):
+                by_push[d, e] += push[d, r] * ahead[r, column]
+                by_tilt[d, e] += tilt[d, r] * ahead[r, column]
+    return push, tilt, by_push, by_tilt
+
+
+@njit(cache=True, error_model="numpy")
+def _hold_at_start(ahead, layout, dry, out, x, n, ports, by_push, ends, slow, held):  # type: ignore[no-untyped-def]
+    """Set below which speeds bodies rest, and what holds those that rest at first."""
+    for d in range(len(dry)):
+        slow[d] = _HELD * by_push[d, d] * (ends[1][d] - ends[0][d])
+        column = n + ports + layout[dry[d], 0]
+        gained = _at_end(ahead, out, x, n, column) - out[column]
+        held[d] = min(max(-gained / by_push[d, d], ends[0][d]), ends[1][d])
+
+
+@njit(cache=True, error_model="numpy")
+def _settle(out, v0, v1, mean, push, tilt, by_push, by_tilt, ends, slow, last, held):  # type: ignore[no-untyped-def]
+    """Put into the next state what frictions do that stop, turn round or hold within a step.
+
+    On entry `mean` holds what acted on it so far, and `v1` the velocities that came of it. What
+    several frictions do follows from what the others do: they are gone through again and again.
+    """
+    now, before, change = mean.copy(), last.copy(), np.zeros(len(mean))
+    for _ in range(_SWEEPS):
+        worst = 0.0
+        for d in range(len(mean)):
+            free = v1[d] - by_push[d, d] * mean[d]
+            new, tilted, last[d] = friction_over_step(
+                v0[d], free, by_push[d, d], now[d], ends[0][d], ends[1][d]
+            )
+            more, turned = new - mean[d], tilted - change[d]
+            for r in range(push.shape[1]):
+                out[r] += push[d, r] * more + tilt[d, r] * turned
+            for e in range(len(mean)):
+                v1[e] += by_push[d, e] * more + by_tilt[d, e] * turned
+            mean[d], change[d] = new, tilted
+            slow[d] = _HELD * by_push[d, d] * (ends[1][d] - ends[0][d])
+            worst = max(worst, abs(more) - _HELD * (ends[1][d] - ends[0][d]))
+        if worst <= 0.0:
+            break
+    for d in range(len(mean)):
+        # what holds a body is known in the middle of steps: half a step on, half the rise is added
+        more = (last[d] - before[d]) / 2 if v0[d] == 0.0 else 0.0
+        held[d] = min(max(last[d] + more, ends[0][d]), ends[1][d])
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def run_steps(m, output, laws, layout, p, W, E, Y, K, s0, z0, t0, dt, substeps, keep):  # type: ignore[no-untyped-def]
+    """Step through the samples and return predictions, states and internal states.
+
+    Signals are lines from W at a sample to E at the end of the step that begins there.
+
+    Without feedback (K all zero) this is a free run; otherwise K times the prediction error
+    is added to the states after every sample.
+    """
+    ahead, by_force, by_first, by_last, first, middle, last = m
+    C, D, H = output
+    samples, signals, ny = W.shape[0], W.shape[1], C.shape[0]
+    n, ports, nz = s0.size, H.shape[1], z0.size
+    known, motions = n + 2 * signals, 2 * ports
+    rows = -(-ahead.shape[1] // _VECTOR) * _VECTOR
+    wide = np.zeros((known, rows))
+    wide[:, : ahead.shape[1]] = ahead
+    feedback = np.any(K != 0.0)
+    predicted = np.empty((samples, ny))
+    kept = np.empty((samples if keep else 0, n))
+    kept_z = np.empty((samples if keep else 0, nz))
+    x, out, now = np.empty(known), np.empty(rows), np.empty(motions)
+    x[:n] = s0
+    z, zs = z0.copy(), np.zeros(nz)
+    f0, fa, fb, fc = np.zeros(ports), np.zeros(ports), np.zeros(ports), np.zeros(ports)
+    d0, da, db, dc = np.zeros(nz), np.zeros(nz), np.zeros(nz), np.zeros(nz)
+    e = np.empty(ny)
+    h = dt / substeps
+    dry = np.flatnonzero(layout[:, 6])
+    any_dry = len(dry) > 0
+    push, tilt, by_push, by_tilt = _impulses(m, layout, dry, n, ports)
+    v0, slow, held = np.zeros(len(dry)), np.zeros(len(dry)), np.zeros(len(dry))
+    v1, mean, mid = np.empty(len(dry)), np.empty(len(dry)), np.zeros(len(dry))
+    ends = np.empty(len(dry)), np.empty(len(dry))
+    for k in range(samples):
+        for j in range(substeps):
+            t = t0 + k * dt + j * h
+            x0, x1 = j / substeps, (j + 1) / substeps
+            for i in range(signals):
+                x[n + i] = (1 - x0) * W[k, i] + x0 * E[k, i]
+                x[n + signals + i] = (1 - x1) * W[k, i] + x1 * E[k, i]
+            for turn in range(2):  # again where feedback moves the state
+                for r in range(rows):
+                    out[r] = 0.0
+                for c in range(known):
+                    for r in range(rows):
+                        out[r] += wide[c, r] * x[c]
+                _forces(laws, layout, p, t, out, n, ports, z, f0, d0)
+                if any_dry:
+                    if k == 0 and j == 0 and turn == 0:
+                        _limits(laws, layout, p, t, out, n, ports, z, fa, da, dry, *ends)
+                        _hold_at_start(
+                            ahead, layout, dry, out, x, n, ports, by_push, ends, slow, held
+                        )
+                        mid[:] = held
+                    for d in range(len(dry)):
+                        v0[d] = out[n + ports + layout[dry[d], 0]]
+                        if abs(v0[d]) <= slow[d]:
+                            v0[d] = 0.0
+                    _hold(f0, layout, dry, v0, held)
+                if j > 0 or turn > 0:
+                    break
+                for i in range(ny):
+                    total = 0.0
+                    for c in range(n):
+                        total += C[i, c] * x[c]
+                    for c in range(signals):
+                        total += D[i, c] * x[n + c]
+                    for c in range(ports):
+                        total += H[i, c] * f0[c]
+                    predicted[k, i] = total
+                if keep:
+                    for i in range(n):
+                        kept[k, i] = x[i]
+                    for i in range(nz):
+                        kept_z[k, i] = z[i]
+                if not feedback:
+                    break
+                for i in range(ny):
+                    e[i] = Y[k, i] - predicted[k, i]
+                for r in range(n):
+                    for i in range(ny):
+                        x[r] += K[r, i] * e[i]
+            if k + 1 == samples:
+                break
+            if ports > 0:
+                at = n + motions
+                for r in range(motions):
+                    total = out[at + r]
+                    for i in range(ports):
+                        total += by_force[i, r] * f0[i]
+                    now[r] = total
+                for i in range(nz):
+                    zs[i] = z[i] + h / 2 * d0[i]
+                if any_dry:
+                    _slide_on(now, ports, layout, dry, v0)
+                _forces(laws, layout, p, t + h / 2, now, 0, ports, zs, fa, da)
+                if any_dry:
+                    _hold(fa, layout, dry, v0, held)
+                for r in range(motions):
+                    total = out[at + r]
+                    for i in range(ports):
+                        total += by_force[i, r] * fa[i]
+                    now[r] = total
+                for i in range(nz):
+                    zs[i] = z[i] + h / 2 * da[i]
+                if any_dry:
+                    _slide_on(now, ports, layout, dry, v0)
+                _forces(laws, layout, p, t + h / 2, now, 0, ports, zs, fb, db)
+                if any_dry:
+                    _hold(fb, layout, dry, v0, held)
+                at += motions
+                for r in range(motions):
+                    total = out[at + r]
+                    for i in range(ports):
+                        total += by_first[i, r] * f0[i] + by_last[i, r] * fb[i]
+                    now[r] = total
+                for i in range(nz):
+                    zs[i] = z[i] + h * db[i]
+                if any_dry:
+                    _slide_on(now, ports, layout, dry, v0)
+                _forces(laws, layout, p, t + h, now, 0, ports, zs, fc, dc)
+                if any_dry:
+                    _hold(fc, layout, dry, v0, held)
+                for i in range(ports):
+                    both = fa[i] + fb[i]
+                    for r in range(n):
+                        out[r] += first[i, r] * f0[i] + middle[i, r] * both + last[i, r] * fc[i]
+                for i in range(nz):
+                    z[i] += h / 6 * (d0[i] + 2 * da[i] + 2 * db[i] + dc[i])
+                if any_dry:
+                    stops = False
+                    for d in range(len(dry)):
+                        port = layout[dry[d], 0]
+                        v1[d] = _at_end(ahead, out, x, n, n + ports + port)
+                        mean[d] = (f0[port] + 2 * (fa[port] + fb[port]) + fc[port]) / 6
+                        stops = stops or not v0[d] * v1[d] > 0.0
+                    if stops:
+                        _limits(laws, layout, p, t + h, now, 0, ports, zs, fc, dc, dry, *ends)
+                        _settle(
+                            out,
+                            v0,
+                            v1,
+                            mean,
+                            push,
+                            tilt,
+                            by_push,
+                            by_tilt,
+                            ends,
+                            slow,
+                            mid,
+                            held,
+                        )
+            for r in range(n):
+                x[r] = out[r]
+        total = 0.0
+        for r in range(n):
+            total += x[r]
+        for i in range(nz):
+            total += z[i]
+        if not np.isfinite(total):
+            predicted[k + 1 :] = np.nan
+            kept[k + 1 :] = np.nan
+            break
+    return predicted, kept, kept_z
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def run_pieces(m, output, laws, layout, p, W, E, S0, Z0, t0, marks, dt, substeps, keep):  # type: ignore[no-untyped-def]
+    """Step freely through pieces that follow each other in W, each from a start of its own."""
+    ny, n, nz = output[0].shape[0], S0.shape[1], Z0.shape[1]
+    samples = W.shape[0]
+    predicted = np.empty((samples, ny))
+    kept = np.empty((samples if keep else 0, n))
+    kept_z = np.empty((samples if keep else 0, nz))
+    Y, K = np.zeros((1, ny)), np.zeros((n, ny))
+    for i in range(len(S0)):
+        a, b = marks[i], marks[i + 1]
+        y, s, z = run_steps(
+            m,
+            output,
+            laws,
+            layout,
+            p,
+            W[a:b],
+            E[a:b],
+            Y,
+            K,
+            S0[i],
+            Z0[i],
+            t0[i],
+            dt,
+            substeps,
+            keep,
+        )
+        predicted[a:b] = y
+        if keep:
+            kept[a:b] = s
+            kept_z[a:b] = z
+    return predicted, kept, kept_z
+
+
+class StepMatrices(NamedTuple):
+    """Transition matrices of one substep, see :func:`step_matrices`."""
+
+    half: Array
+    full: Array
+    half_now: Array
+    half_later: Array
+    full_now: Array
+    full_later: Array
+    half_force: Array
+    first: Array
+    middle: Array
+    last: Array
+
+
+class Ahead(NamedTuple):
+    """What a substep needs, put together once: products and sums are the kernel's whole cost.
+
+    Motions at the ports, first all displacements and then all velocities, are linear in the state,
+    the signals at both ends and the forces at the stages before, like the next state. All matrices
+    are transposed: rows are what is known, columns what follows.
+
+    Attributes
+    ----------
+    linear : ndarray, shape (n + 2 signals, n + 6 ports)
+        State and signals to the next state without forces, and to the motions at the start, the
+        middle and the end.
+    by_force : ndarray, shape (ports, 2 ports)
+        The force of the stage before to the motions in the middle.
+    by_first, by_last : ndarray, shape (ports, 2 ports)
+        The force at the start, and the second one in the middle, to the motions at the end.
+    first, middle, last : ndarray, shape (ports, n)
+        Forces at the start, in the middle (the sum of both) and at the end to the next state.
+    """
+
+    linear: Array
+    by_force: Array
+    by_first: Array
+    by_last: Array
+    first: Array
+    middle: Array
+    last: Array
+
+
+def ahead(m: StepMatrices, motion: Sequence[Array]) -> Ahead:
+    """Return the matrices of a substep as the kernel takes them.
+
+    Parameters
+    ----------
+    m : StepMatrices
+    motion : sequence of ndarray
+        (Qs, Qw, Vs, Vw): displacements ``Qs s + Qw w`` and velocities ``Vs s + Vw w`` at the ports.
+    """
+    of_state, of_signals = np.vstack(motion[::2]), np.vstack(motion[1::2])
+    none = np.zeros_like(of_signals)
+    # the signal in the middle is the mean of those at both ends
+    middle = np.hstack([m.half, m.half_now + m.half_later / 2, m.half_later / 2])
+    end = m.half @ middle
+    end[:, len(m.half) :] += np.hstack([m.half_now / 2, m.half_now / 2 + m.half_later])
+    rows = (
+        np.hstack([m.full, m.full_now, m.full_later]),
+        np.hstack([of_state, of_signals, none]),
+        of_state @ middle + np.hstack([0 * of_state, of_signals / 2, of_signals / 2]),
+        of_state @ end + np.hstack([0 * of_state, none, of_signals]),
+    )
+    parts = (
+        np.vstack(rows),
+        of_state @ m.half_force,
+        of_state @ (m.half @ m.half_force - m.half_force),
+        2 * of_state @ m.half_force,
+        m.first, m.middle, m.last,
+    )  # fmt: skip
+    return Ahead(*(np.ascontiguousarray(part.T) for part in parts))
+
+
+def step_matrices(A: Array, B: Array, G: Array, step: float) -> StepMatrices:
+    """Return the matrices of a substep of ``dx/dt = A x + B w + G f(x)``.
+
+    Parameters
+    ----------
+    A, B, G : ndarray, shapes (n, n), (n, signals), (n, ports)
+    step : float
+        Length of the substep in s.
+    """
+    m = B.shape[1]
+    columns = np.hstack([B, G])
+    weights = _balanced(A)
+    E, p1, p2, p3 = _phi(A, columns, step, weights)
+    E2, h1, h2, _ = _phi(A, columns, step / 2, weights)
+    b, g = slice(0, m), slice(m, None)
+    parts = (
+        E2, E,
+        h1[:, b] - h2[:, b], h2[:, b],
+        p1[:, b] - p2[:, b], p2[:, b],
+        h1[:, g],
+        (p1 - 3 * p2 + 4 * p3)[:, g], (2 * p2 - 4 * p3)[:, g], (4 * p3 - p2)[:, g],
+    )  # fmt: skip
+    return StepMatrices(*(np.ascontiguousarray(part) for part in parts))
+
+
+def _balanced(A: Array) -> Array:
+    """Return the sizes of states with which the norm of A is smallest."""
+    if not A.size:
+        return np.ones(0)
+    return np.asarray(np.diag(matrix_balance(A, permute=False)[1]), dtype=np.float64)
+
+
+def _phi(A: Array, B: Array, h: float, weights: Array) -> tuple[Array, Array, Array, Array]:
+    """Return exp(A h) and h phi_k(A h) B for k = 1, 2, 3, states being of these sizes."""
+    n, m = B.shape
+    if n == 0:
+        empty = np.zeros((0, m))
+        return np.zeros((0, 0)), empty, empty, empty
+    scaled = B * h / weights[:, None]
+    size = np.max(np.abs(scaled), axis=0, initial=0.0)
+    size[size == 0] = 1.0
+    big = np.zeros((n + 3 * m, n + 3 * m))
+    big[:n, :n] = A * h * (weights / weights[:, None])
+    big[:n, n : n + m] = scaled / size
+    big[n : n + m, n + m : n + 2 * m] = np.eye(m)
+    big[n + m : n + 2 * m, n + 2 * m :] = np.eye(m)
+    exponential: Array = np.array(expm(big)[:n], dtype=float)
+    E = exponential[:, :n] * (weights[:, None] / weights)
+    phis = [exponential[:, n + k * m : n + (k + 1) * m] * weights[:, None] * size for k in range(3)]
+    return E, phis[0], phis[1], phis[2]

@@ -1,1 +1,0 @@
-"""Frequency responses in: from files, from objects, and estimated from time records."""

@@ -1,1 +1,0 @@
-"""One plant with an error of bounded gain in place of a family of plants."""

@@ -1,1 +1,0 @@
-"""Machines whose numbers come with the package."""

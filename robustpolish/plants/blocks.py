@@ -1,0 +1,543 @@
+"""The blocks of a system whose signals are sorted into w, u, z and y, and its loop with u = K y."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import control
+import numpy as np
+from control.exception import ControlMIMONotImplemented
+from numpy.typing import ArrayLike
+
+from robustpolish.base.arrays import AnyArray, Matrix, Vector
+from robustpolish.base.checks import described, instance_of, invalid, is_whole, matrix, state_space
+
+
+class PlantBlocks:
+    """Sizes, matrices and names of a plant, read off its system.
+
+    Attributes
+    ----------
+    system : control.StateSpace
+    measurements, controls : int
+        Number of last outputs that are y and of last inputs that are u.
+    units : mapping of str to str
+        Unit of each named signal or state that has one.
+    """
+
+    system: control.StateSpace
+    measurements: int
+    controls: int
+    units: Mapping[str, str]
+
+    @property
+    def nx(self) -> int:
+        """Number of states."""
+        known = isinstance(self.system, control.StateSpace)
+        return int((self.system if known else self._model()).nstates)
+
+    @property
+    def nw(self) -> int:
+        """Number of disturbances."""
+        return int(self.system.ninputs) - self.controls
+
+    @property
+    def nu(self) -> int:
+        """Number of controls."""
+        return self.controls
+
+    @property
+    def nz(self) -> int:
+        """Number of performance outputs."""
+        return int(self.system.noutputs) - self.measurements
+
+    @property
+    def ny(self) -> int:
+        """Number of measurements."""
+        return self.measurements
+
+    @property
+    def A(self) -> Matrix:
+        """State matrix, shape (nx, nx)."""
+        return self._matrix("A")
+
+    @property
+    def B1(self) -> Matrix:
+        """Disturbance to state, shape (nx, nw)."""
+        return self._matrix("B")[:, : self.nw]
+
+    @property
+    def B2(self) -> Matrix:
+        """Control to state, shape (nx, nu); the thesis's B."""
+        return self._matrix("B")[:, self.nw :]
+
+    @property
+    def C1(self) -> Matrix:
+        """State to performance, shape (nz, nx)."""
+        return self._matrix("C")[: self.nz]
+
+    @property
+    def C2(self) -> Matrix:
+        """State to measurement, shape (ny, nx); the thesis's C."""
+        return self._matrix("C")[self.nz :]
+
+    @property
+    def D11(self) -> Matrix:
+        """Disturbance to performance, shape (nz, nw); the thesis's D1."""
+        return self._matrix("D")[: self.nz, : self.nw]
+
+    @property
+    def D12(self) -> Matrix:
+        """Control to performance, shape (nz, nu)."""
+        return self._matrix("D")[: self.nz, self.nw :]
+
+    @property
+    def D21(self) -> Matrix:
+        """Disturbance to measurement, shape (ny, nw)."""
+        return self._matrix("D")[self.nz :, : self.nw]
+
+    @property
+    def D22(self) -> Matrix:
+        """Control to measurement, shape (ny, nu)."""
+        return self._matrix("D")[self.nz :, self.nw :]
+
+    @property
+    def dt(self) -> float | bool:
+        """Sampling time in s; 0 in continuous time."""
+        return 0 if self.system.dt is None else self.system.dt
+
+    @property
+    def is_discrete(self) -> bool:
+        """Whether the plant is a discrete-time system."""
+        return self.dt != 0
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of x."""
+        return tuple(self._model().state_labels)
+
+    @property
+    def disturbance_names(self) -> tuple[str, ...]:
+        """Names of w."""
+        return tuple(self.system.input_labels[: self.nw])
+
+    @property
+    def control_names(self) -> tuple[str, ...]:
+        """Names of u."""
+        return tuple(self.system.input_labels[self.nw :])
+
+    @property
+    def performance_names(self) -> tuple[str, ...]:
+        """Names of z."""
+        return tuple(self.system.output_labels[: self.nz])
+
+    @property
+    def measurement_names(self) -> tuple[str, ...]:
+        """Names of y."""
+        return tuple(self.system.output_labels[self.nz :])
+
+    def _matrix(self, name: str) -> Matrix:
+        """Copy A, B, C or D of the system."""
+        known = isinstance(self.system, control.StateSpace)
+        return np.array(getattr(self.system if known else self._model(), name))
+
+    def _model(self) -> control.StateSpace:
+        """Return the system if it is one of states, and not a measured response."""
+        if isinstance(self.system, control.StateSpace):
+            return self.system
+        raise invalid(
+            "plant",
+            described("a frequency response, which has no states"),
+            "a model in state space",
+            "Fit a model to the response; itself it serves plant.frequency_response only.",
+        )
+
+
+def matrices_of(system: control.StateSpace) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """Copy A, B, C and D of a system as floats of consistent shapes."""
+    n, m, p = system.nstates, system.ninputs, system.noutputs
+    shapes = ((n, n), (n, m), (p, n), (p, m))
+    A, B, C, D = (
+        np.array(getattr(system, name), dtype=float).reshape(shape)
+        for name, shape in zip("ABCD", shapes, strict=True)
+    )
+    return A, B, C, D
+
+
+def named_system(
+    matrices: Sequence[ArrayLike],
+    dt: float | bool,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    states: Sequence[str] = (),
+) -> control.StateSpace:
+    """Return the system of A, B, C, D with these names, states without effect kept.
+
+    Parameters
+    ----------
+    matrices : sequence of array_like
+        A, B, C and D.
+    dt : float or True
+        Sampling time in s; 0 is continuous time.
+    inputs, outputs, states : sequence of str
+        Names.
+
+    Returns
+    -------
+    control.StateSpace
+    """
+    names = {"inputs": list(inputs), "outputs": list(outputs), "states": list(states)}
+    A, B, C, D = matrices
+    if not names["inputs"]:
+        # python-control loses a single row without columns: an input stands in for it.
+        n, p = len(names["states"]), len(names["outputs"])
+        padded = (A, np.zeros((n, 1)), C, np.zeros((p, 1)))
+        names["inputs"] = ["none"]
+        system = control.StateSpace(*padded, dt, remove_useless_states=False, **names)
+        system.set_inputs([])
+        system.B, system.D = np.zeros((n, 0)), np.zeros((p, 0))
+        return system
+    return control.StateSpace(A, B, C, D, dt, remove_useless_states=False, **names)
+
+
+def closed_loop(
+    plant: PlantBlocks, controller: control.StateSpace | ArrayLike
+) -> control.StateSpace:
+    """Return the system from w to z; see `GeneralizedPlant.closed_loop`."""
+    K = _checked(plant, controller)
+    Ak, Bk, Ck, Dk = (np.asarray(M) for M in (K.A, K.B, K.C, K.D))
+    loop = np.eye(plant.nu) - Dk @ plant.D22
+    condition = np.linalg.cond(loop) if loop.size and np.isfinite(loop).all() else 1.0
+    if condition > 1 / np.finfo(float).eps:
+        raise invalid(
+            "controller",
+            described(f"a loop matrix I - Dk D22 with condition {condition:.1e}"),
+            "a well-posed loop",
+            "Change the controller's feedthrough or the plant's D22.",
+        )
+    # u = solve(loop, Ck xk + Dk (C2 x + D21 w)), then y follows from u.
+    on_x = np.linalg.solve(loop, Dk @ plant.C2)
+    on_k = np.linalg.solve(loop, Ck)
+    on_w = np.linalg.solve(loop, Dk @ plant.D21)
+    A = np.block(
+        [
+            [plant.A + plant.B2 @ on_x, plant.B2 @ on_k],
+            [Bk @ (plant.C2 + plant.D22 @ on_x), Ak + Bk @ plant.D22 @ on_k],
+        ]
+    )
+    B = np.vstack([plant.B1 + plant.B2 @ on_w, Bk @ (plant.D21 + plant.D22 @ on_w)])
+    C = np.hstack([plant.C1 + plant.D12 @ on_x, plant.D12 @ on_k])
+    D = plant.D11 + plant.D12 @ on_w
+    if not all(np.isfinite(M).all() for M in (loop, A, B, C, D)):
+        raise invalid(
+            "controller",
+            described("a loop with entries beyond 1e308"),
+            "products of plant and controller that double precision can hold",
+            "Choose other units for the signals.",
+        )
+    taken = set(plant.states)
+    extra = [f"{'controller_' if name in taken else ''}{name}" for name in K.state_labels]
+    names = (plant.disturbance_names, plant.performance_names, [*plant.states, *extra])
+    return named_system((A, B, C, D), plant.dt, *names)
+
+
+def static_controller(plant: PlantBlocks, gain: ArrayLike) -> control.StateSpace:
+    """Return u = K y as a system; see `GeneralizedPlant.static_controller`."""
+    K = matrix("controller", gain, (plant.nu, plant.ny))
+    return named_system(([], [], [], K), plant.dt, plant.measurement_names, plant.control_names)
+
+
+def _checked(plant: PlantBlocks, controller: control.StateSpace | ArrayLike) -> control.StateSpace:
+    if not isinstance(controller, control.StateSpace):
+        return static_controller(plant, controller)
+    state_space("controller", controller)
+    if (controller.noutputs, controller.ninputs) != (plant.nu, plant.ny):
+        raise invalid(
+            "controller",
+            described(f"{controller.ninputs} inputs and {controller.noutputs} outputs"),
+            f"{plant.ny} inputs (y) and {plant.nu} outputs (u)",
+            "Check measurements= and controls= of the plant.",
+        )
+    static = controller.nstates == 0
+    if not static and controller.dt is not None and controller.dt != plant.dt:
+        raise invalid(
+            "controller",
+            described(f"sampling time {controller.dt}"),
+            f"{plant.dt} like the plant",
+            "Discretise the plant or the controller first.",
+        )
+    return controller
+
+
+# Whatever users call a system, as a state-space system: transfer functions, gains, systems.
+
+_KINDS = "a control.StateSpace, a control.TransferFunction or a gain"
+# How far, relative, a realisation may lie from its transfer function at the points of the check.
+_SAME_RESPONSE = 1e-6
+
+
+def as_state_space(
+    argument: str,
+    value: Any,
+    dt: float | bool | None = None,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> control.StateSpace:
+    """Return a system, a transfer function or a gain as a state-space system.
+
+    Parameters
+    ----------
+    argument : str
+        Name of the argument, for messages.
+    value : control.StateSpace, control.TransferFunction or array_like
+        A state-space system comes back as it is. The states of a realised transfer function
+        have no meaning; one of several inputs or outputs takes slycot, which realises it with the
+        fewest states.
+    dt : float, True or None, optional
+        Sampling time of what has none of its own.
+    inputs, outputs : sequence of str, optional
+        Names of what is no state-space system; those of the transfer function by default.
+
+    Returns
+    -------
+    control.StateSpace
+
+    Raises
+    ------
+    InvalidInputError
+        If it is of another kind, has entries that are not finite, or is improper.
+    """
+    if isinstance(value, control.StateSpace):
+        return state_space(argument, value)
+    if isinstance(value, control.TransferFunction):
+        return realised(argument, value, dt, inputs, outputs)
+    if isinstance(value, control.InputOutputSystem | control.LTI):
+        shown = described(type(value).__name__)
+        raise invalid(argument, shown, _KINDS, "Fit or linearise it first.")
+    if value is None or isinstance(value, str):
+        raise invalid(argument, value, _KINDS, "Pass one of these.")
+    gain = matrix(argument, value)
+    rows, columns = gain.shape
+    if (rows == 0) != (columns == 0):
+        shown = described(f"shape {gain.shape}")
+        raise invalid(argument, shown, "a gain with entries", "Give a row per output.")
+    return named_system(
+        ([], [], [], gain),
+        0 if dt is None else dt,
+        inputs or [f"u[{i}]" for i in range(columns)],
+        outputs or [f"y[{i}]" for i in range(rows)],
+    )
+
+
+def realised(
+    argument: str,
+    system: control.TransferFunction,
+    dt: float | bool | None = None,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> control.StateSpace:
+    """Realise a proper transfer function; see :func:`as_state_space`."""
+    instance_of(argument, system, control.TransferFunction, "a control.TransferFunction", "")
+    every = [n for pair in (system.num_list, system.den_list) for row in pair for n in row]
+    if not all(np.isfinite(n).all() for n in every):
+        shown = described("coefficients that are not finite")
+        raise invalid(argument, shown, "finite numbers", "Check its coefficients.")
+    pairs = zip(system.num_list, system.den_list, strict=True)
+    if any(n.size > d.size for row in pairs for n, d in zip(*row, strict=True)):
+        raise invalid(
+            argument,
+            described("an improper TransferFunction"),
+            "one with no more zeros than poles",
+            "Add a lag to its derivative action.",
+        )
+    time = system.dt if system.dt is not None else dt
+    timed = control.TransferFunction(system.num_list, system.den_list, time)
+    single = system.ninputs == system.noutputs == 1
+    try:
+        found: Any = control.ss(
+            timed,
+            method="scipy" if single else None,
+            inputs=list(system.input_labels if inputs is None else inputs),
+            outputs=list(system.output_labels if outputs is None else outputs),
+        )
+    except (ControlMIMONotImplemented, ImportError):
+        raise invalid(
+            argument,
+            described("a TransferFunction of several inputs or outputs, and slycot is missing"),
+            "a control.StateSpace",
+            "Install slycot, or pass a state-space realisation.",
+        ) from None
+    if not single:
+        _same_response(argument, timed, found)
+    return found
+
+
+def _same_response(
+    argument: str, system: control.TransferFunction, found: control.StateSpace
+) -> None:
+    """Refuse a realisation that is not what it realises: no routine is believed."""
+    dens = [np.roots(d) for row in system.den_list for d in row]
+    sizes = np.abs(np.concatenate([*dens, [1.0]]))
+    scale = float(np.median(sizes[sizes > 0]))
+    for factor in (0.03, 0.4, 1.1, 3.0, 40.0):
+        s = 1.2 * np.exp(0.7j * factor) if system.isdtime(strict=True) else scale * factor * 1j
+        s = complex(s) + 0.1 * scale * factor  # off the axis, where poles may lie
+        want, have = np.atleast_2d(system(s)), np.atleast_2d(found(s))
+        if not np.abs(want - have).max() <= _SAME_RESPONSE * np.abs(want).max():
+            raise invalid(
+                argument,
+                described("a TransferFunction whose realisation has another response"),
+                "one that can be realised in double precision",
+                "Build it as a control.StateSpace.",
+            )
+
+
+# A plant that is known by its frequency response only.
+
+
+def rearranged(
+    system: control.FrequencyResponseData, outputs: Sequence[int], inputs: Sequence[int]
+) -> control.FrequencyResponseData:
+    """Return a response with its signals in another order.
+
+    Parameters
+    ----------
+    system : control.FrequencyResponseData
+    outputs, inputs : sequence of int
+        Where each stood.
+
+    Returns
+    -------
+    control.FrequencyResponseData
+    """
+    return control.FrequencyResponseData(
+        np.asarray(system.frdata)[np.ix_(outputs, inputs)],
+        system.omega,
+        inputs=[system.input_labels[i] for i in inputs],
+        outputs=[system.output_labels[i] for i in outputs],
+    )
+
+
+def finite(argument: str, system: control.FrequencyResponseData) -> control.FrequencyResponseData:
+    """Return a response whose lines and values are all finite."""
+    if not (np.isfinite(system.omega).all() and np.isfinite(system.frdata).all()):
+        shown = described("a response with values that are not finite")
+        raise invalid(argument, shown, "finite values", "Leave out those lines.")
+    return system
+
+
+def between_lines(system: control.FrequencyResponseData, omega: Vector) -> AnyArray:
+    """Return a measured response at other frequencies, drawn straight between its lines.
+
+    Parameters
+    ----------
+    system : control.FrequencyResponseData
+    omega : ndarray, shape (k,)
+        In rad/s, from the first of the lines to the last.
+
+    Returns
+    -------
+    ndarray of complex, shape (k, outputs, inputs)
+
+    Raises
+    ------
+    InvalidInputError
+        If a frequency lies beyond the lines: nothing is known there.
+    """
+    order = np.argsort(system.omega)
+    lines, values = np.asarray(system.omega)[order], np.asarray(system.frdata)[..., order]
+    room = 1e-9 * lines[-1]  # hertz to rad/s and back
+    if omega.size and not (lines[0] - room <= omega.min() and omega.max() <= lines[-1] + room):
+        hertz = (lines[0] / (2 * np.pi), lines[-1] / (2 * np.pi))
+        raise invalid(
+            "frequency",
+            described(f"{omega.min() / (2 * np.pi):.6g} to {omega.max() / (2 * np.pi):.6g} Hz"),
+            f"frequencies within those measured, {hertz[0]:.6g} to {hertz[1]:.6g} Hz",
+            "Measure there, or fit a model.",
+        )
+    found = np.empty((omega.size, *values.shape[:2]), dtype=complex)
+    for i, j in np.ndindex(*values.shape[:2]):
+        found[:, i, j] = np.interp(omega, lines, values[i, j])
+    return found
+
+
+# Which signals of a system are controls or measurements: by name or by number.
+
+Chosen = int | str | Sequence[str]
+
+
+def sorted_signals(system: Any, measurements: Chosen, controls: Chosen) -> tuple[Any, int, int]:
+    """Put measurements behind the other outputs and controls behind the other inputs.
+
+    Parameters
+    ----------
+    system : control.StateSpace or control.FrequencyResponseData
+    measurements, controls : int, str or sequence of str
+        Number of the last outputs or inputs, or names of some, wherever they stand; they get the
+        order in which they are named.
+
+    Returns
+    -------
+    system : control.StateSpace or control.FrequencyResponseData
+        The system itself if nothing had to be moved.
+    measurements, controls : int
+        Their numbers.
+
+    Raises
+    ------
+    InvalidInputError
+        If a number does not fit, or a name is unknown or doubled.
+    """
+    outs, ny = _order("measurements", measurements, system.output_labels, "outputs")
+    ins, nu = _order("controls", controls, system.input_labels, "inputs")
+    if outs == sorted(outs) and ins == sorted(ins):
+        return system, ny, nu
+    if isinstance(system, control.FrequencyResponseData):
+        return rearranged(system, outs, ins), ny, nu
+    n = system.nstates
+    A, B, C, D = (np.asarray(getattr(system, name)) for name in "ABCD")
+    B, C = B.reshape(n, len(ins)), C.reshape(len(outs), n)
+    moved = named_system(
+        (A, B[:, ins], C[outs], D[np.ix_(outs, ins)]),
+        0 if system.dt is None else system.dt,
+        [system.input_labels[i] for i in ins],
+        [system.output_labels[i] for i in outs],
+        system.state_labels,
+    )
+    return moved, ny, nu
+
+
+def _order(argument: str, given: Any, labels: Sequence[str], what: str) -> tuple[list[int], int]:
+    """Return the order of all signals with the chosen ones last, and how many these are."""
+    count = len(labels)
+    whole = is_whole(given)
+    if whole and 0 <= given <= count:
+        return list(range(count)), int(given)
+    if whole or given is None or isinstance(given, bool | float):
+        raise invalid(
+            argument,
+            given,
+            f"a whole number from 0 to {count}, the system's number of {what}, or names",
+            f"Count the {what} at the end of the list, or name them.",
+        )
+    names = chosen_names(argument, given, labels, what)
+    chosen = [labels.index(name) for name in names]
+    return [*(i for i in range(count) if i not in chosen), *chosen], len(chosen)
+
+
+def chosen_names(argument: str, given: Any, labels: Sequence[str], what: str) -> list[str]:
+    """Return names that are all known and different; a single one may stand for itself."""
+    try:
+        names = [given] if isinstance(given, str) else list(given)
+    except TypeError:
+        names = [given]
+    listed = ", ".join(labels) or "none"
+    for name in names:
+        if not isinstance(name, str) or name not in labels:
+            want = f"names among the system's {what}: {listed}"
+            raise invalid(argument, name, want, "Check its spelling, or give a number of signals.")
+    if len(set(names)) != len(names):
+        shown = described(f"{', '.join(names)}, with a name twice")
+        raise invalid(argument, shown, "different names", "Name each signal once.")
+    return names

@@ -1,0 +1,504 @@
+"""Linear systems around uncertain blocks, as matrices, and their algebra.
+
+A number, matrix or system with uncertainty is a matrix closed over what is inside: the integrators
+of the states, and the blocks. ::
+
+    [ x' ]   [      |   ] [ x ]
+    [ z  ] = [  F   | G ] [ w ]      w = Delta z
+    [ y  ]   [  H   | J ] [ u ]
+
+States and blocks are alike for sums, products and inverses, which are those of state spaces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from robustpolish.base.arrays import Matrix
+from robustpolish.base.checks import described, invalid
+from robustpolish.plants.uncertain.elements import (
+    Block,
+    Directions,
+    Element,
+    RealElement,
+    real_number,
+)
+
+# Real elements that share an ellipsoid: their physical numbers, and points drawn from it.
+
+# Relative size of what is left of numbers that no point of the ellipsoid's space has.
+_OUTSIDE = 1e-9
+
+
+def groups(blocks: Iterable[Block]) -> list[list[RealElement]]:
+    """Return the elements of each group."""
+    found: dict[str, list[RealElement]] = {}
+    for block in blocks:
+        if isinstance(block.element, RealElement) and block.element.group:
+            found.setdefault(block.element.group, []).append(block.element)
+    return list(found.values())
+
+
+def physical(blocks: Iterable[Block], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values with physical numbers in place of the directions of ellipsoids."""
+    found: dict[str, Any] = {}
+    rest = dict(values)
+    for members in groups(blocks):
+        known = members[0].directions
+        if known and any(name in rest for name in known.names):
+            found |= numbers_at(known, rest)
+            rest = {name: value for name, value in rest.items() if name not in known.names}
+    return found | rest
+
+
+def by_element(blocks: Sequence[Block], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values with the directions of ellipsoids in place of physical numbers.
+
+    Directions that the system does not depend on are left out.
+    """
+    rest, elements = dict(values), {block.element.name for block in blocks}
+    for members in groups(blocks):
+        known = members[0].directions
+        if known is None:
+            continue
+        named = {n: rest.pop(n) for n in known.numbers if n in rest and n not in elements}
+        twice = [name for name in known.names if name in rest]
+        if named and twice:
+            shown = described(f"{', '.join(named)} and {', '.join(twice)}")
+            remedy = "Give the physical numbers of an ellipsoid, or its directions."
+            raise invalid("values", shown, "one way to name a point", remedy)
+        rest |= point_of(known, named) if named else {}
+        idle = {name for name in known.names if name not in elements}
+        rest = {name: value for name, value in rest.items() if name not in idle}
+    return rest
+
+
+def numbers_at(known: Directions, values: Mapping[str, Any]) -> dict[str, float]:
+    """Return the physical numbers at a point of an ellipsoid; directions not named are 0."""
+    deltas = [real_number(name, values.get(name, 0.0)) for name in known.names]
+    numbers = np.array(known.centre) + np.array(known.slopes) @ deltas
+    return dict(zip(known.numbers, numbers.tolist(), strict=True))
+
+
+def point_of(known: Directions, values: Mapping[str, Any]) -> dict[str, float]:
+    """Return the directions of the point nearest to the centre that has some physical numbers."""
+    rows = [known.numbers.index(name) for name in values]
+    slopes = np.array(known.slopes)[rows]
+    changes = np.array([real_number(n, v) for n, v in values.items()])
+    changes = changes - np.array(known.centre)[rows]
+    # Rows in units of their own largest change: numbers of any unit are alike.
+    units = np.linalg.norm(slopes, axis=1)
+    units[units == 0] = 1.0
+    slopes, changes = slopes / units[:, None], changes / units
+    deltas = np.linalg.pinv(slopes, rcond=1e-12) @ changes
+    left = np.abs(slopes @ deltas - changes).max(initial=0.0)
+    if left > _OUTSIDE * np.abs(changes).max(initial=1.0):
+        shown = described(", ".join(values))
+        remedy = "What is certain cannot be changed: leave it out, or give fewer numbers."
+        raise invalid("values", shown, "numbers that the ellipsoid can have together", remedy)
+    return dict(zip(known.names, deltas.tolist(), strict=True))
+
+
+def drawn(members: Sequence[RealElement], random: np.random.Generator) -> dict[str, float]:
+    """Draw a point of an ellipsoid, evenly."""
+    direction = random.standard_normal(len(members))
+    direction *= random.uniform() ** (1 / len(members)) / np.linalg.norm(direction)
+    return {m.name: m.value(float(d)) for m, d in zip(members, direction, strict=True)}
+
+
+# Which copies of an uncertain block do something: the reduction of repeated blocks.
+#
+# Copies of a block are to its delta what states are to an integrator [1]_. Those outside the span
+# that other signals reach are nothing but zero, and those that no other signal sees do not matter.
+#
+# References
+# ----------
+# .. [1] C. L. Beck, J. Doyle, K. Glover, "Model reduction of multidimensional and uncertain
+#    systems", IEEE Transactions on Automatic Control 41 (1996) 1466-1477.
+
+# What is left of a direction, relative to its size, below which it is one that was there already:
+# far above the rounding of a few products, far below any coupling that somebody meant.
+_NEW = 1e-10
+# Relative size of a direction that is nothing but rounding of the largest.
+_ROUNDING = 1e-15
+# Relative size of a coupling that may be rounding of others.
+_FAINT = 1e-13
+
+
+def reduced_copies(
+    own: Matrix, moved: Matrix, seen: Matrix, copies: int, shape: tuple[int, int]
+) -> tuple[Matrix, Matrix] | None:
+    """Return how to leave out copies of a block that do nothing, None if all are needed.
+
+    Parameters
+    ----------
+    own : ndarray, shape (copies * columns, copies * rows)
+        From the block's outputs to its own inputs.
+    moved : ndarray, shape (copies * columns, any)
+        From everything else to its inputs.
+    seen : ndarray, shape (any, copies * rows)
+        From its outputs to everything else.
+    copies : int
+    shape : (int, int)
+        Rows and columns of one copy.
+
+    Returns
+    -------
+    out, into : ndarray, shapes (copies, fewer) and (fewer, copies)
+        ``z = (out x I) z_fewer`` and ``z_fewer = (into x I) z``, and the same of w.
+    """
+    rows, columns = shape
+    scale = _balance(moved, seen, copies, rows, columns)
+    steps = own.reshape(copies, columns, copies, rows).transpose(1, 3, 0, 2)
+    steps = steps.reshape(-1, copies, copies) * scale[None, None, :] / scale[None, :, None]
+    enter = moved.reshape(copies, -1) / scale[:, None]
+    leave = seen.reshape(len(seen), copies, rows).transpose(0, 2, 1).reshape(-1, copies) * scale
+    reached = _span(enter, steps)
+    inner = np.einsum("ai,kab,bj->kij", reached, steps, reached)
+    visible = _span((leave @ reached).T, inner.transpose(0, 2, 1))
+    basis = reached @ visible
+    if basis.shape[1] == copies:
+        return None
+    return scale[:, None] * basis, basis.T / scale
+
+
+def _span(start: Matrix, steps: Matrix) -> Matrix:
+    """Return an orthonormal basis of the least space with `start` that all `steps` map into it."""
+    basis = np.zeros((start.shape[0], 0))
+    fresh = _beyond(start, basis)
+    while fresh.shape[1]:
+        basis = np.hstack([basis, fresh])
+        fresh = _beyond(np.hstack(list(steps @ fresh)), basis)
+    return basis
+
+
+def _beyond(candidates: Matrix, basis: Matrix) -> Matrix:
+    """Return orthonormal directions of the candidates outside a space, each in its own size."""
+    sizes = np.linalg.norm(candidates, axis=0)
+    used = sizes > _ROUNDING * sizes.max(initial=0.0)
+    left = candidates[:, used] / sizes[used]
+    for _ in range(2):  # the second projection removes the rounding of the first
+        left = left - basis @ (basis.T @ left)
+    fresh = np.zeros((len(basis), 0))
+    while left.shape[1]:
+        sizes = np.linalg.norm(left, axis=0)
+        best = int(np.argmax(sizes))
+        if sizes[best] <= _NEW:
+            break
+        direction = left[:, best] / sizes[best]
+        direction -= basis @ (basis.T @ direction) + fresh @ (fresh.T @ direction)
+        direction /= np.linalg.norm(direction)
+        fresh = np.column_stack([fresh, direction])
+        left = left - np.outer(direction, direction @ left)
+    return fresh
+
+
+def _balance(moved: Matrix, seen: Matrix, copies: int, rows: int, columns: int) -> Matrix:
+    """Return powers of two that make each copy as easily moved as seen: units have no say."""
+    into = np.linalg.norm(moved.reshape(copies, -1), axis=1)
+    out = np.linalg.norm(seen.reshape(len(seen), copies, rows).transpose(1, 0, 2).reshape(
+        copies, -1), axis=1)  # fmt: skip
+    scale = np.ones(copies)
+    # A copy that is only seen by rounding must not be made as visible as the others.
+    used = (into > _FAINT * into.max(initial=0.0)) & (out > _FAINT * out.max(initial=0.0))
+    scale[used] = np.exp2(np.round(np.log2(into[used] / out[used]) / 2))
+    return scale
+
+
+# Relative size below which a matrix that has to be inverted counts as singular.
+_SINGULAR = 1e-13
+# Relative size of a sum of products below which nothing but rounding is left of it.
+_CANCELLED = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class Lft:
+    """Matrices of a system around its states and uncertain blocks.
+
+    Attributes
+    ----------
+    F, G, H, J : ndarray
+        From what is inside (states, then the blocks in their order) and the inputs, to what is
+        inside and the outputs.
+    states : tuple of str
+        Names of the states.
+    blocks : tuple of Block
+        Each element once.
+    dt : float, True or None
+        Sampling time; 0 in continuous time, None for what has no time.
+    inputs, outputs : tuple of str
+        Names, or empty.
+    """
+
+    F: Matrix
+    G: Matrix
+    H: Matrix
+    J: Matrix
+    states: tuple[str, ...] = ()
+    blocks: tuple[Block, ...] = ()
+    dt: float | bool | None = None
+    inputs: tuple[str, ...] = field(default=())
+    outputs: tuple[str, ...] = field(default=())
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Outputs and inputs."""
+        return self.J.shape
+
+    def names(self, inputs: Sequence[str], outputs: Sequence[str]) -> Lft:
+        """Return it with other names of inputs and outputs; dropped if they do not fit."""
+        ny, nu = self.shape
+        return replace(
+            self,
+            inputs=tuple(inputs) if len(inputs) == nu else (),
+            outputs=tuple(outputs) if len(outputs) == ny else (),
+        )
+
+
+def constant(matrix: Matrix) -> Lft:
+    """Return a matrix that is certain."""
+    ny, nu = matrix.shape
+    return Lft(np.zeros((0, 0)), np.zeros((0, nu)), np.zeros((ny, 0)), matrix)
+
+
+def total(one: Lft, two: Lft) -> Lft:
+    """Return the sum; one entry is added to every entry."""
+    one, two = _as_large(one, two), _as_large(two, one)
+    if one.shape != two.shape:
+        raise _mismatch("added to", one, two)
+    H = np.hstack([one.H, two.H])
+    F, G = _diagonal(one.F, two.F), np.vstack([one.G, two.G])
+    return _merged(F, G, H, one.J + two.J, one, two).names(one.inputs, one.outputs)
+
+
+def product(one: Lft, two: Lft) -> Lft:
+    """Return `one` after `two`; one entry multiplies every entry."""
+    if one.shape == (1, 1) != two.shape and two.shape[0] != 1:
+        one = repeated(one, two.shape[0])
+    elif two.shape == (1, 1) != one.shape and one.shape[1] != 1:
+        two = repeated(two, one.shape[1])
+    if one.shape[1] != two.shape[0]:
+        raise _mismatch("multiplied with", one, two)
+    below = np.zeros((two.F.shape[0], one.F.shape[1]))
+    F = np.block([[one.F, one.G @ two.H], [below, two.F]])
+    G = np.vstack([one.G @ two.J, two.G])
+    H = np.hstack([one.H, one.J @ two.H])
+    return _merged(F, G, H, one.J @ two.J, one, two).names(two.inputs, one.outputs)
+
+
+def inverse(one: Lft) -> Lft:
+    """Return the inverse of a square system."""
+    if one.shape[0] != one.shape[1]:
+        shown = described(f"shape {one.shape}")
+        raise invalid("system", shown, "as many inputs as outputs", "Only these have an inverse.")
+    J = _inverted(one.J, "the inverse", "its direct feedthrough at the nominal values")
+    JH = J @ one.H
+    return replace(one, F=one.F - one.G @ JH, G=one.G @ J, H=-JH, J=J).names(
+        one.outputs, one.inputs
+    )
+
+
+def appended(parts: Sequence[Lft]) -> Lft:
+    """Return systems side by side."""
+    result = parts[0]
+    for part in parts[1:]:
+        F, G, H, J = (_diagonal(getattr(result, n), getattr(part, n)) for n in "FGHJ")
+        inputs, outputs = (*result.inputs, *part.inputs), (*result.outputs, *part.outputs)
+        result = _merged(F, G, H, J, result, part).names(inputs, outputs)
+    return result
+
+
+def repeated(one: Lft, times: int) -> Lft:
+    """Return the same system for each of several signals: one with each of them."""
+    return appended([one] * times)
+
+
+def wired(one: Lft, loop: Matrix, enter: Matrix, leave: Matrix) -> Lft:
+    """Return the system from r to ``leave y`` with ``u = loop y + enter r``."""
+    back = np.eye(one.shape[0]) - one.J @ loop
+    back = _inverted(back, "the loop", "its algebraic part: the loop is not well posed")
+    onto = loop @ back
+    J = (one.J + one.J @ onto @ one.J) @ enter
+    return replace(
+        one,
+        F=one.F + one.G @ onto @ one.H,
+        G=(one.G + one.G @ onto @ one.J) @ enter,
+        H=leave @ (one.H + one.J @ onto @ one.H),
+        J=leave @ J,
+        inputs=(),
+        outputs=(),
+    )
+
+
+def exposed(one: Lft, index: int) -> Lft:
+    """Return the system with the signals of a block as its first inputs and outputs."""
+    rows, columns = block_slices(one)[index]
+    F, G, H, J = one.F, one.G, one.H, one.J
+    keep_rows = np.delete(np.arange(F.shape[0]), rows)
+    keep_columns = np.delete(np.arange(F.shape[1]), columns)
+    return replace(
+        one,
+        F=F[keep_rows][:, keep_columns],
+        G=np.hstack([F[keep_rows][:, columns], G[keep_rows]]),
+        H=np.vstack([F[rows][:, keep_columns], H[:, keep_columns]]),
+        J=np.block([[F[rows][:, columns], G[rows]], [H[:, columns], J]]),
+        blocks=one.blocks[:index] + one.blocks[index + 1 :],
+        inputs=(),
+        outputs=(),
+    )
+
+
+def block_slices(one: Lft) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return for each block its rows (z) and columns (w) of F."""
+    row = column = len(one.states)
+    found = []
+    for block in one.blocks:
+        found.append((np.arange(row, row + block.columns), np.arange(column, column + block.rows)))
+        row, column = row + block.columns, column + block.rows
+    return found
+
+
+def common_time(one: Lft, two: Lft) -> float | bool | None:
+    """Return the sampling time of two systems together."""
+    times = [part.dt for part in (one, two) if part.dt is not None]
+    if not times:
+        return None
+    first, last = times[0], times[-1]
+    if (first == 0) != (last == 0) or not (first is True or last is True or first == last):
+        shown = described(f"sampling times {first} and {last}")
+        raise invalid("system", shown, "systems of one sampling time", "Convert one of them.")
+    return last if first is True else first
+
+
+def _as_large(one: Lft, other: Lft) -> Lft:
+    """Return a single entry as often as another system has entries."""
+    if one.shape != (1, 1) or other.shape == (1, 1):
+        return one
+    ny, nu = other.shape
+    return product(product(constant(np.ones((ny, 1))), one), constant(np.ones((1, nu))))
+
+
+def _merged(F: Matrix, G: Matrix, H: Matrix, J: Matrix, one: Lft, two: Lft) -> Lft:
+    """Sort what is inside two systems: states first, then each element once."""
+    known: dict[str, Element] = {}
+    for block in (*one.blocks, *two.blocks):
+        name = block.element.name
+        if known.setdefault(name, block.element) != block.element:
+            shown = described(f"{known[name]}, and {block.element}")
+            remedy = "Give different things different names."
+            raise invalid(name, shown, "one meaning of a name", remedy)
+    n1, n2 = len(one.states), len(two.states)
+    rows = [*range(n1), *(one.F.shape[0] + i for i in range(n2))]
+    columns = [*range(n1), *(one.F.shape[1] + i for i in range(n2))]
+    first, second = block_slices(one), block_slices(two)
+    blocks = []
+    for name, element in known.items():
+        copies = 0
+        for part, places, row0, column0 in (
+            (one, first, 0, 0),
+            (two, second, one.F.shape[0], one.F.shape[1]),
+        ):
+            for block, (z, w) in zip(part.blocks, places, strict=True):
+                if block.element.name == name:
+                    rows += (z + row0).tolist()
+                    columns += (w + column0).tolist()
+                    copies += block.copies
+        blocks.append(Block(element, copies))
+    states = _distinct((*one.states, *two.states))
+    merged = Lft(
+        F[rows][:, columns], G[rows], H[:, columns], J, states, tuple(blocks),
+        common_time(one, two),
+    )  # fmt: skip
+    return reduced(merged)
+
+
+def reduced(one: Lft) -> Lft:
+    """Return the system with as few copies of each block as one-dimensional reductions leave.
+
+    A block's copies are to its delta what states are to an integrator: those that nothing else
+    moves, or that nothing else sees, are taken out.
+    """
+    if not any(block.copies > 1 for block in one.blocks) and _all_used(one):
+        return one
+    before = None
+    while before != [block.copies for block in one.blocks]:
+        before = [block.copies for block in one.blocks]
+        for index in range(len(one.blocks)):
+            one = _block_reduced(one, index)
+        one = _without_empty(one)
+    return one
+
+
+def _all_used(one: Lft) -> bool:
+    """Say whether every block is moved by something and seen by something."""
+    whole = np.vstack([np.hstack([one.F, one.G]), np.hstack([one.H, one.J])])
+    for z, w in block_slices(one):
+        moved = np.delete(whole[z], w, axis=1)
+        seen = np.delete(whole[:, w], z, axis=0)
+        if not (moved.any() and seen.any()):
+            return False
+    return True
+
+
+def _block_reduced(one: Lft, index: int) -> Lft:
+    block = one.blocks[index]
+    z, w = block_slices(one)[index]
+    whole = np.vstack([np.hstack([one.F, one.G]), np.hstack([one.H, one.J])])
+    own, moved = whole[z][:, w], np.delete(whole[z], w, axis=1)
+    seen = np.delete(whole[:, w], z, axis=0)
+    basis = reduced_copies(own, moved, seen, block.copies, block.element.shape)
+    if basis is None:
+        return one
+    out, into = basis  # copies = out @ fewer; fewer = into @ copies
+    p, q = block.element.shape
+    rows = np.kron(into, np.eye(q))
+    columns = np.kron(out, np.eye(p))
+    total_rows, total_columns = whole.shape
+    left = _diagonal(np.eye(z[0]) if len(z) else np.eye(0), rows, np.eye(total_rows - z[-1] - 1))
+    right = _diagonal(np.eye(w[0]), columns, np.eye(total_columns - w[-1] - 1))
+    size = np.abs(left) @ np.abs(whole) @ np.abs(right)
+    whole = left @ whole @ right
+    # What cancels is zero: its rounding would look like a coupling to the next reduction.
+    whole[np.abs(whole) <= _CANCELLED * size] = 0.0
+    fewer = Block(block.element, out.shape[1])
+    inside_rows = one.F.shape[0] - block.columns + fewer.columns
+    inside_columns = one.F.shape[1] - block.rows + fewer.rows
+    return replace(
+        one,
+        F=whole[:inside_rows, :inside_columns],
+        G=whole[:inside_rows, inside_columns:],
+        H=whole[inside_rows:, :inside_columns],
+        J=whole[inside_rows:, inside_columns:],
+        blocks=(*one.blocks[:index], fewer, *one.blocks[index + 1 :]),
+    )
+
+
+def _without_empty(one: Lft) -> Lft:
+    return replace(one, blocks=tuple(block for block in one.blocks if block.copies))
+
+
+def _diagonal(*parts: Any) -> Matrix:
+    result: Any = block_diag(*parts)
+    return result
+
+
+def _inverted(M: Matrix, what: str, which: str) -> Any:
+    sizes = np.linalg.svd(M, compute_uv=False)
+    if sizes.size and not sizes[-1] > _SINGULAR * sizes[0]:
+        shown = described(f"a singular matrix for {what}")
+        raise invalid("system", shown, f"an invertible {which}", "Check its direct feedthrough.")
+    return np.linalg.inv(M)
+
+
+def _mismatch(verb: str, one: Lft, two: Lft) -> Exception:
+    shown = described(f"{one.shape[0]} x {one.shape[1]} {verb} {two.shape[0]} x {two.shape[1]}")
+    return invalid("system", shown, "sizes that fit", "Check numbers of inputs and outputs.")
+
+
+def _distinct(names: tuple[str, ...]) -> tuple[str, ...]:
+    return names if len(set(names)) == len(names) else tuple(f"x[{i}]" for i in range(len(names)))

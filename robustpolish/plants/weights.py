@@ -1,0 +1,303 @@
+"""Weights, and the plants that they make of a system: what a loop is asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import control
+import numpy as np
+
+from robustpolish.base.checks import described, invalid, is_whole, positive
+from robustpolish.plants.blocks import as_state_space, named_system
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.plants.wired import bilinear, single_filter
+from robustpolish.plants.wiring import Wiring
+
+# The plant of mixed sensitivity: performance, effort and robustness with a weight each.
+
+Weight = control.StateSpace | control.TransferFunction | float
+Weights = Weight | Sequence[Weight | None]
+
+
+def mixed_sensitivity(
+    plant: GeneralizedPlant | control.StateSpace | control.TransferFunction,
+    performance: Weights | None = None,
+    effort: Weights | None = None,
+    robustness: Weights | None = None,
+) -> GeneralizedPlant:
+    r"""Build the plant whose H-infinity norm is that of weighted sensitivities.
+
+    ::
+
+                                    r (a reference, or noise, of the other sign)
+                                    |
+        u --->[ G ]---+------------>+---> y, measured      z = [ performance y ]
+                      |                                        [ effort u      ]
+                      +---> G u                                [ robustness G u]
+
+    With u = K y and S = (I - G K)^-1 the loop from r to z is [W1 S; W2 K S; W3 G K S], and
+    :func:`robustpolish.output_feedback` makes its norm as small as it can be. Where it comes
+    below 1, S keeps below 1 / W1 at all frequencies, K S below 1 / W2, and T below 1 / W3.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant, control.StateSpace or control.TransferFunction
+        G. Of a generalised plant, the part from its controls to its measurements, with actuators,
+        sensors, delays, limits and units; its disturbances and performance outputs are left out.
+    performance, effort, robustness : system, number or sequence of them, optional
+        W1 on S, W2 on K S, W3 on T = -G K S: a weight of one input and one output that stands for
+        all channels, one per channel (None leaves a channel out), or a system of several inputs
+        and outputs, such as a diagonal one. At least one of the three is needed; see
+        :func:`robustpolish.weight`.
+
+    Returns
+    -------
+    GeneralizedPlant
+        Its disturbances are ``reference_`` and the name of each measurement; its outputs
+        ``performance_`` and ``robustness_`` and the name of each measurement, ``effort_`` and the
+        name of each control. Controls and measurements keep their names, all their units.
+
+    Raises
+    ------
+    InvalidInputError
+        If no weight is given, or one does not fit the plant.
+
+    Notes
+    -----
+    The sign of the controller: here u = K y, so that K can be put on the machine, given to
+    ``plant.closed_loop`` and analysed as all others of this package. MATLAB's ``mixsyn`` and
+    python-control's ``mixsyn`` feed the error r - y to the controller: theirs is -K. Norms and
+    sensitivities are the same.
+
+    Weights have to be stable, since no controller could do anything about them: put a slow pole
+    (``weight(1e4, ...)``) in the place of an integrator. Skogestad, Postlethwaite, "Multivariable
+    Feedback Control", 2nd edition, 2005, section 3.5.7.
+
+    Examples
+    --------
+    The disturbance process of Skogestad and Postlethwaite, example 2.17, where 1.37 is printed:
+
+    >>> import control
+    >>> import robustpolish as rp
+    >>> s = control.tf("s")
+    >>> G = 200 / ((10 * s + 1) * (0.05 * s + 1) ** 2)
+    >>> W1 = (s / 1.5 + 10) / (s + 10 * 1e-4)
+    >>> plant = rp.mixed_sensitivity(G, performance=W1, effort=1.0)
+    >>> round(rp.output_feedback(plant).certificate.achieved, 2)
+    1.37
+    """
+    G = _of_loop(plant)
+    u, y = G.control_names, G.measurement_names
+    wiring = G.wiring.chosen([], range(G.nu), [], range(G.ny))
+    if performance is None and effort is None and robustness is None:
+        shown = described("no weight at all")
+        raise invalid("performance", shown, "a weight", "Say what the loop has to achieve.")
+    # Signals are led out before the reference enters, or after it, and are weighted then.
+    rows: list[tuple[str, Weights | None, tuple[str, ...], str]] = [
+        ("robustness", robustness, y, "y"),
+        ("performance", performance, y, "y"),
+        ("effort", effort, u, "u"),
+    ]
+    own = {*u, *y, *G.states}
+    units = {name: unit for name, unit in G.units.items() if name in own}
+    for kind, given, names, letter in rows:
+        if kind == "performance":
+            references = [f"reference_{name}" for name in y]
+            wiring = wiring.with_disturbances(np.eye(G.ny), references)
+            units |= {f"reference_{n}": G.units[n] for n in y if n in G.units}
+        if given is None:
+            continue
+        count, at = len(names), wiring.nz - len(wiring.lines)
+        of_y = np.eye(count) if letter == "y" else np.zeros((count, G.ny))
+        of_u = np.eye(count) if letter == "u" else np.zeros((count, G.nu))
+        wiring = wiring.with_performance(of_y, of_u, [f"{kind}_{name}" for name in names])
+        wiring, kept = _weighted(wiring, kind, given, at, count, G.dt)
+        units |= {
+            f"{kind}_{name}": G.units[name]
+            for i, name in enumerate(names)
+            if name in G.units and i in kept
+        }
+    order = {"performance": 0, "effort": 1, "robustness": 2}
+    outs = wiring.performance_names[: wiring.nz - len(wiring.lines)]
+    z = sorted(range(len(outs)), key=lambda i: order[outs[i].partition("_")[0]])
+    w = range(wiring.nw - len(wiring.lines))
+    whole = wiring.chosen(w, range(G.nu), z, range(G.ny))
+    # Disturbances and outputs of a generalised plant are gone, and their units with them.
+    there = {*whole.system.input_labels, *whole.system.output_labels, *whole.states}
+    return G.rewired(whole, units={name: units[name] for name in units if name in there})
+
+
+def _of_loop(plant: Any) -> GeneralizedPlant:
+    """Return a plant whose part from u to y is meant."""
+    if not isinstance(plant, GeneralizedPlant):
+        G = as_state_space("plant", plant)
+        return GeneralizedPlant(G, measurements=G.noutputs or 0, controls=G.ninputs or 0)
+    if not (plant.nu and plant.ny):
+        shown = described(f"{plant.nu} controls and {plant.ny} measurements")
+        raise invalid("plant", shown, "at least one of each", "Check controls=, measurements=.")
+    return plant
+
+
+def _weighted(
+    wiring: Wiring, kind: str, given: Any, at: int, count: int, dt: float | bool
+) -> tuple[Wiring, Sequence[int]]:
+    """Weight outputs from `at` on; return the channels that are left, too."""
+    if isinstance(given, list | tuple):
+        if len(given) != count:
+            shown = described(f"{len(given)} weights")
+            raise invalid(kind, shown, f"{count}, one per channel", "Write None for no weight.")
+        kept = [i for i, one in enumerate(given) if one is not None]
+        for i in kept:
+            name = wiring.performance_names[at + i]
+            one = single_filter(f"{kind}[{i}]", given[i], dt)
+            wiring = wiring.series("output", at + i, one, name)
+        left = [i for i in range(wiring.nz - len(wiring.lines)) if not at <= i < at + count]
+        z = sorted([*left, *(at + i for i in kept)])
+        w = range(wiring.nw - len(wiring.lines))
+        return wiring.chosen(w, range(wiring.nu), z, range(wiring.ny)), kept
+    system = as_state_space(kind, given, dt)
+    if (system.ninputs, system.noutputs) == (1, 1):
+        return _weighted(wiring, kind, [given] * count, at, count, dt)
+    if (system.ninputs, system.noutputs) != (count, count):
+        shown = described(f"{system.ninputs} inputs and {system.noutputs} outputs")
+        want = f"one of each, or {count}"
+        raise invalid(kind, shown, want, "Pass a number, a weight, or one per channel.")
+    if system.nstates and system.dt is not None and system.dt != dt:
+        shown = described(f"sampling time {system.dt}")
+        raise invalid(kind, shown, f"{dt} like the plant", "Discretise it.")
+    return wiring.matrix_series(at, system, f"{kind}_weight"), range(count)
+
+
+# A weight between a gain at low and a gain at high frequencies.
+
+MOST_ORDER = 10
+# Gains and frequencies beyond it, or below its inverse, have squares that no double holds.
+_LARGEST = 1e100
+
+
+def weight(
+    low: float,
+    crossover_hz: float,
+    high: float,
+    order: int = 1,
+    *,
+    inverse: bool = False,
+    dt: float | bool = 0,
+) -> control.StateSpace:
+    r"""Return a weight that goes from one gain to another and is 1 in between.
+
+    .. math:: W(s) = \left(\frac{h\, s + l\, p}{s + p}\right)^n, \quad
+              l = \mathrm{low}^{1/n},\ h = \mathrm{high}^{1/n}
+
+    with p such that \|W\| = 1 at the crossover.
+
+    Parameters
+    ----------
+    low : float
+        Gain at rest; infinite for an integrator, which suits loop shaping but no norm.
+    crossover_hz : float
+        Where the gain is 1, in Hz.
+    high : float
+        Gain at high frequencies, on the other side of 1 than `low`.
+    order : int, optional
+        Number n of equal sections: the steepness, 20 dB per decade each.
+    inverse : bool, optional
+        Return 1 / W instead: low, crossover and high are then those of a bound that a transfer
+        function has to keep, and W its weight.
+    dt : float or True, optional
+        Sampling time in s; 0 is continuous. Otherwise the bilinear image with the same gain at
+        rest, at the crossover and, for `high`, at the Nyquist frequency.
+
+    Returns
+    -------
+    control.StateSpace
+        Stable, with a stable inverse; of n states in a row.
+
+    Raises
+    ------
+    InvalidInputError
+        If 1 does not lie between the gains, or one is negative.
+
+    Notes
+    -----
+    As MATLAB's ``makeweight(low, [w 1], high)`` with w in rad/s; for order 1 it is the same system.
+    Skogestad, Postlethwaite, "Multivariable Feedback Control", 2nd edition, 2005, equation (2.105)
+    gives performance weights as (s / M + w_B) / (s + w_B A): ``weight(1 / A, f, 1 / M)``, whose
+    crossover f lies near w_B / (2 pi).
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> W = rp.weight(100.0, 2.0, 0.5)
+    >>> [float(abs(W(2j * 3.141592653589793 * f)).round(4)) for f in (0.0, 2.0, 1e6)]
+    [100.0, 1.0, 0.5]
+    >>> rp.weight(0.01, 2.0, 10.0, order=2, inverse=True).nstates
+    2
+    """
+    low, high = _gain("low", low), _gain("high", high)
+    if not isinstance(inverse, bool | np.bool_):
+        raise invalid("inverse", inverse, "True or False", "Choose one of them.")
+    if inverse:
+        if low == 0 or high == 0:
+            name, shown = ("low", low) if low == 0 else ("high", high)
+            raise invalid(name, shown, "a gain above 0 to be inverted", "Pass a small one.")
+        low, high = 1 / low, 1 / high
+    if math.isinf(high):
+        shown = described("an infinite gain at high frequencies")
+        raise invalid("high", shown, "a finite one", "Such a weight is no state-space system.")
+    hertz = positive("crossover_hz", crossover_hz, "Hz")
+    if not 1 / _LARGEST <= hertz <= _LARGEST:
+        want = f"a frequency from {1 / _LARGEST:g} to {_LARGEST:g} Hz"
+        raise invalid("crossover_hz", crossover_hz, want, "Check its unit.")
+    if not is_whole(order) or not 1 <= order <= MOST_ORDER:
+        raise invalid("order", order, f"a whole number from 1 to {MOST_ORDER}", "Take fewer.")
+    if not (low > 1 > high or low < 1 < high):
+        raise invalid(
+            "low",
+            described(f"gains {low:g} and {high:g}"),
+            "one above and one below 1, which the weight passes at its crossover",
+            "For another gain at the crossover multiply the weight by a number.",
+        )
+    a, b, c, d = _section(low ** (1 / order), high ** (1 / order))
+    A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
+    for _ in range(int(order)):
+        k = len(A)
+        A = np.block([[A, np.zeros((k, 1))], [b * C, np.full((1, 1), a)]])
+        B = np.vstack([B, b * D])
+        C = np.hstack([d * C, [[c]]])
+        D = d * D
+    rate = 2 * math.pi * hertz
+    if dt is not True:
+        dt = positive("dt", dt, "s", zero=True)
+    if dt:
+        return bilinear(A, B, C, D, dt, rate)
+    names = [f"x[{i}]" for i in range(len(A))]
+    root = math.sqrt(rate)
+    return named_system((A * rate, B * root, C * root, D), 0, ["u"], ["y"], names)
+
+
+def _section(low: float, high: float) -> tuple[float, float, float, float]:
+    """Return a, b, c, d of (high s + low p) / (s + p) with gain 1 at 1 rad/s."""
+    if math.isinf(low):
+        pole, gain = 0.0, math.sqrt(1 - high**2)  # low p in the limit
+    else:
+        pole = math.sqrt((1 - high**2) / (low**2 - 1))
+        gain = (low - high) * pole
+    size = math.sqrt(abs(gain))
+    return -pole, size, math.copysign(size, gain), high
+
+
+def _gain(argument: str, value: Any) -> float:
+    """Return a gain from 0 to infinity."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not number >= 0:
+        raise invalid(argument, value, "a gain of at least 0", "Pass a ratio, not decibels.")
+    if number not in (0.0, math.inf) and not 1 / _LARGEST <= number <= _LARGEST:
+        want = f"0, a gain from {1 / _LARGEST:g} to {_LARGEST:g}, or infinity"
+        raise invalid(argument, value, want, "Pass a ratio, not decibels.")
+    return number

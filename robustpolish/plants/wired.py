@@ -1,0 +1,595 @@
+"""What engineers put between plant and controller: actuators, sensors, filters, delays, weights."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Self
+
+import control
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from robustpolish.base.checks import described, instance_of, invalid, is_whole, positive
+from robustpolish.linear.delays.systems import (
+    DelayedSystem,
+    DelayLine,
+    frequencies,
+    resolvent_response,
+)
+from robustpolish.plants.blocks import (
+    PlantBlocks,
+    as_state_space,
+    between_lines,
+    chosen_names,
+    closed_loop,
+    named_system,
+)
+from robustpolish.plants.controllers import GivenController, controller_system
+from robustpolish.plants.wiring import Side, Wiring
+from robustpolish.signals.frequency_response import labelled_response, ratio_unit
+
+# What stands between a controller and its machine: lags of actuators, sensors and filters.
+
+MOST_ORDER = 8
+"""A lag of a higher order is a delay and better given as one."""
+
+
+def lag(
+    bandwidth_hz: float, order: int | None, damping: float | None, dt: float | bool
+) -> control.StateSpace:
+    """Return a lag whose gain is 1 at rest and has fallen by 3 dB at its bandwidth.
+
+    Parameters
+    ----------
+    bandwidth_hz : float
+        Where the gain is 1 / sqrt(2), in Hz.
+    order : int or None
+        1 by default, 2 if a damping is given; above 2 that of Butterworth.
+    damping : float or None
+        Damping ratio of order 2; 1 / sqrt(2), Butterworth's, by default.
+    dt : float or True
+        Sampling time: 0 is continuous; otherwise the bilinear image, right at the bandwidth.
+
+    Returns
+    -------
+    control.StateSpace
+    """
+    hertz = positive("bandwidth_hz", bandwidth_hz, "Hz")
+    if damping is not None:
+        damping = positive("damping", damping)
+        if order not in (None, 2):
+            shown = described(f"a damping for order {order}")
+            raise invalid("damping", shown, "order=2", "A damping ratio belongs to order 2.")
+        order = 2
+    order = 1 if order is None else order
+    if not is_whole(order) or not 1 <= order <= MOST_ORDER:
+        want = f"a whole number from 1 to {MOST_ORDER}"
+        raise invalid("order", order, want, "Pass another lag as dynamics=, a delay with_delay.")
+    A, B, C = np.zeros((0, 0)), np.zeros((0, 1)), np.ones((1, 0))
+    D = np.ones((1, 1))
+    for a, b, c in _sections(int(order), damping):
+        k = len(A)
+        A = np.block([[A, np.zeros((k, len(a)))], [b @ C, a]])
+        B = np.vstack([B, b @ D])
+        C, D = np.hstack([np.zeros((1, k)), c]), np.zeros((1, 1))
+    rate = 2 * math.pi * hertz
+    if not dt:
+        return named_system((A * rate, B * rate, C, D), 0, ["u"], ["y"], _names(len(A)))
+    return bilinear(A, B, C, D, dt, rate)
+
+
+def bilinear(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, dt: float | bool, rate: float
+) -> control.StateSpace:
+    """Return the discrete image of a system in units of `rate`, with the same response there.
+
+    Parameters
+    ----------
+    A, B, C, D : ndarray
+        In time units of 1 / rate.
+    dt : float or True
+        Sampling time in s.
+    rate : float
+        In rad/s; below the Nyquist frequency.
+    """
+    step = 1.0 if dt is True else float(dt)
+    if rate * step >= math.pi:
+        shown = described(f"{rate / (2 * math.pi):.6g} Hz")
+        want = f"less than the Nyquist frequency {0.5 / step:.6g} Hz"
+        raise invalid("frequency", shown, want, "Leave the lag out, or sample faster.")
+    half = math.tan(rate * step / 2)  # s = (z - 1) / (z + 1) / half
+    one = np.eye(len(A))
+    inner = np.linalg.inv(one - half * A)
+    matrices = (
+        inner @ (one + half * A),
+        2 * half * inner @ B,
+        C @ inner,
+        D + half * C @ inner @ B,
+    )
+    return named_system(matrices, dt, ["u"], ["y"], _names(len(A)))
+
+
+def single_filter(argument: str, value: Any, dt: float | bool) -> control.StateSpace:
+    """Return a system of one input and one output that fits the plant's time.
+
+    Parameters
+    ----------
+    argument : str
+        Its name, for messages.
+    value : control.StateSpace, control.TransferFunction or float
+    dt : float or True
+        The plant's sampling time.
+
+    Returns
+    -------
+    control.StateSpace
+    """
+    system = as_state_space(argument, value, dt)
+    if (system.ninputs, system.noutputs) != (1, 1):
+        shown = described(f"{system.ninputs} inputs and {system.noutputs} outputs")
+        raise invalid(argument, shown, "one of each", "Give each signal a filter of its own.")
+    own = dt if system.dt is None or not system.nstates else system.dt
+    if own != dt:
+        raise invalid(
+            argument,
+            described(f"sampling time {system.dt}"),
+            f"{dt} like the plant",
+            "Discretise it, for instance with control.sample_system.",
+        )
+    return system
+
+
+def _sections(order: int, damping: float | None) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return A, B, C of lags of first and second order in a row, in units of the bandwidth."""
+    found = [(np.array([[-1.0]]), np.ones((1, 1)), np.ones((1, 1)))] if order % 2 else []
+    for k in range(order // 2):
+        zeta = math.sin(math.pi * (2 * k + 1) / (2 * order)) if damping is None else damping
+        # |G| = 1 / sqrt(2) at 1: w^2 + ... solved for the natural frequency.
+        spread = 1 - 2 * zeta**2
+        natural = 1.0 if damping is None else 1 / math.sqrt(spread + math.hypot(spread, 1))
+        found.append(
+            (
+                np.array([[0.0, natural], [-natural, -2 * zeta * natural]]),
+                np.array([[0.0], [natural]]),
+                np.array([[1.0, 0.0]]),
+            )
+        )
+    return found
+
+
+def _names(count: int) -> list[str]:
+    return [f"x[{i}]" for i in range(count)]
+
+
+Given = control.StateSpace | control.TransferFunction | float
+NOISE_PREFIX = "noise_"
+
+
+class WiredPlant(PlantBlocks):
+    """The methods of `GeneralizedPlant` that change its signals one by one.
+
+    Attributes
+    ----------
+    delays : mapping of str to float
+        Delay of each delayed signal, in s.
+    limits, rate_limits : mapping of str to float
+        Largest magnitude of each limited control, and of its rate per second.
+    """
+
+    delays: Mapping[str, float]
+    limits: Mapping[str, float]
+    rate_limits: Mapping[str, float]
+    _wiring: Wiring | None
+
+    @property
+    def wiring(self) -> Wiring:
+        """The plant with its delays as lines between further signals."""
+        return self._wiring or Wiring(self._model(), self.measurements, self.controls)
+
+    @abstractmethod
+    def rewired(
+        self,
+        wiring: Wiring,
+        *,
+        units: Mapping[str, str] | None = None,
+        limits: Mapping[str, float] | None = None,
+        rate_limits: Mapping[str, float] | None = None,
+        delays: Mapping[str, float] | None = None,
+    ) -> Self:
+        """Return the plant with another wiring, and other units or facts if given."""
+
+    def with_actuator(
+        self,
+        name: str | Sequence[str],
+        bandwidth_hz: float | None = None,
+        *,
+        order: int | None = None,
+        damping: float | None = None,
+        dynamics: Given | None = None,
+        limit: float | None = None,
+        rate_limit: float | None = None,
+    ) -> Self:
+        """Return the plant with an actuator between the controller and some control.
+
+        Parameters
+        ----------
+        name : str or sequence of str
+            The control, or several that get an actuator of the same kind each.
+        bandwidth_hz : float, optional
+            Where the actuator's gain has fallen by 3 dB, in Hz.
+        order : int, optional
+            1 by default, 2 with a damping; above 2 a Butterworth filter.
+        damping : float, optional
+            Damping ratio of an actuator of second order.
+        dynamics : control.StateSpace, control.TransferFunction or float, optional
+            From command to what the actuator delivers, instead of a bandwidth.
+        limit : float, optional
+            Largest magnitude of the command, in the control's unit. A fact that is kept in
+            ``limits`` for those who judge a loop; the model stays linear.
+        rate_limit : float, optional
+            Largest rate, in the control's unit per second.
+
+        Returns
+        -------
+        GeneralizedPlant
+            With the same signals; the control is the command from now on, and outputs that show
+            it show what is delivered. States are named for the control.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such control, or the description of the actuator is contradictory.
+
+        Examples
+        --------
+        >>> import control
+        >>> import robustpolish as rp
+        >>> mass = control.tf([1], [2, 0, 0], inputs="F", outputs="x")
+        >>> plant = rp.GeneralizedPlant(mass, measurements="x", controls="F")
+        >>> plant = plant.with_actuator("F", bandwidth_hz=2000, limit=50.0)
+        >>> plant.nx, plant.control_names, dict(plant.limits)
+        (3, ('F',), {'F': 50.0})
+        """
+        names = chosen_names("name", name, self.control_names, "controls")
+        facts = limit is not None or rate_limit is not None
+        model = self._dynamics(bandwidth_hz, order, damping, dynamics, facts)
+        wiring = self.wiring
+        if model is not None:
+            for one in names:
+                at = wiring.nw + wiring.control_names.index(one)
+                wiring = wiring.series("input", at, model, f"{one}_actuator")
+        limits, rates = dict(self.limits), dict(self.rate_limits)
+        if limit is not None:
+            limits |= dict.fromkeys(names, positive("limit", limit))
+        if rate_limit is not None:
+            rates |= dict.fromkeys(names, positive("rate_limit", rate_limit))
+        return self.rewired(wiring, limits=limits, rate_limits=rates)
+
+    def with_sensor(
+        self,
+        name: str | Sequence[str],
+        bandwidth_hz: float | None = None,
+        *,
+        order: int | None = None,
+        damping: float | None = None,
+        dynamics: Given | None = None,
+        noise: Given | None = None,
+    ) -> Self:
+        """Return the plant with a sensor between some measurement and the controller.
+
+        Parameters
+        ----------
+        name : str or sequence of str
+            The measurement, or several that get a sensor of the same kind each.
+        bandwidth_hz : float, optional
+            Where the sensor's gain has fallen by 3 dB, in Hz.
+        order : int, optional
+            1 by default, 2 with a damping; above 2 a Butterworth filter.
+        damping : float, optional
+            Damping ratio of a sensor of second order.
+        dynamics : control.StateSpace, control.TransferFunction or float, optional
+            From the measured quantity to the reading, instead of a bandwidth.
+        noise : control.StateSpace, control.TransferFunction or float, optional
+            Density of the noise of the reading, in its unit per square root of Hz, or the filter
+            that shapes it. It enters behind the sensor as a further disturbance ``noise_`` and the
+            name of the measurement, white and of intensity 1: then the H2 norm is an RMS value.
+            (Data sheets give one-sided densities: divide those by the square root of 2.)
+
+        Returns
+        -------
+        GeneralizedPlant
+            With the same signals and one more disturbance per noise.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such measurement, or the description of the sensor is contradictory.
+
+        Examples
+        --------
+        >>> import control
+        >>> import robustpolish as rp
+        >>> mass = control.tf([1], [2, 0, 0], inputs="F", outputs="x")
+        >>> plant = rp.GeneralizedPlant(mass, measurements="x", controls="F")
+        >>> plant = plant.with_sensor("x", bandwidth_hz=10e3, noise=1e-9)
+        >>> plant.disturbance_names, plant.D21
+        (('noise_x',), array([[1.e-09]]))
+        """
+        names = chosen_names("name", name, self.measurement_names, "measurements")
+        model = self._dynamics(bandwidth_hz, order, damping, dynamics, noise is not None)
+        shaped = None if noise is None else single_filter("noise", noise, self.dt)
+        wiring = self.wiring
+        for one in names:
+            y = wiring.measurement_names.index(one)
+            if model is not None:
+                wiring = wiring.series("output", wiring.nz + y, model, f"{one}_sensor")
+            if shaped is not None:
+                onto = np.eye(wiring.ny)[:, [y]]
+                wiring = wiring.with_disturbances(onto, [NOISE_PREFIX + one])
+                at = wiring.nw - len(wiring.lines) - 1
+                wiring = wiring.series("input", at, shaped, NOISE_PREFIX + one)
+        return self.rewired(wiring)
+
+    def with_filter(self, name: str, system: Given) -> Self:
+        """Return the plant with a filter in the way of a signal, such as a notch or a network.
+
+        Parameters
+        ----------
+        name : str
+            A control or a measurement; a disturbance or a performance output if none has the name.
+        system : control.StateSpace, control.TransferFunction or float
+            Of one input and one output: before an input of the plant, behind an output.
+
+        Returns
+        -------
+        GeneralizedPlant
+            With the same signals and units.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such signal, or the filter does not fit.
+
+        Examples
+        --------
+        >>> import control
+        >>> import robustpolish as rp
+        >>> mass = control.tf([1], [2, 0, 0], inputs="F", outputs="x")
+        >>> plant = rp.GeneralizedPlant(mass, measurements="x", controls="F")
+        >>> notch = control.tf([1, 0.1, 100], [1, 10, 100])
+        >>> plant.with_filter("x", notch).states[2:]
+        ('x_filter[0]', 'x_filter[1]')
+        """
+        side, at = self._place(name, ("u", "y", "w", "z"))
+        model = single_filter("system", system, self.dt)
+        return self.rewired(self.wiring.series(side, at, model, f"{name}_filter"))
+
+    def weighted(self, weights: Mapping[str, Given]) -> Self:
+        """Return the plant with weights on some of its channels, for synthesis.
+
+        Parameters
+        ----------
+        weights : mapping of str to control.StateSpace, control.TransferFunction or float
+            By name of a disturbance or a performance output; see :func:`robustpolish.weight`. A
+            control or a measurement is found too, if nothing else has the name; its weight is a
+            filter then, of which the controller has to be told.
+
+        Returns
+        -------
+        GeneralizedPlant
+            With the same names and units: weights are taken as ratios.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such signal, or a weight does not fit.
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.air_bearing()
+        >>> slow = rp.weight(10.0, 50.0, 0.1)
+        >>> plant.weighted({"x": slow, "F_x": 2.0}).nx - plant.nx
+        1
+        """
+        instance_of("weights", weights, Mapping, "a mapping of names", 'Write {"x": weight}.')
+        wiring = self.wiring
+        for name, weight in weights.items():
+            side, at = self._place(name, ("w", "z", "u", "y"))
+            model = single_filter(f"weights[{name!r}]", weight, self.dt)
+            wiring = wiring.series(side, at, model, f"{name}_weight")
+        return self.rewired(wiring)
+
+    def with_delay(self, name: str | Sequence[str], seconds: float, *, order: int = 3) -> Self:
+        """Return the plant with a signal delayed.
+
+        In ``system``, which synthesis sees, the delay is a Pade approximation; ``delays`` keep it,
+        and :meth:`frequency_response`, :meth:`delayed_loop` and certificates take it as it is.
+
+        Parameters
+        ----------
+        name : str or sequence of str
+            A control or a measurement; a disturbance or a performance output if none has the name.
+            Several are delayed by as much each.
+        seconds : float
+            The delay in s; 0 changes nothing. In discrete time a whole number of samples, for
+            which the plant gets as many states.
+        order : int, optional
+            Order of the Pade approximation: right up to a phase of `order` rad of the delay.
+
+        Returns
+        -------
+        GeneralizedPlant
+            With the same signals and units.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such signal, or the delay is negative or no whole number of samples.
+
+        Examples
+        --------
+        >>> import control
+        >>> import robustpolish as rp
+        >>> mass = control.tf([1], [2, 0, 0], inputs="F", outputs="x")
+        >>> plant = rp.GeneralizedPlant(mass, measurements="x", controls="F")
+        >>> plant = plant.with_delay("x", 1e-3)
+        >>> dict(plant.delays), plant.nx
+        ({'x': 0.001}, 5)
+        """
+        seconds = positive("seconds", seconds, "s", zero=True)
+        line = DelayLine("signal", seconds or 1.0, order)  # which checks the order
+        names = [name] if isinstance(name, str) or not isinstance(name, Sequence) else list(name)
+        wiring, delays = self.wiring, dict(self.delays)
+        for one in names:
+            side, at = _place(wiring, one, ("u", "y", "w", "z"))
+            if not seconds:
+                continue
+            if self.is_discrete:
+                wiring = wiring.series(side, at, self._shift(seconds), f"{one}_delay")
+            else:
+                wiring = wiring.delayed(side, at, replace(line, name=one))
+            delays[one] = delays.get(one, 0.0) + seconds
+        return self.rewired(wiring, delays=delays)
+
+    @abstractmethod
+    def without_delays(self) -> Self:
+        """Return the plant whose Pade approximations are all that is known of its delays."""
+
+    def delayed_loop(self, controller: GivenController) -> DelayedSystem:
+        """Connect u = K y and return the loop with its delays as they are.
+
+        Parameters
+        ----------
+        controller : control.StateSpace, control.TransferFunction or array_like
+            K, as for :meth:`closed_loop`.
+
+        Returns
+        -------
+        DelayedSystem
+            From w to z; ask :func:`robustpolish.linear.delay_stability` whether it is stable.
+
+        Raises
+        ------
+        InvalidInputError
+            If plant and controller do not fit, or time is discrete: there :meth:`closed_loop`
+            is exact, delays included.
+
+        Examples
+        --------
+        >>> import control
+        >>> import robustpolish as rp
+        >>> lag = control.tf([1], [1, 1], inputs="u", outputs="y")
+        >>> plant = rp.GeneralizedPlant(lag, measurements="y", controls="u").with_delay("u", 0.5)
+        >>> [bool(rp.linear.delay_stability(plant.delayed_loop([[k]]))) for k in (-3.0, -5.0)]
+        [True, False]
+        """
+        wiring = self.wiring
+        return DelayedSystem(
+            closed_loop(wiring, controller_system(wiring, controller)), wiring.lines
+        )
+
+    def frequency_response(self, frequency: ArrayLike) -> xr.DataArray:
+        """Return the response from (w, u) to (z, y), delays as they are.
+
+        Parameters
+        ----------
+        frequency : array_like, shape (k,)
+            In Hz.
+
+        Returns
+        -------
+        xarray.DataArray
+            Complex, over ``frequency``, ``output`` and ``input``, with the units of each pair. Of
+            a plant that is a measured response, drawn straight between its lines.
+
+        Raises
+        ------
+        InvalidInputError
+            If a frequency is not finite, or lies beyond the lines of a measured response.
+
+        Examples
+        --------
+        >>> import control
+        >>> import robustpolish as rp
+        >>> lag = control.tf([1], [1, 1], inputs="u", outputs="y")
+        >>> plant = rp.GeneralizedPlant(lag, measurements="y", controls="u").with_delay("u", 0.5)
+        >>> response = plant.frequency_response([0.0, 1.0])
+        >>> print(response.sel(output="y", input="u").round(3).values)
+        [ 1.   +0.j    -0.025+0.155j]
+        """
+        hertz = frequencies("frequency", frequency)
+        omega = 2 * np.pi * hertz
+        if isinstance(self.system, control.FrequencyResponseData):
+            values = between_lines(self.system, omega)
+        elif self.is_discrete:
+            step = 1.0 if self.dt is True else float(self.dt)
+            values = resolvent_response(*self.wiring.arrays(), np.exp(1j * omega * step))
+        else:
+            values = self.wiring.with_ports_last().response(omega)
+        ins, outs = list(self.system.input_labels), list(self.system.output_labels)
+        units = [
+            [ratio_unit(self.units.get(o, ""), self.units.get(i, "")) for i in ins] for o in outs
+        ]
+        return labelled_response(hertz, values, outs, ins, units)
+
+    def _dynamics(
+        self,
+        bandwidth_hz: float | None,
+        order: int | None,
+        damping: float | None,
+        dynamics: Given | None,
+        facts: bool,
+    ) -> control.StateSpace | None:
+        """Return what an actuator or a sensor does to its signal; None if nothing was said."""
+        if dynamics is not None:
+            if bandwidth_hz is not None or order is not None or damping is not None:
+                shown = described("a bandwidth, order or damping besides")
+                raise invalid("dynamics", shown, "one of both", "Describe it in one way.")
+            return single_filter("dynamics", dynamics, self.dt)
+        if bandwidth_hz is not None:
+            return lag(bandwidth_hz, order, damping, self.dt)
+        if facts and order is None and damping is None:
+            return None
+        want = "a bandwidth in Hz, or dynamics="
+        raise invalid("bandwidth_hz", None, want, "Say how fast it is.")
+
+    def _place(self, name: str, order: Sequence[str]) -> tuple[Side, int]:
+        return _place(self.wiring, name, order)
+
+    def _shift(self, seconds: float) -> control.StateSpace:
+        """Return a chain of states that delays by a whole number of samples."""
+        step = 1.0 if self.dt is True else float(self.dt)
+        count = round(seconds / step)
+        if count < 1 or abs(seconds / step - count) > 1e-6 * count:
+            want = f"a whole number of samples of {step:g} s"
+            raise invalid("seconds", seconds, want, "Round it, or delay the continuous plant.")
+        names = [f"x[{i}]" for i in range(count)]
+        A, B, C = np.eye(count, k=-1), np.eye(count)[:, :1], np.eye(count)[-1:]
+        return named_system((A, B, C, [[0.0]]), self.dt, ["u"], ["y"], names)
+
+
+def _place(wiring: Wiring, name: str, order: Sequence[str]) -> tuple[Side, int]:
+    """Return on which side a signal stands and where, the first of the kinds that has it."""
+    groups: dict[str, tuple[Side, int, Sequence[str]]] = {
+        "w": ("input", 0, wiring.disturbance_names[: wiring.nw - len(wiring.lines)]),
+        "u": ("input", wiring.nw, wiring.control_names),
+        "z": ("output", 0, wiring.performance_names[: wiring.nz - len(wiring.lines)]),
+        "y": ("output", wiring.nz, wiring.measurement_names),
+    }
+    first, second = order[:2], order[2:]
+    for kinds in (first, second):
+        found = [groups[kind] for kind in kinds if name in groups[kind][2]]
+        if len(found) > 1:
+            both = "a control and a measurement" if "u" in kinds else "a disturbance and an output"
+            shown = described(f"{name!r}, the name of {both}")
+            raise invalid("name", shown, "the name of one signal", "Rename one by replace(...).")
+        for side, start, names in found:
+            return side, start + names.index(name)
+    known = [signal for kind in order for signal in groups[kind][2]]
+    want = f"one of the signals {', '.join(dict.fromkeys(known))}"
+    raise invalid("name", name, want, "Check its spelling.")

@@ -1,0 +1,280 @@
+"""The plant as it is wired: what surgery on its signals does to matrices, delay lines included.
+
+Signals are w, u, z and y, as in `PlantBlocks`. The ends of delay lines are further signals: they
+stand last among w and last among z, so that closing the loop and closing the delays commute.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import control
+import numpy as np
+
+from robustpolish.base.arrays import Matrix
+from robustpolish.linear.delays.systems import DelayedSystem, DelayLine
+from robustpolish.plants.blocks import PlantBlocks, matrices_of, named_system
+
+Side = Literal["input", "output"]
+
+
+@dataclass(frozen=True, eq=False)
+class Wiring(PlantBlocks):
+    """A plant whose delays are lines between further signals, not approximated.
+
+    Attributes
+    ----------
+    system : control.StateSpace
+        From (w, ends of lines, u) to (z, beginnings of lines, y).
+    measurements, controls : int
+        Number of last outputs that are y and of last inputs that are u.
+    lines : tuple of DelayLine
+        None for a plant without delays.
+    units : mapping of str to str
+        Not used here: a plant holds them.
+    """
+
+    system: control.StateSpace
+    measurements: int
+    controls: int
+    lines: tuple[DelayLine, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def series(self, side: Side, at: int, filter: control.StateSpace, label: str) -> Wiring:
+        """Put a filter of one input and one output before an input or behind an output.
+
+        Parameters
+        ----------
+        side : {"input", "output"}
+        at : int
+            Where the signal stands among all.
+        filter : control.StateSpace
+        label : str
+            What its states are called, with a number behind.
+
+        Returns
+        -------
+        Wiring
+        """
+        A, B, C, D = self.arrays()
+        n, k = len(A), filter.nstates
+        a, b = np.reshape(filter.A, (k, k)), np.reshape(filter.B, (k, 1))
+        c, d = np.reshape(filter.C, (1, k)), float(np.asarray(filter.D)[0, 0])
+        if side == "input":
+            whole = np.block([[A, B[:, [at]] @ c], [np.zeros((k, n)), a]])
+            C = np.hstack([C, D[:, [at]] @ c])
+            B = np.vstack([B, np.zeros((k, B.shape[1]))])
+            B[:n, at] *= d
+            B[n:, [at]] = b
+            D[:, at] *= d
+        else:
+            whole = np.block([[A, np.zeros((n, k))], [b @ C[[at]], a]])
+            B = np.vstack([B, b @ D[[at]]])
+            row = np.hstack([d * C[[at]], c])
+            C = np.hstack([C, np.zeros((len(C), k))])
+            C[at] = row
+            D[at] *= d
+        states = [*self.states, *_new_names(label, k, self.states)]
+        return self._with((whole, B, C, D), states=states)
+
+    def matrix_series(self, at: int, filter: control.StateSpace, label: str) -> Wiring:
+        """Put a filter of several inputs and as many outputs behind outputs from `at` on."""
+        A, B, C, D = self.arrays()
+        n, k, m = len(A), filter.nstates, filter.ninputs
+        a, b = np.reshape(filter.A, (k, k)), np.reshape(filter.B, (k, m))
+        c, d = np.reshape(filter.C, (m, k)), np.asarray(filter.D)
+        own = slice(at, at + m)
+        whole = np.block([[A, np.zeros((n, k))], [b @ C[own], a]])
+        rows = np.hstack([d @ C[own], c])
+        B = np.vstack([B, b @ D[own]])
+        C = np.hstack([C, np.zeros((len(C), k))])
+        C[own], D[own] = rows, d @ D[own]
+        states = [*self.states, *_new_names(label, k, self.states)]
+        return self._with((whole, B, C, D), states=states)
+
+    def delayed(self, side: Side, at: int, line: DelayLine) -> Wiring:
+        """Lead an input or an output through a delay line.
+
+        Parameters
+        ----------
+        side : {"input", "output"}
+        at : int
+            Where the signal stands among all.
+        line : DelayLine
+
+        Returns
+        -------
+        Wiring
+        """
+        A, B, C, D = self.arrays()
+        w, z = self.nw, self.nz
+        if side == "input":
+            # What acted was the input; it is the line's end now, and the input enters the line.
+            B, D = np.insert(B, w, B[:, at], axis=1), np.insert(D, w, D[:, at], axis=1)
+            at += at >= w
+            B[:, at], D[:, at] = 0.0, 0.0
+            C, D = np.insert(C, z, 0.0, axis=0), np.insert(D, z, 0.0, axis=0)
+            D[z, at] = 1.0
+        else:
+            C, D = np.insert(C, z, C[at], axis=0), np.insert(D, z, D[at], axis=0)
+            at += at >= z
+            C[at], D[at] = 0.0, 0.0
+            B, D = np.insert(B, w, 0.0, axis=1), np.insert(D, w, 0.0, axis=1)
+            D[at, w] = 1.0
+        port = f"delay {len(self.lines) + 1}"
+        ins, outs = list(self.system.input_labels), list(self.system.output_labels)
+        ins.insert(w, port)
+        outs.insert(z, port)
+        wired = self._with((A, B, C, D), ins, outs)
+        return replace(wired, lines=(*self.lines, line))
+
+    def with_disturbances(self, onto_measurements: Matrix, names: Sequence[str]) -> Wiring:
+        """Append disturbances that act on the measurements.
+
+        Parameters
+        ----------
+        onto_measurements : ndarray, shape (ny, len(names))
+        names : sequence of str
+
+        Returns
+        -------
+        Wiring
+        """
+        A, B, C, D = self.arrays()
+        at = self.nw - len(self.lines)
+        new = np.vstack([np.zeros((self.nz, len(names))), onto_measurements])
+        B = np.hstack([B[:, :at], np.zeros((len(B), len(names))), B[:, at:]])
+        D = np.hstack([D[:, :at], new, D[:, at:]])
+        labels = self.system.input_labels
+        return self._with((A, B, C, D), [*labels[:at], *_free(names, labels), *labels[at:]])
+
+    def with_inputs_twice(self, names: Sequence[str]) -> Wiring:
+        """Prepend disturbances that act where the controls act."""
+        A, B, C, D = self.arrays()
+        B, D = np.hstack([B[:, self.nw :], B]), np.hstack([D[:, self.nw :], D])
+        return self._with((A, B, C, D), [*names, *self.system.input_labels])
+
+    def with_lines_named(self, names: Mapping[str, str]) -> Wiring:
+        """Return the same wiring, its lines named for the signals' new names."""
+        lines = tuple(replace(line, name=names.get(line.name, line.name)) for line in self.lines)
+        return replace(self, lines=lines)
+
+    def with_performance(
+        self, of_measurements: Matrix, of_controls: Matrix, names: Sequence[str]
+    ) -> Wiring:
+        """Append performance outputs made of measurements and controls.
+
+        Parameters
+        ----------
+        of_measurements : ndarray, shape (len(names), ny)
+        of_controls : ndarray, shape (len(names), nu)
+        names : sequence of str
+
+        Returns
+        -------
+        Wiring
+        """
+        A, B, C, D = self.arrays()
+        at = self.nz - len(self.lines)
+        rows = of_measurements @ C[self.nz :]
+        direct = of_measurements @ D[self.nz :]
+        direct[:, self.nw :] += of_controls
+        labels = self.system.output_labels
+        outs = [*labels[:at], *_free(names, labels), *labels[at:]]
+        return self._with(
+            (A, B, np.insert(C, [at] * len(names), rows, axis=0),
+             np.insert(D, [at] * len(names), direct, axis=0)),
+            None,
+            outs,
+        )  # fmt: skip
+
+    def chosen(
+        self, w: Sequence[int], u: Sequence[int], z: Sequence[int], y: Sequence[int]
+    ) -> Wiring:
+        """Return the wiring of some signals, in the given order, with all delay lines."""
+        k = len(self.lines)
+        ins = [*w, *range(self.nw - k, self.nw), *(self.nw + i for i in u)]
+        outs = [*z, *range(self.nz - k, self.nz), *(self.nz + i for i in y)]
+        A, B, C, D = self.arrays()
+        part = named_system(
+            (A, B[:, ins], C[outs], D[np.ix_(outs, ins)]),
+            self.dt,
+            [self.system.input_labels[i] for i in ins],
+            [self.system.output_labels[i] for i in outs],
+            self.states,
+        )
+        return Wiring(part, len(y), len(u), self.lines)
+
+    def renamed(
+        self, inputs: Sequence[str], outputs: Sequence[str], states: Sequence[str]
+    ) -> Wiring:
+        """Return the same wiring with other names of w and u, z and y, and states."""
+        k = len(self.lines)
+        ports = [f"delay {i + 1}" for i in range(k)]
+        w, z = len(inputs) - self.nu, len(outputs) - self.ny
+        return self._with(
+            self.arrays(),
+            [*inputs[:w], *ports, *inputs[w:]],
+            [*outputs[:z], *ports, *outputs[z:]],
+            states,
+        )
+
+    def pade_model(self) -> control.StateSpace:
+        """Return the plant from (w, u) to (z, y) with Pade approximations for its delays."""
+        return self.with_ports_last().pade_model() if self.lines else self.system
+
+    def with_ports_last(self) -> DelayedSystem:
+        """Return the plant from (w, u) to (z, y) with its delays."""
+        k, w, z = len(self.lines), self.nw, self.nz
+        ins = [*range(w - k), *range(w, w + self.nu), *range(w - k, w)]
+        outs = [*range(z - k), *range(z, z + self.ny), *range(z - k, z)]
+        A, B, C, D = self.arrays()
+        system = named_system(
+            (A, B[:, ins], C[outs], D[np.ix_(outs, ins)]),
+            self.dt,
+            [self.system.input_labels[i] for i in ins],
+            [self.system.output_labels[i] for i in outs],
+            self.states,
+        )
+        return DelayedSystem(system, self.lines)
+
+    def arrays(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+        """Copy A, B, C and D as floats of consistent shapes."""
+        return matrices_of(self.system)
+
+    def _with(
+        self,
+        matrices: tuple[Matrix, Matrix, Matrix, Matrix],
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        states: Sequence[str] | None = None,
+    ) -> Wiring:
+        system = named_system(
+            matrices,
+            self.dt,
+            self.system.input_labels if inputs is None else inputs,
+            self.system.output_labels if outputs is None else outputs,
+            self.states if states is None else states,
+        )
+        return replace(self, system=system)
+
+
+def _free(names: Sequence[str], taken: Sequence[str]) -> list[str]:
+    """Return names, those that are taken with a number behind."""
+    found = []
+    for name in names:
+        tries = (name if i == 1 else f"{name}_{i}" for i in range(1, len(taken) + 2))
+        found.append(next(one for one in tries if one not in taken))
+    return found
+
+
+def _new_names(label: str, count: int, taken: Sequence[str]) -> list[str]:
+    """Return names that are not taken: label[0], label[1], ... or label_2[0], ..."""
+    for number in range(1, len(taken) + 2):
+        stem = label if number == 1 else f"{label}_{number}"
+        names = [f"{stem}[{i}]" for i in range(count)]
+        if not set(names) & set(taken):
+            return names
+    raise AssertionError  # as many stems as names cannot all be taken, and one more was tried

@@ -1,1 +1,0 @@
-"""Maps over a plane, and surfaces in space."""

@@ -1,0 +1,463 @@
+"""The air bearing with its brush as twelve states in three decoupled axes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from robustpolish.base.arrays import Matrix
+from robustpolish.base.checks import instance_of, invalid, one_of, positive
+from robustpolish.base.results import Card, Displayed, Table
+from robustpolish.machines.effects.equivalent_damping import share_damping
+from robustpolish.machines.mechanical.data import MechanicalData
+from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
+from robustpolish.plants.plant import GeneralizedPlant
+
+# What the polishing tool in its air bearing is made of.
+
+Reading = Literal["listing", "physical"]
+
+
+def _quantity(default: float, unit: str, symbol: str, source: str) -> Any:
+    """Declare a field whose metadata carry unit, symbol and source."""
+    return field(default=default, metadata={"unit": unit, "symbol": symbol, "source": source})
+
+
+@dataclass(frozen=True)
+class DampingCoefficients:
+    """Viscous damping of the air bearing model, all in N s/m.
+
+    Attributes
+    ----------
+    c_A : float
+        Air bearing to ground, in x and y.
+    c_D : float
+        Rod between air bearing and brush, in x and y.
+    c_R : float
+        Rod between air bearing and brush, in z.
+    c_Z : float
+        Brush to mould, in z.
+    """
+
+    c_A: float
+    c_D: float
+    c_R: float
+    c_Z: float
+
+
+@dataclass(frozen=True, repr=False)
+class AirBearingParameters(Displayed):
+    """Dimensions, masses and stiffnesses of brush, rod and air bearing.
+
+    The field's unit, symbol in the thesis and source stand in its metadata, see
+    :meth:`table`. Three readings of the thesis are offered as constructors, because its
+    text, its table and its listings contradict each other:
+    :meth:`as_published` (also ``AirBearingParameters()``), :meth:`as_printed` and
+    :meth:`corrected`.
+
+    Parameters
+    ----------
+    brush_radius, brush_height : float
+        In m.
+    brush_mass : float
+        In kg.
+    rod_radius, rod_length : float
+        In m.
+    rod_mass : float
+        In kg; the listings neglect it.
+    young_modulus : float
+        Of the rod, in N/m^2.
+    bearing_mass : float
+        In kg.
+    bearing_height, bearing_width : float
+        In m.
+    bearing_stiffness : float
+        Transverse, in N/m.
+    bearing_torsional_stiffness : float
+        In N m/rad.
+    holder_stiffness : float
+        In N/m.
+    mould_damping : float
+        In N s/m.
+    inertia_reading : {"listing", "physical"}
+        As in listing D.2, or that of rigid bodies.
+
+    Raises
+    ------
+    InvalidInputError
+        If a length, mass or stiffness is not positive (the rod's mass and the damping of
+        the mould may be zero), or if the reduced mass m_x is not positive.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> parameters = rp.polishing.AirBearingParameters.as_published()
+    >>> round(parameters.m_x, 4), round(parameters.k_t / 1e8, 4)
+    (0.6376, 1.0752)
+    >>> upper, lower = parameters.natural_frequencies()["x"]  # in rad/s
+    >>> round(lower / 6.283185307, 1), parameters.damping(0.001).c_D > 0
+    (194.1, True)
+    >>> rp.polishing.AirBearingParameters.as_printed().bearing_mass, parameters.table()[0][:3]
+    (0.337, ('brush_radius', 0.01, 'm'))
+    >>> round(rp.polishing.AirBearingParameters.corrected().m_x, 3)
+    0.242
+    """
+
+    brush_radius: float = _quantity(0.010, "m", "r_d", "table 9.1")
+    brush_height: float = _quantity(0.010, "m", "h", "table 9.1")
+    brush_mass: float = _quantity(0.2, "kg", "m_t", "table 9.1")
+    rod_radius: float = _quantity(0.0015, "m", "r_b", "table 9.1")
+    rod_length: float = _quantity(0.020, "m", "l", "table 9.1")
+    rod_mass: float = _quantity(0.0, "kg", "m_rod", "listing D.2 line 31: neglected")
+    young_modulus: float = _quantity(2e11, "N/m^2", "E", "table 9.1, steel")
+    bearing_mass: float = _quantity(
+        1.337, "kg", "m_bearing", "the value that gives the published modes; table 9.1 has 0.337"
+    )
+    bearing_height: float = _quantity(0.089, "m", "h_b", "table 9.1")
+    bearing_width: float = _quantity(0.05, "m", "b", "listing D.2 line 21")
+    bearing_stiffness: float = _quantity(110e6, "N/m", "k_tr", "table 9.1, transverse")
+    bearing_torsional_stiffness: float = _quantity(23e6, "N m/rad", "k_r", "table 9.1")
+    holder_stiffness: float = _quantity(
+        1e9, "N/m", "k_A", "section 9.4.1 and the published modes; table 9.1 has 1e10"
+    )
+    mould_damping: float = _quantity(1e-8, "N s/m", "c_Z", "table 9.1")
+    inertia_reading: Reading = field(
+        default="listing",
+        metadata={
+            "unit": "",
+            "symbol": "",
+            "source": "listing D.2 line 33, which the published modes need",
+        },
+    )
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        one_of("inertia_reading", self.inertia_reading, ("listing", "physical"))
+        for item in fields(self):
+            if item.name == "inertia_reading":
+                continue
+            may_vanish = item.name in ("rod_mass", "mould_damping")
+            value = positive(
+                item.name, getattr(self, item.name), item.metadata["unit"], zero=may_vanish
+            )
+            object.__setattr__(self, item.name, value)
+        if self.m_x <= 0:
+            raise invalid(
+                "bearing_mass",
+                self.bearing_mass,
+                f"enough inertia for a positive reduced mass (8.9), not {self.m_x:.4g} kg",
+                "Increase the mass or the size of the bearing.",
+            )
+
+    @classmethod
+    def as_published(cls) -> AirBearingParameters:
+        """Return the reading that reproduces the thesis's frequencies and norms (the default).
+
+        The bearing has 1.337 kg, the holder 1e9 N/m, and the inertia is that of the listing.
+        """
+        return cls()
+
+    @classmethod
+    def as_printed(cls) -> AirBearingParameters:
+        """Return table 9.1 to the letter: a bearing of 0.337 kg and a holder of 1e10 N/m.
+
+        It gives modes at 5271.9 Hz in x and y, not the published 2069.6 Hz.
+        """
+        return cls(bearing_mass=0.337, holder_stiffness=1e10)
+
+    @classmethod
+    def corrected(cls) -> AirBearingParameters:
+        """Return the published values with the moment of inertia of rigid-body mechanics.
+
+        The reduced mass m_x falls to 0.242 kg and the upper mode rises to 3361 Hz.
+        """
+        return cls(inertia_reading="physical")
+
+    @property
+    def arm(self) -> float:
+        """Distance r_b of (8.7) from the bearing's centre to the brush's centre, in m."""
+        return self.bearing_height / 2 + self.rod_length + self.brush_height / 2
+
+    @property
+    def bearing_inertia(self) -> float:
+        """Moment of inertia about the bearing's centre, in kg m^2, (8.10) to (8.13).
+
+        The reading "listing" is line 33 of listing D.2. The reading "physical" takes a box for
+        the bearing, a cylinder for the brush and a slender rod, each moved by Steiner's theorem.
+        """
+        half = self.bearing_height / 2
+        if self.inertia_reading == "listing":
+            bearing = self.bearing_mass * (half**2 + (self.bearing_width / 2) ** 2)
+            rod = self.rod_mass * (self.rod_length**2 / 12 + half**2)
+            brush = self.brush_mass * (
+                4 / 3 * (self.brush_height / 2) ** 2
+                + 4 * self.brush_radius**2
+                + half**2
+                + self.rod_length**2
+            )
+        else:
+            bearing = self.bearing_mass / 12 * (self.bearing_height**2 + self.bearing_width**2)
+            rod = self.rod_mass * (self.rod_length**2 / 12 + (half + self.rod_length / 2) ** 2)
+            brush = self.brush_mass * (
+                (3 * self.brush_radius**2 + self.brush_height**2) / 12 + self.arm**2
+            )
+        return bearing + rod + brush
+
+    @property
+    def m_x(self) -> float:
+        """Reduced mass of the bearing in x and y, in kg, (8.9)."""
+        return self.bearing_inertia / self.arm**2 - self.brush_mass - self.rod_mass
+
+    @property
+    def m_z(self) -> float:
+        """Mass of the bearing in z, in kg."""
+        return self.bearing_mass
+
+    @property
+    def m_t(self) -> float:
+        """Mass of the brush, in kg."""
+        return self.brush_mass
+
+    @property
+    def k_t(self) -> float:
+        """Stiffness of the bearing at the brush, in N/m, (8.18)."""
+        k_tr, k_r = self.bearing_stiffness, self.bearing_torsional_stiffness
+        return k_tr * k_r / (k_r + k_tr * self.arm**2)
+
+    @property
+    def k_x(self) -> float:
+        """Bending stiffness of the rod, in N/m, (8.1) and (8.2)."""
+        area_moment = math.pi / 4 * self.rod_radius**4
+        return 3 * self.young_modulus * area_moment / self.rod_length**3
+
+    @property
+    def k_z(self) -> float:
+        """Axial stiffness of the rod, in N/m, (8.19)."""
+        return self.young_modulus * math.pi * self.rod_radius**2 / self.rod_length
+
+    @property
+    def k_A(self) -> float:
+        """Stiffness of the holder in z, in N/m."""
+        return self.holder_stiffness
+
+    def natural_frequencies(self) -> dict[str, tuple[float, float]]:
+        """Undamped natural frequencies in rad/s, upper and lower, per direction.
+
+        Returns
+        -------
+        dict
+            "x" (also y, (8.35)), "z" (8.37) and "z_free", z without the holder.
+        """
+        return {
+            "x": _two_mass_frequencies(self.m_x, self.m_t, self.k_t, self.k_x),
+            "z": _two_mass_frequencies(self.m_z, self.m_t, self.k_A, self.k_z),
+            "z_free": _two_mass_frequencies(self.m_z, self.m_t, 0.0, self.k_z),
+        }
+
+    def damping(self, dissipation: float) -> DampingCoefficients:
+        """Viscous coefficients from the share of the energy that is lost, (8.23).
+
+        Each spring takes the frequency of the mode that it dominates: c_A and c_D those in x,
+        c_R the free-free frequency of the z axis, which is what the published 0.5581 N s/m
+        needs (with the listed omega_R it would be 0.3883).
+
+        Parameters
+        ----------
+        dissipation : float
+            Share n of the maximum energy lost per cycle; 0.001 in the thesis. At 0 the model
+            is undamped, and c_Z is zero too.
+
+        Returns
+        -------
+        DampingCoefficients
+        """
+        n = positive("dissipation", dissipation, zero=True)
+        if n == 0:
+            return DampingCoefficients(0.0, 0.0, 0.0, 0.0)
+        frequency = self.natural_frequencies()
+        upper, lower = frequency["x"]
+        return DampingCoefficients(
+            c_A=share_damping(n, self.k_t, upper),
+            c_D=share_damping(n, self.k_x, lower),
+            c_R=share_damping(n, self.k_z, frequency["z_free"][0]),
+            c_Z=self.mould_damping,
+        )
+
+    def table(self) -> list[tuple[str, float | str, str, str]]:
+        """List every field as (name, value, unit, source)."""
+        return [
+            (item.name, getattr(self, item.name), item.metadata["unit"], item.metadata["source"])
+            for item in fields(self)
+        ]
+
+    def _card(self) -> Card:
+        columns = ("parameter", "value", "unit", "source")
+        return Card("Air bearing", (Table("", columns, tuple(self.table())),))
+
+
+def _two_mass_frequencies(
+    mass_1: float, mass_2: float, to_ground: float, between: float
+) -> tuple[float, float]:
+    """Roots of the quartic (8.35), upper then lower, in rad/s.
+
+    The lower root comes from the product of the roots, so that it does not suffer from
+    cancellation when one spring is far stiffer than the other.
+    """
+    total = mass_2 * (to_ground + between) + mass_1 * between
+    product = between * to_ground * mass_1 * mass_2
+    upper = (total + math.sqrt(total**2 - 4 * product)) / (2 * mass_1 * mass_2)
+    return math.sqrt(upper), math.sqrt(product / upper) / (mass_1 * mass_2)
+
+
+COORDINATES = ("x_m", "x", "y_m", "y", "z_m", "z")
+FORCES = ("F_x", "F_y", "F_z", "F_p")
+
+
+def air_bearing(
+    parameters: AirBearingParameters | None = None,
+    dissipation: float = 0.001,
+    actuation: Literal["displacement", "force"] = "displacement",
+    measured: Literal["state", "displacement"] = "state",
+    load: Literal["corrected", "printed"] = "corrected",
+) -> GeneralizedPlant:
+    """Build the thesis's air-bearing model, (8.46), as a generalised plant.
+
+    Each direction is a chain ground, bearing (x_m, y_m, z_m), brush (x, y, z); the states are
+    (x_m, dx_m, x, dx, y_m, ...), displacements in m and velocities in m/s.
+
+    Parameters
+    ----------
+    parameters : AirBearingParameters, optional
+        :meth:`AirBearingParameters.as_published` by default.
+    dissipation : float, optional
+        Share of the energy lost per cycle, (8.23); 0 gives the undamped model (8.45).
+    actuation : {"displacement", "force"}, optional
+        Where u enters: into the six displacement equations, in m/s (10.40), or as six forces
+        on bearing and brush, in N (10.41).
+    measured : {"state", "displacement"}, optional
+        y: the twelve states, C = I, or the six displacements (10.75).
+    load : {"corrected", "printed"}, optional
+        How w enters: (8.47) by default, or (10.39) as printed, where F_x drives y and F_y
+        drives x; only for comparison with the thesis's tables.
+
+    Returns
+    -------
+    GeneralizedPlant
+        w = (F_x, F_y, F_z, F_p) in N, z = the six displacements in m. F_x, F_y and F_p act
+        against their coordinate, F_z along it.
+
+    Raises
+    ------
+    InvalidInputError
+        If an option is unknown or a value is not physical.
+
+    References
+    ----------
+    M.L. Postma, Polishing robot: vibrations due to impact, equations (8.45) to (8.47),
+    (10.38) to (10.42) and (10.75).
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.air_bearing(actuation="force")
+    >>> plant.nx, plant.nw, plant.nu, plant.nz, plant.ny
+    (12, 4, 6, 6, 12)
+    """
+    p = AirBearingParameters() if parameters is None else parameters
+    remedy = "Build them with AirBearingParameters(...)."
+    instance_of("parameters", p, AirBearingParameters, "AirBearingParameters", remedy)
+    one_of("actuation", actuation, ("displacement", "force"))
+    one_of("measured", measured, ("state", "displacement"))
+    one_of("load", load, ("corrected", "printed"))
+
+    c = p.damping(dissipation)
+    horizontal = _axis(p.m_x, p.m_t, p.k_t, p.k_x, c.c_A, c.c_D, 0.0)
+    vertical = _axis(p.m_z, p.m_t, p.k_A, p.k_z, 0.0, c.c_R, c.c_Z)
+    A = np.asarray(block_diag(horizontal, horizontal, vertical))
+    position = np.zeros((6, 12))
+    position[range(6), range(0, 12, 2)] = 1.0
+    masses = np.array([p.m_x, p.m_t, p.m_x, p.m_t, p.m_z, p.m_t])
+    B2 = position.T if actuation == "displacement" else np.roll(position, 1, axis=1).T / masses
+
+    states = [name for q in COORDINATES for name in (q, f"d{q}")]
+    measurements = states if measured == "state" else COORDINATES
+    control_unit = "m/s" if actuation == "displacement" else "N"
+    units = {name: "m/s" if name.startswith("d") else "m" for name in states}
+    units |= {f"measured_{name}": units[name] for name in measurements}
+    units |= dict.fromkeys(FORCES, "N")
+    units |= {f"u_{q}": control_unit for q in COORDINATES}
+    return GeneralizedPlant.from_matrices(
+        A,
+        _load_matrix(p, load),
+        B2,
+        position,
+        np.eye(12) if measured == "state" else position,
+        states=states,
+        disturbances=FORCES,
+        controls=[f"u_{q}" for q in COORDINATES],
+        performance=COORDINATES,
+        measurements=[f"measured_{name}" for name in measurements],
+        units=units,
+    )
+
+
+def _axis(
+    mass_m: float, mass: float, k_ground: float, k: float, c_ground: float, c: float, c_tip: float
+) -> Matrix:
+    """State matrix of one direction, states (q_m, dq_m, q, dq)."""
+    return np.array(
+        [
+            [0, 1, 0, 0],
+            [-(k_ground + k) / mass_m, -(c_ground + c) / mass_m, k / mass_m, c / mass_m],
+            [0, 0, 0, 1],
+            [k / mass, c / mass, -k / mass, -(c + c_tip) / mass],
+        ]
+    )
+
+
+def _load_matrix(p: AirBearingParameters, load: str) -> Matrix:
+    """B1, shape (12, 4): rows dx, dy, dz_m and dz of (8.47)."""
+    B1 = np.zeros((12, 4))
+    F_x, F_y, F_z, F_p = range(4)
+    dx, dy, dz_m, dz = 3, 7, 9, 11
+    if load == "printed":
+        F_x, F_y = F_y, F_x
+    B1[dx, F_x] = B1[dy, F_y] = -1 / p.m_t
+    B1[dz, F_z] = 1 / p.m_t
+    B1[dz_m, F_p] = -1 / p.m_z
+    return B1
+
+
+# The air bearing as masses joined by springs and dampers.
+
+
+def air_bearing_data(parameters: AirBearingParameters | None, dissipation: float) -> MechanicalData:
+    """Return equations (8.46) as a mechanical model, in the signs of (8.47)."""
+    p = AirBearingParameters() if parameters is None else parameters
+    c = p.damping(dissipation)
+    dofs, springs, dampers = [], [], []
+    for axis in ("x", "y", "z"):
+        vertical = axis == "z"
+        bearing = f"{axis}_m"
+        dofs += [Dof(bearing, p.m_z if vertical else p.m_x), Dof(axis, p.m_t)]
+        springs += [
+            Spring((bearing, "ground"), p.k_A if vertical else p.k_t),
+            Spring((bearing, axis), p.k_z if vertical else p.k_x),
+        ]
+        dampers += [
+            Damper((axis if vertical else bearing, "ground"), c.c_Z if vertical else c.c_A),
+            Damper((bearing, axis), c.c_R if vertical else c.c_D),
+        ]
+    loads = [("F_x", "x", -1.0), ("F_y", "y", -1.0), ("F_z", "z", 1.0), ("F_p", "z_m", -1.0)]
+    return MechanicalData(
+        dofs=tuple(dofs),
+        springs=tuple(springs),
+        dampers=tuple(dampers),
+        inputs=tuple(Input(name, (on, "ground"), gain=gain) for name, on, gain in loads),
+        outputs=tuple(Output(dof.name, (dof.name, "ground")) for dof in dofs),
+        name="air bearing",
+    )

@@ -1,0 +1,365 @@
+"""The well-posed contact model of the brush."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from math import ceil, pi, sqrt
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from robustpolish.errors import RobustPolishWarning, SolverError
+from robustpolish.polishing import contact
+from robustpolish.polishing import contact as disc
+from robustpolish.polishing import contact as rim
+from robustpolish.polishing.contact import euler_angles, tilt_angles
+from robustpolish.polishing.dataset import (
+    POINTS,
+    Variable,
+    angle_variables,
+    force_variables,
+    labelled,
+    parameter_attributes,
+    path_variables,
+    quantity,
+)
+from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.surfaces.surface import Surface
+
+# The well-posed brush: constants, start, integration, and the check that refines.
+
+_FIRST_TOLERANCE = 1e-3  # error per step of the coarsest pass, in units of the static contact
+_WINDOW = 0.01  # impulses are compared over windows of this length [s]
+_RIM_POINTS = (96, 2048)  # fewest and most nodes of the coarsest pass
+
+
+@dataclass(frozen=True, eq=False)
+class PhysicalRun:
+    """One integration of the disc, sampled.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        [s].
+    track : ndarray, shape (n, STATES)
+        States of `robustpolish.polishing.contact`.
+    forces : ndarray, shape (n, 3)
+        Contact force on the brush in world axes, averaged over each sample [N].
+    loads : ndarray, shape (n, LOADS)
+        Contact at the samples; column 0 is the share of the rim that touches.
+    rim_points, steps, refused : int
+        Nodes, steps taken, and steps that the error control refused.
+    largest_step : float
+        Bound of the step [s].
+    """
+
+    time: NDArray[np.float64]
+    track: NDArray[np.float64]
+    forces: NDArray[np.float64]
+    loads: NDArray[np.float64]
+    rim_points: int
+    steps: int
+    refused: int
+    largest_step: float
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """What the accuracy check found.
+
+    Attributes
+    ----------
+    passes : int
+        Integrations made.
+    impulse_error : float
+        Largest difference of the contact impulse over any 10 ms between the last two passes,
+        divided by the impulse of the polishing force.
+    converged : bool
+        Whether that is within the tolerance.
+    """
+
+    passes: int
+    impulse_error: float
+    converged: bool
+
+
+def run_refined(
+    parameters: BrushParameters,
+    time: NDArray[np.float64],
+    *,
+    three_angles: bool,
+    landing: bool,
+    tolerance: float,
+    max_passes: int,
+) -> tuple[PhysicalRun, Refinement]:
+    """Integrate with ever smaller steps and more nodes until the impulses agree.
+
+    Each pass halves the largest step, doubles the nodes along the rim and divides the
+    tolerance of the error control by ten. Warns if the last two passes still differ.
+    """
+    run = integrate(parameters, time, 0, three_angles=three_angles, landing=landing)
+    error = np.inf
+    for level in range(1, max_passes):
+        finer = integrate(parameters, time, level, three_angles=three_angles, landing=landing)
+        error = impulse_difference(run, finer, parameters.polishing_force)
+        run = finer
+        if error <= tolerance:
+            return run, Refinement(level + 1, error, True)
+    warnings.warn(
+        f"The contact impulses of the last two of {max_passes} passes differ by {error:.2g} of "
+        f"the polishing force's, more than {tolerance:.2g}. With little contact damping the brush "
+        "rattles chaotically and no step is small enough for more than its statistics: raise "
+        "contact_damping, shorten the run, or raise tolerance.",
+        RobustPolishWarning,
+        stacklevel=3,
+    )
+    return run, Refinement(max_passes, error, False)
+
+
+def integrate(
+    parameters: BrushParameters,
+    time: NDArray[np.float64],
+    level: int,
+    *,
+    three_angles: bool = False,
+    landing: bool = False,
+) -> PhysicalRun:
+    """Integrate once, at refinement level 0, 1, 2, ...; `time` starts at zero, equally spaced.
+
+    Raises
+    ------
+    SolverError
+        If the disc tips over or the steps become too small to go on.
+    """
+    interval = float(time[1] - time[0])
+    largest_step = interval / 2**level
+    nodes = rim.rim_nodes(rim_points(parameters) * 2**level)
+    contact, motion = contact_constants(parameters), motion_constants(parameters, three_angles)
+    state = _start(parameters, contact, motion, nodes, landing)
+    track = np.empty((time.size, disc.STATES))
+    midway = np.empty((time.size - 1, 3))
+    outcome, steps, refused, done = disc.advance(
+        state,
+        interval,
+        largest_step,
+        _FIRST_TOLERANCE / 10.0**level,
+        _error_scale(parameters, interval),
+        motion,
+        contact,
+        nodes,
+        track,
+        midway,
+    )
+    if outcome != disc.RUNNING:
+        what = "tipped over" if outcome == disc.TIPPED_OVER else "moves too fast to be followed"
+        raise SolverError(
+            f"The disc {what} after {done * interval:.4g} s. Lower the friction, use a "
+            "flatter surface or a smaller spin, or raise the contact damping."
+        )
+    loads = np.empty((time.size, rim.LOADS))
+    disc.loads_along(time, track, motion, contact, nodes, loads)
+    forces = average_forces(track, midway, interval)
+    return PhysicalRun(time, track, forces, loads, nodes.shape[1], steps, refused, largest_step)
+
+
+def contact_constants(parameters: BrushParameters) -> NDArray[np.float64]:
+    """Return the constants of the contact, in the order of `rim_contact`."""
+    surface = parameters.surface
+    # On any other surface, which is packed, the bends of the trough are not read.
+    bends = surface.curvatures if isinstance(surface, Surface) else (0.0, 0.0)
+    constants = np.array(
+        [
+            parameters.contact_stiffness,
+            parameters.contact_damping,
+            parameters.friction,
+            parameters.slip_scale,
+            *bends,
+            parameters.radius,
+            0.5 * parameters.height,
+        ]
+    )
+    return np.concatenate([constants, surface.packed])
+
+
+def motion_constants(parameters: BrushParameters, three_angles: bool) -> NDArray[np.float64]:
+    """Return the constants of the disc and its path, in the order of `disc_motion`."""
+    constants = np.array(
+        [
+            parameters.mass,
+            parameters.polishing_force,
+            parameters.tilt_inertia,
+            parameters.spin_inertia,
+            parameters.spin,
+            parameters.spindle_damping if three_angles else 0.0,
+            parameters.rotation_radius,
+            parameters.rotation_rate,
+            parameters.feed,
+            parameters.radius + parameters.rotation_radius,
+        ]
+    )
+    course = np.empty(0) if parameters.path is None else parameters.path.packed
+    return np.concatenate([constants, course])
+
+
+def static_depth(parameters: BrushParameters) -> tuple[float, float]:
+    """Penetration [m] under the polishing force, and half the angle [rad] of a contact patch.
+
+    The disc stands on two patches with parabolic penetration; on a plane, on its whole rim.
+    """
+    force, stiffness = parameters.polishing_force, parameters.contact_stiffness
+    whole_rim = force / stiffness
+    bend = parameters.radius**2 * parameters.surface.sharpest_bend
+    depth = (0.75 * pi * force / stiffness * sqrt(0.5 * bend)) ** (2.0 / 3.0)
+    if depth <= whole_rim:
+        return whole_rim, pi
+    return depth, min(pi, sqrt(2.0 * depth / bend))
+
+
+def rim_points(parameters: BrushParameters) -> int:
+    """Nodes of the coarsest pass: about six from the middle of a patch to its edge."""
+    _, half_angle = static_depth(parameters)
+    wanted = min(max(6.0 * 2.0 * pi / half_angle, _RIM_POINTS[0]), _RIM_POINTS[1])
+    return rim.BLOCK * ceil(wanted / rim.BLOCK)
+
+
+def _error_scale(parameters: BrushParameters, interval: float) -> NDArray[np.float64]:
+    """Return the unit of error per state, from the static contact's depth and its frequency."""
+    depth, _ = static_depth(parameters)
+    rim_mass = parameters.tilt_inertia / parameters.rim_distance**2
+    speed = depth * sqrt(1.5 * parameters.polishing_force / depth / rim_mass)
+    scale = np.full(disc.STATES, np.inf)
+    scale[disc.HEIGHT] = depth
+    scale[disc.CLIMB] = speed
+    scale[disc.AXES] = depth / parameters.radius
+    scale[disc.TURNINGS] = speed / parameters.radius
+    scale[disc.SPIN] = speed / parameters.radius
+    scale[disc.IMPULSES] = 10.0 * parameters.polishing_force * interval
+    return scale
+
+
+def _start(
+    parameters: BrushParameters,
+    contact: NDArray[np.float64],
+    motion: NDArray[np.float64],
+    nodes: NDArray[np.float64],
+    landing: bool,
+) -> NDArray[np.float64]:
+    """State at time zero: parallel to the surface, just touching it or pressed against it."""
+    place, velocity, still = np.zeros(3), np.zeros(3), np.zeros(3)
+    disc.lead(0.0, motion, place, velocity)
+    slope_x, slope_y = (float(part) for part in parameters.surface.gradient(place[0], place[1]))
+    axis = np.array([-slope_x, -slope_y, 1.0]) / sqrt(1.0 + slope_x**2 + slope_y**2)
+    load, found = np.zeros(rim.LOADS), rim.scratch(nodes.shape[1])
+    ground = float(parameters.surface.height(place[0], place[1]))
+    size = parameters.radius + parameters.height
+    rise = 0.5 * parameters.surface.sharpest_bend * size**2
+    low = ground - size - 2.0 * parameters.polishing_force / parameters.contact_stiffness
+    high = ground + size * (1.0 + abs(slope_x) + abs(slope_y)) + 4.0 * rise
+    for _ in range(200):
+        place[2] = 0.5 * (low + high)
+        touching = rim.rim_load(place, still, axis, still, 0.0, contact, nodes, found, load)
+        too_low = touching > 0 if landing else load[rim.FORCE + 2] > parameters.polishing_force
+        low, high = (place[2], high) if too_low else (low, place[2])
+    state = np.zeros(disc.STATES)
+    state[disc.HEIGHT] = high
+    state[disc.CLIMB] = slope_x * velocity[0] + slope_y * velocity[1]
+    state[disc.AXES] = axis
+    state[disc.SPIN] = parameters.spin
+    return state
+
+
+def average_forces(
+    track: NDArray[np.float64], midway: NDArray[np.float64], interval: float
+) -> NDArray[np.float64]:
+    """Return the forces at the samples, averaged over half an interval to either side.
+
+    Joined by straight lines they have exactly the impulse of the contact.
+    """
+    impulse = track[:, disc.IMPULSES]
+    bounds = np.vstack([impulse[:1], midway, impulse[-1:]])
+    length = np.full((len(track), 1), interval)
+    length[0] = length[-1] = 0.5 * interval
+    return np.diff(bounds, axis=0) / length
+
+
+def impulse_difference(coarse: PhysicalRun, fine: PhysicalRun, force: float) -> float:
+    """Largest difference of window impulses over the polishing force's impulse."""
+    interval = float(fine.time[1] - fine.time[0])
+    samples = max(1, min(round(_WINDOW / interval), fine.time.size - 1))
+    columns = slice(disc.IMPULSE, disc.IMPULSE + 3)
+    difference = fine.track[:, columns] - coarse.track[:, columns]
+    window = difference[samples:] - difference[:-samples]
+    return float(np.max(np.abs(window))) / (force * samples * interval)
+
+
+# A run of the physical simulator as labelled signals.
+
+
+def physical_dataset(
+    run: PhysicalRun, check: Refinement, parameters: BrushParameters, three_angles: bool
+) -> xr.Dataset:
+    """Label a run, and tell in the attributes how it was checked."""
+    variables = {
+        **(_euler_variables(run) if three_angles else _tilt_variables(run)),
+        **_force_variables(run, parameters),
+        **_contact_variables(run.loads),
+        "tool_z": quantity(run.track[:, contact.HEIGHT], "m", "height of the ball joint"),
+        "tool_z_rate": quantity(run.track[:, contact.CLIMB], "m/s", "rate of the height"),
+        **path_variables(run.time, parameters),
+    }
+    attributes = {
+        "simulator": "physical",
+        "disc": "three-angle" if three_angles else "two-angle",
+        **parameter_attributes(parameters),
+        "passes": check.passes,
+        "impulse_error": check.impulse_error,
+        "converged": int(check.converged),
+        "largest_step": run.largest_step,
+        "steps": run.steps,
+        "refused_steps": run.refused,
+        "rim_points": run.rim_points,
+        "friction_heat": float(run.track[-1, contact.FRICTION_HEAT]),
+        "damping_heat": float(run.track[-1, contact.DAMPING_HEAT]),
+    }
+    return labelled(run.time, variables, attributes)
+
+
+def _tilt_variables(run: PhysicalRun) -> dict[str, Variable]:
+    angles = tilt_angles(run.track[:, contact.AXES], run.track[:, contact.TURNINGS])
+    return angle_variables(angles, ("tilt about x", "tilt about y"), level=0.0)
+
+
+def _euler_variables(run: PhysicalRun) -> dict[str, Variable]:
+    angles = euler_angles(run.track[:, contact.AXES], run.track[:, contact.TURNINGS])
+    theta, psi, _, psi_rate = angles
+    spin = run.track[:, contact.SPIN]
+    precessed = np.cumsum(0.5 * np.diff(psi) * (np.cos(theta[1:]) + np.cos(theta[:-1])))
+    phi = run.track[:, contact.TWIST] - np.concatenate([[0.0], precessed])
+    return {
+        **angle_variables(angles, ("nutation", "precession"), level=None),
+        "phi": quantity(phi, "rad", "rotation of the tool about its axis"),
+        "phi_rate": quantity(spin - psi_rate * np.cos(theta), "rad/s", "rate of phi"),
+        "omega_z": quantity(spin, "rad/s", "angular velocity about the axis of the disc"),
+    }
+
+
+def _force_variables(run: PhysicalRun, parameters: BrushParameters) -> dict[str, Variable]:
+    fx, fy, fz = run.forces.T
+    pressing = np.full_like(fz, parameters.polishing_force)
+    return force_variables({"F_x": -fx, "F_y": -fy, "F_z": fz, "F_p": pressing})
+
+
+def _contact_variables(loads: NDArray[np.float64]) -> dict[str, Variable]:
+    normal = loads[:, contact.SECTORS : contact.SECTORS + len(POINTS)]
+    both = ("time", "point")
+    friction, damping = loads[:, contact.FRICTION_POWER], loads[:, contact.DAMPING_POWER]
+    return {
+        "contact": quantity(normal > 0.0, "1", "whether the quarter of the rim touches", both),
+        "contact_force": quantity(normal, "N", "normal force on the quarter of the rim", both),
+        "contact_share": quantity(loads[:, 0], "1", "share of the rim that touches"),
+        "contact_energy": quantity(loads[:, contact.ENERGY], "J", "energy stored in the contact"),
+        "friction_power": quantity(friction, "W", "power that friction turns into heat"),
+        "damping_power": quantity(damping, "W", "power that contact damping turns into heat"),
+    }

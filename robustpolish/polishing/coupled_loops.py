@@ -1,0 +1,590 @@
+"""Loops that the brush feels: its contact follows where the machine yields."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import control
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from robustpolish.base.arrays import Matrix, Vector
+from robustpolish.base.budget import working
+from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
+from robustpolish.base.results import Card, Displayed, Table
+from robustpolish.closed_loop.simulate import loop_with_units
+from robustpolish.implementation.sampled_design import SampledDesign
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.linear.response import linear_response
+from robustpolish.plants.linearization import Linearization
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.plots.time import plot_time_series
+from robustpolish.polishing import contact as disc
+from robustpolish.polishing.brush import physical_dataset
+from robustpolish.polishing.coupled import (
+    PLACE,
+    REST_AXIS,
+    REST_TURNING,
+    VELOCITY,
+    BrushAtRest,
+    LinearMachine,
+    brush_at_rest,
+    guided_brush,
+    run_coupled,
+)
+from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.synthesis.design import Design
+
+# A loop as the brush sees it: forces in, place of the joint out.
+
+PLACES = ("x", "y", "z")
+FORCES = ("F_x", "F_y", "F_z")
+SIGNS = np.array([-1.0, -1.0, 1.0])
+"""Of the forces (8.45): F_x and F_y push the tool against their axes, F_z along its own."""
+
+Loop = Design | GeneralizedPlant | control.StateSpace
+
+
+@dataclass(frozen=True, eq=False)
+class Carrier:
+    """A loop, what it is for the brush, and the units of its signals.
+
+    Attributes
+    ----------
+    system : control.StateSpace
+        From the forces to all outputs.
+    machine : LinearMachine
+        The same from the contact force on the brush to its place.
+    units : dict of str to str
+    """
+
+    system: control.StateSpace
+    machine: LinearMachine
+    units: dict[str, str]
+
+    def inputs(self, forces: Vector, polishing_force: float) -> Vector:
+        """Return the loop's inputs under contact forces on the brush along world axes.
+
+        Parameters
+        ----------
+        forces : ndarray, shape (samples, 3)
+            In N.
+        polishing_force : float
+            In N.
+
+        Returns
+        -------
+        ndarray, shape (samples, m)
+        """
+        given = np.zeros((len(forces), self.system.ninputs))
+        labels = self.system.input_labels
+        for name, sign, column in zip(FORCES, SIGNS, forces.T, strict=True):
+            given[:, labels.index(name)] = sign * column
+        if "F_p" in labels:
+            given[:, labels.index("F_p")] = polishing_force
+        return given
+
+    def labelled(self, time: Vector, outputs: Vector) -> xr.Dataset:
+        """Return outputs over time with their names and units.
+
+        Parameters
+        ----------
+        time : ndarray, shape (samples,)
+            In s.
+        outputs : ndarray, shape (samples, p)
+
+        Returns
+        -------
+        xarray.Dataset
+        """
+        names = self.system.output_labels
+        return xr.Dataset(
+            {
+                name: ("time", outputs[:, i], {"units": self.units.get(name, "")})
+                for i, name in enumerate(names)
+            },
+            coords={"time": ("time", time, {"units": "s"})},
+        )
+
+
+def carrier(design: Loop, polishing_force: float) -> Carrier:
+    """Read a loop as the machine that carries the brush.
+
+    Parameters
+    ----------
+    design : Design, GeneralizedPlant or control.StateSpace
+        In continuous time, with inputs F_x, F_y, F_z and perhaps F_p, signs as in (8.45), and
+        outputs x, y, z, the displacements of the brush.
+    polishing_force : float
+        In N.
+
+    Returns
+    -------
+    Carrier
+
+    Raises
+    ------
+    InvalidInputError
+        If the loop is sampled, lacks one of these signals, or a force moves the brush at once.
+    """
+    if isinstance(design, SampledDesign):
+        shown, expected = described("a sampled design"), "a loop in continuous time"
+        raise invalid("design", shown, expected, "Pass the design that was sampled.")
+    system, units = loop_with_units(design)
+    if not system.isctime(strict=False):
+        raise invalid(
+            "design",
+            described("a loop in discrete time"),
+            "one in continuous time",
+            "Pass the design that was sampled.",
+        )
+    for kind, wanted, labels in (
+        ("input", FORCES, system.input_labels),
+        ("output", PLACES, system.output_labels),
+    ):
+        missing = [name for name in wanted if name not in labels]
+        if missing:
+            raise invalid(
+                "design",
+                described(f"{kind}s {', '.join(labels)}"),
+                f"{', '.join(wanted)} among them",
+                f"Name the {kind}s; {', '.join(missing)} is missing.",
+            )
+    rows = [system.output_labels.index(name) for name in PLACES]
+    columns = [system.input_labels.index(name) for name in FORCES]
+    A, B, C, D = (np.asarray(part) for part in (system.A, system.B, system.C, system.D))
+    if np.any(D[np.ix_(rows, columns)]):
+        raise invalid(
+            "design",
+            described("a brush that a force displaces at once"),
+            "a brush with a mass",
+            "Give the place where the brush hangs a mass.",
+        )
+    steady = np.zeros(system.nstates)
+    if "F_p" in system.input_labels:
+        steady = B[:, system.input_labels.index("F_p")] * polishing_force
+    machine = LinearMachine(A, B[:, columns] * SIGNS, steady, C[rows])
+    return Carrier(system, machine, units)
+
+
+# A loop and the brush that feels it: contact where the tool is, not where it should be.
+
+
+def simulate_coupled(
+    design: Loop, brush: xr.Dataset, *, tolerance: float = 2e-3, max_passes: int = 5
+) -> xr.Dataset:
+    r"""Simulate a loop and the brush that hangs on it, each of which feels the other.
+
+    :func:`robustpolish.simulate` replays forces that the brush made on a rigid machine. Here the
+    contact is where the machine has yielded to:
+
+    .. math:: p(t) = p_{rigid}(t) + q(t) - q(0), \qquad \dot x = A x + B F(p, \dot p, k, \omega)
+
+    with the joint's place p, the loop's displacement q of the brush, and the free tilts of the
+    disc. The robot leads the joint as it went on the rigid machine, height included, under the
+    first load; accelerations of the path, 0.5 m/s² here, do not act on the machine, as in (8.45).
+
+    Parameters
+    ----------
+    design : Design, GeneralizedPlant or control.StateSpace
+        A closed or open loop in continuous time with inputs F_x, F_y, F_z and perhaps F_p (N),
+        signs as in (8.45), and outputs x, y, z, the displacements of the brush (m).
+    brush : xarray.Dataset
+        What the physical brush did on a rigid machine, from
+        :func:`robustpolish.simulate_brush`; tells parameters, path, start and samples.
+    tolerance : float, optional
+        Largest difference of the contact impulse over 10 ms between the last two passes,
+        relative to that of the polishing force.
+    max_passes : int, optional
+        At least 2; each takes half the steps of the one before.
+
+    Returns
+    -------
+    xarray.Dataset
+        All outputs of the loop, and what :func:`~robustpolish.simulate_brush` returns: the forces
+        F_x, F_y, F_z that act between brush and machine, tilts, contacts. `tool_x`, `tool_y` and
+        `tool_z` are where the joint is, `surface_height` and `elevation` are those of the path.
+        The loop begins at rest under the first load.
+
+    Raises
+    ------
+    InvalidInputError
+        If the loop lacks a signal, is sampled, or has a pole at zero; if the brush is a run of the
+        listing.
+    SolverError
+        If brush and machine swing up until the disc tips over.
+
+    Warns
+    -----
+    RobustPolishWarning
+        If the passes do not agree.
+
+    References
+    ----------
+    M.L. Postma, Polishing robot: vibrations due to impact, section 9.4, which calculates the
+    disc and the air bearing one after the other.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> brush = rp.simulate_brush(run=1, duration=0.05)
+    >>> coupled = rp.polishing.simulate_coupled(rp.air_bearing(), brush)
+    >>> coupled["y"].attrs["units"], coupled.sizes["time"] == brush.sizes["time"]
+    ('m', True)
+    """
+    remedy = "Make it with simulate_brush(run=..., duration=...)."
+    instance_of("brush", brush, xr.Dataset, "an xarray.Dataset", remedy)
+    limit = positive("tolerance", tolerance)
+    if not isinstance(max_passes, int) or max_passes < 2:
+        raise invalid("max_passes", max_passes, "an integer of at least 2", "Allow more passes.")
+    guided = guided_brush(brush)
+    parameters = guided.parameters
+    carried = carrier(design, parameters.polishing_force)
+    with working(f"Simulating brush and machine for {guided.time[-1]:g} s"):
+        run, states, check = run_coupled(
+            guided, carried.machine, tolerance=limit, max_passes=max_passes
+        )
+    signals = physical_dataset(run, check, parameters, guided.three_angles)
+    inputs = carried.inputs(run.forces, parameters.polishing_force)
+    shown, through = np.asarray(carried.system.C), np.asarray(carried.system.D)
+    outputs = states @ shown.T + inputs @ through.T
+    yielded = (states - states[0]) @ carried.machine.C.T
+    for i, axis in enumerate(PLACES[:2]):
+        tool = signals[f"tool_{axis}"]
+        signals[f"tool_{axis}"] = tool.copy(data=guided.place[:, i] + yielded[:, i])
+    loop = carried.labelled(guided.time, outputs)
+    return signals.merge(loop).assign_attrs({**signals.attrs, "simulator": "coupled"})
+
+
+# Replayed against coupled: what it matters that the brush feels the machine.
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CoupledComparison(Displayed):
+    """One loop under the brush, replayed and coupled.
+
+    Attributes
+    ----------
+    table : xarray.Dataset
+        Over `signal`, the displacements x, y, z and the forces F_x, F_y, F_z: `replayed` and
+        `coupled`, the largest departures from the first sample, `difference`, the largest
+        difference of both, and `share`, that over the larger of the two.
+    replayed, coupled : xarray.Dataset
+        The runs, from rest under the first load.
+    machine_stiffness : ndarray, shape (3,)
+        Static, of the loop at the brush along x, y, z [N/m].
+    contact_stiffness : float
+        Largest static stiffness of the contact at the first sample [N/m], tilts held.
+    loop_gain : float
+        Largest gain, over frequency, from a force on the brush to the force with which the contact
+        answers what the machine yields, at the first sample. The displacements are about
+        1/(1 + gain) to 1/(1 - gain) of those that replay shows; its inverse says how many times
+        stiffer the machine is than the contact when both are moved.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> brush = rp.simulate_brush(run=1, duration=0.05)
+    >>> comparison = rp.polishing.compare_coupled(rp.air_bearing(), brush)
+    >>> comparison.coupled.attrs["simulator"], comparison.replay_is_good_enough()
+    ('coupled', False)
+    """
+
+    table: xr.Dataset
+    replayed: xr.Dataset
+    coupled: xr.Dataset
+    machine_stiffness: np.ndarray
+    contact_stiffness: float
+    loop_gain: float
+
+    @property
+    def stiffness_ratio(self) -> float:
+        """Static stiffness of the machine in its softest direction over that of the contact."""
+        return float(np.min(self.machine_stiffness)) / self.contact_stiffness
+
+    @property
+    def largest_share(self) -> float:
+        """Largest difference of a displacement, as a share of the largest displacement.
+
+        Displacements are judged together: where one axis hardly moves, what matters is small
+        beside the others.
+        """
+        moved = self.table.sel(signal=list(PLACES))
+        largest = np.maximum(moved["replayed"], moved["coupled"]).max()
+        return float(moved["difference"].max() / largest)
+
+    def replay_is_good_enough(self, share: float = 0.01) -> bool:
+        """Whether replayed and coupled displacements agree.
+
+        Parameters
+        ----------
+        share : float, optional
+            Of the largest displacement.
+
+        Returns
+        -------
+        bool
+        """
+        return self.largest_share <= positive("share", share)
+
+    def plot(self, ax: Axes | None = None, *, signal: str = "y") -> Axes:
+        """Draw one signal of both runs over time.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        signal : str, optional
+            One of the table's.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> brush = rp.simulate_brush(run=1, duration=0.02)
+        >>> rp.polishing.compare_coupled(rp.air_bearing(), brush).plot(signal="F_y").get_ylabel()
+        'F_y [N]'
+        """
+        one_of("signal", signal, [str(name) for name in self.table["signal"].values])
+        runs = {"replayed": self.replayed[signal], "coupled": self.coupled[signal]}
+        return plot_time_series(runs, ax=ax)
+
+    def _card(self) -> Card:
+        rows: list[tuple[Any, ...]] = []
+        for name in self.table["signal"].values:
+            row = self.table.sel(signal=name)
+            unit = str(self.coupled[name].attrs.get("units", ""))
+            figures = (float(row[key]) for key in ("replayed", "coupled", "difference"))
+            rows.append((str(name), unit, *figures, f"{100 * float(row['share']):.2g} %"))
+        columns = ("largest", "unit", "replayed", "coupled", "difference", "of the larger")
+        ratio = (
+            f"the loop is {self.stiffness_ratio:.3g} times stiffer than the contact at rest, "
+            f"{1.0 / self.loop_gain:.3g} times where it matters most"
+        )
+        verdict = f"displacements differ by {100 * self.largest_share:.2g} %"
+        return Card(
+            "Replayed against coupled", (Table("", columns, tuple(rows)),), (ratio, verdict)
+        )
+
+
+def compare_coupled(
+    design: Loop, brush: xr.Dataset, *, tolerance: float = 2e-3, max_passes: int = 5
+) -> CoupledComparison:
+    """Simulate a loop under the brush twice: forces replayed, and coupled.
+
+    Both runs begin at rest under the first load, so that they differ by the coupling alone. (A loop
+    that :func:`robustpolish.simulate` starts unloaded is struck by the load first.)
+
+    Parameters
+    ----------
+    design : Design, GeneralizedPlant or control.StateSpace
+        As in :func:`robustpolish.polishing.simulate_coupled`.
+    brush : xarray.Dataset
+        From :func:`robustpolish.simulate_brush`.
+    tolerance : float, optional
+        As in :func:`robustpolish.polishing.simulate_coupled`.
+    max_passes : int, optional
+        As in :func:`robustpolish.polishing.simulate_coupled`.
+
+    Returns
+    -------
+    CoupledComparison
+
+    Raises
+    ------
+    InvalidInputError, SolverError
+        As :func:`robustpolish.polishing.simulate_coupled`.
+
+    Examples
+    --------
+    Three springs of 1e8 N/m with dampers, far stiffer than the contact of run 1:
+
+    >>> import control
+    >>> import numpy as np
+    >>> import robustpolish as rp
+    >>> A = np.kron(np.eye(3), [[0.0, 1.0], [-1e8 / 0.2, -9e3 / 0.2]])
+    >>> B = np.kron(np.diag([-5.0, -5.0, 5.0]), [[0.0], [1.0]])
+    >>> stiff = control.ss(
+    ...     A, B, np.kron(np.eye(3), [[1.0, 0.0]]), 0, inputs=["F_x", "F_y", "F_z"],
+    ...     outputs=["x", "y", "z"],
+    ... )
+    >>> comparison = rp.polishing.compare_coupled(stiff, rp.simulate_brush(run=1, duration=0.1))
+    >>> comparison.stiffness_ratio > 100, comparison.replay_is_good_enough(0.01)
+    (True, True)
+    """
+    coupled = simulate_coupled(design, brush, tolerance=tolerance, max_passes=max_passes)
+    guided = guided_brush(brush)
+    carried = carrier(design, guided.parameters.polishing_force)
+    replayed = _replayed(carried, brush, guided.first_force, guided.parameters.polishing_force)
+    at_start = BrushAtRest.at(guided.parameters, guided.place[0], guided.start[disc.AXES])
+    return CoupledComparison(
+        _table(replayed, coupled),
+        replayed,
+        coupled,
+        carried.machine.stiffness,
+        at_start.stiffness,
+        _loop_gain(carried, at_start),
+    )
+
+
+def _loop_gain(carried: Carrier, contact: BrushAtRest) -> float:
+    """Norm from a force on the brush, through the machine and the contact, to the force back."""
+    machine, slopes = carried.machine, contact.jacobian[:3]
+    answer = slopes[:, PLACE] @ machine.C + slopes[:, VELOCITY] @ machine.C @ machine.A
+    loop = control.StateSpace(machine.A, machine.B, answer, np.zeros((3, 3)))
+    return float(hinf_norm(loop).value)
+
+
+def _replayed(
+    carried: Carrier, brush: xr.Dataset, first_force: np.ndarray, polishing_force: float
+) -> xr.Dataset:
+    """Run the loop under the forces that the brush made on a rigid machine."""
+    forces = SIGNS * np.column_stack([brush[name].to_numpy() for name in FORCES])
+    time = brush["time"].to_numpy()
+    inputs = carried.inputs(forces, polishing_force)
+    rest = carried.machine.rest(first_force)
+    outputs = linear_response(carried.system, time, inputs, rest).outputs
+    return carried.labelled(time, outputs).assign({name: brush[name] for name in FORCES})
+
+
+def _table(replayed: xr.Dataset, coupled: xr.Dataset) -> xr.Dataset:
+    names = [*PLACES, *FORCES]
+    figures = np.empty((4, len(names)))
+    for i, name in enumerate(names):
+        first, second = (run[name] - run[name][0] for run in (replayed, coupled))
+        apart = float(np.abs(coupled[name] - replayed[name]).max())
+        sizes = [float(np.abs(part).max()) for part in (first, second)]
+        figures[:, i] = (*sizes, apart, apart / max(*sizes, np.finfo(float).tiny))
+    keys = ("replayed", "coupled", "difference", "share")
+    columns = {key: ("signal", row) for key, row in zip(keys, figures, strict=True)}
+    return xr.Dataset(columns, {"signal": names})
+
+
+# The whole brush on its machine, linearised about rest: (10.1) to (10.5).
+
+DISC = ("tilt_x", "tilt_y", "turning_x", "turning_y")
+"""Deviation of the disc's axis along x and y [rad], and its angular velocity [rad/s]."""
+
+
+def linearize_with_brush(
+    design: Loop,
+    parameters: BrushParameters | None = None,
+    *,
+    x: float | None = None,
+    y: float = 0.0,
+) -> Linearization:
+    r"""Linearise brush and machine together about the rest of the spinning disc on one spot.
+
+    Parameters
+    ----------
+    design : Design, GeneralizedPlant or control.StateSpace
+        As in :func:`robustpolish.polishing.simulate_coupled`; of a plant the controls stay open,
+        and its
+        measurements are outputs, so that a controller can be designed for the machine in contact.
+    parameters : BrushParameters, optional
+        Run 1 by default. The disc has two angles and an ideal drive; the path stands still.
+    x, y : float, optional
+        Where the ball joint is, in m; by default on the bottom of the trough where the path
+        begins. Where a stiff disc hangs askew on two narrow patches there may be no rest.
+
+    Returns
+    -------
+    Linearization
+        States: those of the loop in deviations from its rest under the contact force, then
+        `tilt_x`, `tilt_y` [rad] and `turning_x`, `turning_y` [rad/s] of the disc. Inputs: those of
+        the loop; forces F_x, F_y, F_z and F_p act besides the contact's. Outputs: those of the
+        loop, the disc's four, and the changes `contact_x`, `contact_y`, `contact_z` [N] of the
+        contact force on the brush in world axes. `state` is the equilibrium of the loop and of
+        the disc, the latter as components of its axis.
+
+    Raises
+    ------
+    InvalidInputError
+        As :func:`robustpolish.polishing.simulate_coupled`.
+    SolverError
+        If the disc finds no rest there.
+
+    Notes
+    -----
+    (10.4) by the chain rule: the machine is linear already, and the disc's axis k and angular
+    velocity w obey k' = w x k, I_0 w' = M - I p (w x k) to first order; only the contact's ten
+    derivatives are taken by differences, extrapolated to fourth order.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> at_rest = rp.polishing.linearize_with_brush(
+    ...     rp.air_bearing(), rp.polishing.BrushParameters.for_run(2)
+    ... )
+    >>> at_rest.system.nstates, at_rest.system.output_labels[-1]
+    (16, 'contact_z')
+    """
+    p = BrushParameters() if parameters is None else parameters
+    remedy = "Build them with BrushParameters(...)."
+    instance_of("parameters", p, BrushParameters, "BrushParameters", remedy)
+    along = p.radius + 2.0 * p.rotation_radius if x is None else x
+    carried = carrier(design, p.polishing_force)
+    rest = brush_at_rest(p, along, y)
+    loop = design.system if isinstance(design, GeneralizedPlant) else carried.system
+    A, B_contact, C = carried.machine.A, carried.machine.B, carried.machine.C
+    change = _change(C, A)
+    slopes = rest.jacobian @ change
+    order = len(A)
+    top = np.hstack([A, np.zeros((order, 4))]) + B_contact @ slopes[:3]
+    whole = np.vstack([top, _disc_rows(p, order) + _moments(p, slopes[3:], order)])
+    inputs = np.vstack([loop.B, np.zeros((4, loop.ninputs))])
+    outputs = np.vstack(
+        [
+            np.hstack([loop.C, np.zeros((loop.noutputs, 4))]),
+            np.hstack([np.zeros((4, order)), np.eye(4)]),
+            slopes[:3],
+        ]
+    )
+    # Forces may enter outputs at once, such as an acceleration's; so does the contact's then.
+    columns = [loop.input_labels.index(name) for name in FORCES]
+    outputs[: loop.noutputs] += np.asarray(loop.D)[:, columns] * SIGNS @ slopes[:3]
+    through = np.vstack([loop.D, np.zeros((7, loop.ninputs))])
+    system = control.StateSpace(
+        whole,
+        inputs,
+        outputs,
+        through,
+        states=[*loop.state_labels, *DISC],
+        inputs=list(loop.input_labels),
+        outputs=[*loop.output_labels, *DISC, "contact_x", "contact_y", "contact_z"],
+    )
+    machine_rest = carried.machine.rest(rest.load[:3])
+    residual = float(np.max(np.abs(rest.load[3:]))) / (p.polishing_force * p.radius)
+    state = np.concatenate([machine_rest, rest.axis[:2], np.zeros(2)])
+    return Linearization(system, state, np.zeros(loop.ninputs), residual)
+
+
+def _change(C: Matrix, A: Matrix) -> Matrix:
+    """Map states of machine and disc to the ten changes that the contact depends on."""
+    order = len(A)
+    change = np.zeros((10, order + 4))
+    change[PLACE, :order] = C
+    change[VELOCITY, :order] = C @ A
+    change[REST_AXIS, order : order + 2] = np.eye(2)
+    change[REST_TURNING, order + 2 :] = np.eye(2)
+    return change
+
+
+def _disc_rows(p: BrushParameters, order: int) -> Matrix:
+    """Rows of the free disc: with e_1 x e_2 = k, w x k = (w_2, -w_1) along e_1, e_2."""
+    gyro = p.spin_inertia * p.spin / p.tilt_inertia
+    rows = np.zeros((4, order + 4))
+    rows[0, order + 3], rows[1, order + 2] = 1.0, -1.0
+    rows[2, order + 3], rows[3, order + 2] = -gyro, gyro
+    return rows
+
+
+def _moments(p: BrushParameters, slopes: Matrix, order: int) -> Matrix:
+    rows = np.zeros((4, order + 4))
+    rows[2:] = slopes / p.tilt_inertia
+    return rows

@@ -1,0 +1,667 @@
+"""Control of the polishing force: the classical schemes of chapter 3, and H-infinity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from math import pi, sqrt
+from typing import Any
+
+import control
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from numpy.typing import ArrayLike
+
+from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
+from robustpolish.base.results import Card, Displayed, Table
+from robustpolish.linear.response import linear_response
+from robustpolish.linear.stability import stability
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.plots.charts import plot_over_plane
+from robustpolish.plots.time import plot_time_series
+from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.removal import removal_of_force
+from robustpolish.polishing.surfaces.surface import PolishedSurface
+from robustpolish.polishing.tool_path import ToolPath
+from robustpolish.synthesis.design import Design
+from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
+
+# The axis across the mould along which a tool is pressed on: a mass, an actuator, a contact.
+
+
+def _quantity(value: float, unit: str) -> Any:
+    return field(default=value, metadata={"unit": unit})
+
+
+_MAY_BE_ZERO = frozenset({"contact_damping", "stiffness", "damping"})
+
+
+@dataclass(frozen=True)
+class PolishingAxis:
+    r"""A tool that a robot leads along a programmed path and presses on what is really there.
+
+    ::
+
+        m z'' = (F - F_p) - k z - c z' + a,      a' = omega_a (u - a),
+        F = F_p + k_c (s - z) + c_c (s' - z').
+
+    z is the height of the tool and s that of the mould, both over where the robot believes the
+    mould to be; F, the contact force, pushes the tool up, and so does the actuator's force a. The
+    contact is linear, so that a force below zero means that the tool has left the mould.
+
+    Parameters
+    ----------
+    mass : float
+        Moving mass m of tool and spindle [kg]: brush and bearing of table 9.1.
+    contact_stiffness, contact_damping : float
+        k_c [N/m] and c_c [N s/m]: of the thesis's run 1, and of Hunt-Crossley contact of 50 s/m
+        at 10 N.
+    polishing_force : float
+        F_p [N], which is wanted all the time.
+    stiffness, damping : float
+        k [N/m] and c [N s/m] of what the tool hangs in at the robot.
+    actuator_bandwidth : float
+        omega_a / (2 pi) [Hz].
+    surface_bandwidth : float
+        In Hz. Waves of the mould pass below the tool no quicker than this.
+
+    Raises
+    ------
+    InvalidInputError
+        If a number is negative, zero where it has to be positive, or not finite.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.polishing.PolishingAxis().plant()
+    >>> plant.disturbance_names, plant.measurement_names
+    (('surface', 'force_noise'), ('force', 'height', 'climb'))
+    """
+
+    mass: float = _quantity(1.537, "kg")
+    contact_stiffness: float = _quantity(1e4, "N/m")
+    contact_damping: float = _quantity(500.0, "N s/m")
+    polishing_force: float = _quantity(10.0, "N")
+    stiffness: float = _quantity(0.0, "N/m")
+    damping: float = _quantity(5.0, "N s/m")
+    actuator_bandwidth: float = _quantity(100.0, "Hz")
+    surface_bandwidth: float = _quantity(100.0, "Hz")
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            number = positive(
+                f"PolishingAxis.{item.name}",
+                getattr(self, item.name),
+                item.metadata["unit"],
+                zero=item.name in _MAY_BE_ZERO,
+            )
+            object.__setattr__(self, item.name, number)
+
+    def plant(self) -> GeneralizedPlant:
+        """Return the axis as a plant around its working point.
+
+        Returns
+        -------
+        GeneralizedPlant
+            From `surface` [m] and `force_noise` [N] to `force_error` = F - F_p [N], `tool` = z [m]
+            and `gap` = s - z [m]. The control `push` [N] acts upwards; measured are `force`, the
+            error with the noise [N], `height`, z [m], and `climb`, z' [m/s].
+        """
+        m, k, c = self.mass, self.contact_stiffness, self.contact_damping
+        slow, quick = 2 * pi * self.surface_bandwidth, 2 * pi * self.actuator_bandwidth
+        # States: s, z, z', a. The mould's rate is slow (w - s), with w the disturbance.
+        force = np.array([k - c * slow, -k, -c, 0.0])
+        A = np.zeros((4, 4))
+        A[0, 0], A[1, 2], A[3, 3] = -slow, 1.0, -quick
+        A[2] = (force + np.array([0.0, -self.stiffness, -self.damping, 1.0])) / m
+        B1 = np.array([[slow, 0.0], [0.0, 0.0], [c * slow / m, 0.0], [0.0, 0.0]])
+        B2 = np.array([[0.0], [0.0], [0.0], [quick]])
+        tool, climb = np.eye(4)[1], np.eye(4)[2]
+        return GeneralizedPlant.from_matrices(
+            A,
+            B1,
+            B2,
+            np.array([force, tool, [1.0, -1.0, 0.0, 0.0]]),
+            np.array([force, tool, climb]),
+            D11=np.array([[c * slow, 0.0], [0.0, 0.0], [0.0, 0.0]]),
+            D21=np.array([[c * slow, 1.0], [0.0, 0.0], [0.0, 0.0]]),
+            states=["s", "z", "dz", "a"],
+            disturbances=["surface", "force_noise"],
+            controls=["push"],
+            performance=["force_error", "tool", "gap"],
+            measurements=["force", "height", "climb"],
+            units={
+                "s": "m", "z": "m", "dz": "m/s", "a": "N", "surface": "m", "force_noise": "N",
+                "push": "N", "force_error": "N", "tool": "m", "gap": "m", "force": "N",
+                "height": "m", "climb": "m/s",
+            },
+        )  # fmt: skip
+
+
+# Ready-made controllers of the polishing force (thesis, section 3.4.1).
+
+
+@dataclass(frozen=True, eq=False)
+class ForceControl:
+    """A way to control the polishing force.
+
+    Attributes
+    ----------
+    name : str
+    axis : PolishingAxis
+        With what the tool hangs in.
+    controller : control.StateSpace
+        From the measurements of ``axis.plant()`` (force error, height, climb) to its push.
+    loop : control.StateSpace
+        From `surface` and `force_noise` to `force_error`, `tool`, `gap` and the push; stable.
+    design : Design or None
+        The certified design, where there is one.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> way = rp.polishing.impedance_control(rp.polishing.PolishingAxis())
+    >>> way.name, way.controller.D.shape
+    ('impedance, 100 N/m', (1, 3))
+    """
+
+    name: str
+    axis: PolishingAxis
+    controller: control.StateSpace = field(repr=False)
+    loop: control.StateSpace = field(repr=False)
+    design: Design | None = field(default=None, repr=False)
+
+
+def passive_stiffness(
+    axis: PolishingAxis, stiffness: float = 500.0, damping: float | None = None
+) -> ForceControl:
+    """Hang the tool in a soft spring and a damper, preloaded to the polishing force.
+
+    No force is measured and nothing is driven: where the mould is higher by s, the force is higher
+    by about k s.
+
+    Parameters
+    ----------
+    axis : PolishingAxis
+    stiffness : float
+        k of the spring [N/m].
+    damping : float, optional
+        c of the damper [N s/m]; a tenth of the critical one of spring and mass.
+
+    Returns
+    -------
+    ForceControl
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> found = rp.polishing.passive_stiffness(rp.polishing.PolishingAxis(), 500.0)
+    >>> round(float(found.loop.dcgain()[0, 0]), 1)  # N per m: 500 and 1e4 N/m in series
+    476.2
+    """
+    k = positive("stiffness", stiffness, "N/m")
+    c = 0.2 * sqrt(k * _axis(axis).mass) if damping is None else _zero_or_more(damping)
+    hung = replace(axis, stiffness=k, damping=c)
+    return _closed(f"passive, {k:.4g} N/m", hung, _static([0.0, 0.0, 0.0]))
+
+
+def impedance_control(
+    axis: PolishingAxis,
+    mass: float | None = None,
+    damping: float | None = None,
+    stiffness: float = 100.0,
+) -> ForceControl:
+    """Drive the tool so that it answers forces like a wanted mass, damper and spring.
+
+    M z'' + B z' + K z = F - F_p (N. Hogan, "Impedance control: an approach to manipulation",
+    J. Dynamic Systems, Measurement and Control 107 (1985)): the actuator replaces the tool's own
+    mass by M and adds B and K. At rest the force is off by K times the height, as with a
+    spring of K, which may be softer than any that carries a tool.
+
+    Parameters
+    ----------
+    axis : PolishingAxis
+    mass : float, optional
+        M [kg]; that of the tool, for which no force has to be measured.
+    damping : float, optional
+        B [N s/m]; critical for M and K.
+    stiffness : float
+        K [N/m].
+
+    Returns
+    -------
+    ForceControl
+
+    Raises
+    ------
+    InvalidInputError
+        If the loop is not stable: the actuator is too slow for a mass so much smaller.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> found = rp.polishing.impedance_control(rp.polishing.PolishingAxis(), stiffness=100.0)
+    >>> round(float(found.loop.dcgain()[0, 0]), 1)
+    99.0
+    """
+    own = _axis(axis).mass
+    wanted = own if mass is None else positive("mass", mass, "kg")
+    k = positive("stiffness", stiffness, "N/m")
+    b = 2 * sqrt(k * wanted) if damping is None else _zero_or_more(damping)
+    ratio = own / wanted
+    # What hangs already is taken out again.
+    gain = [ratio - 1, axis.stiffness - ratio * k, axis.damping - ratio * b]
+    return _closed(f"impedance, {k:.4g} N/m", axis, _static(gain))
+
+
+def admittance_control(
+    axis: PolishingAxis,
+    damping: float | None = None,
+    mass: float | None = None,
+    stiffness: float = 0.0,
+    position_bandwidth: float = 40.0,
+) -> ForceControl:
+    """Shift the height that a position controller holds, as the measured force asks.
+
+    M r'' + B r' + K r = F - F_p gives the height r, which a proportional-derivative controller
+    follows. Without K the force is right at rest, whatever the height, and off by B times the
+    speed at which the mould rises.
+
+    Parameters
+    ----------
+    axis : PolishingAxis
+    damping : float, optional
+        B [N s/m]; such that force is corrected with a bandwidth of a tenth of the position's.
+    mass : float, optional
+        M [kg]; a tenth of B divided by the position's bandwidth.
+    stiffness : float
+        K [N/m].
+    position_bandwidth : float
+        Of the position controller without contact [Hz].
+
+    Returns
+    -------
+    ForceControl
+
+    Raises
+    ------
+    InvalidInputError
+        If the loop is not stable.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> found = rp.polishing.admittance_control(rp.polishing.PolishingAxis())
+    >>> abs(round(float(found.loop.dcgain()[0, 0]), 3))
+    0.0
+    """
+    omega = 2 * pi * positive("position_bandwidth", position_bandwidth, "Hz")
+    b = (
+        10 * _axis(axis).contact_stiffness / omega
+        if damping is None
+        else positive("damping", damping)
+    )
+    m = 0.1 * b / omega if mass is None else positive("mass", mass, "kg")
+    k = positive("stiffness", stiffness, "N/m", zero=True)
+    hold, brake = axis.mass * omega**2, 1.4 * axis.mass * omega
+    A = np.array([[0.0, 1.0], [-k / m, -b / m]])  # r, r'
+    B = np.array([[0.0, 0.0, 0.0], [1 / m, 0.0, 0.0]])
+    controller = control.StateSpace(A, B, [[hold, brake]], [[0.0, -hold, -brake]])
+    return _closed(f"admittance, {b:.4g} N s/m", axis, controller)
+
+
+def hinf_force_control(
+    axis: PolishingAxis,
+    bandwidth: float = 5.0,
+    *,
+    deviation: float = 1e-3,
+    accuracy: float = 0.01,
+    largest_push: float = 20.0,
+) -> ForceControl:
+    """Design an output feedback that keeps the force error small, by its H-infinity norm.
+
+    Any controller with a weighted norm below 1 will do; the central one has less gain and slower
+    poles than those near the least norm.
+
+    Parameters
+    ----------
+    axis : PolishingAxis
+    bandwidth : float
+        In Hz: waves of the mould that pass more slowly shall not be felt.
+    deviation : float
+        How far the mould is off [m], in that band.
+    accuracy : float
+        Error of the force that counts as 1, as a share of the polishing force.
+    largest_push : float
+        Push of the actuator that counts as much [N].
+
+    Returns
+    -------
+    ForceControl
+        With its certified `design`.
+
+    Raises
+    ------
+    InfeasibleError
+        If no controller comes below 1: ask for less accuracy, or allow larger pushes.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> found = rp.polishing.hinf_force_control(rp.polishing.PolishingAxis())
+    >>> found.design.certificate.stable
+    True
+    """
+    plant = _axis(axis).plant()
+    force, edge = axis.polishing_force, positive("bandwidth", bandwidth, "Hz")
+    size = positive("deviation", deviation, "m")
+    # Waves of the mould fade above the band; below it an error of `accuracy` counts as 1.
+    lag = 1.0 / (2 * pi * edge)
+    slow = control.TransferFunction([size], [lag**2, 2 * lag, 1.0])
+    share = positive("accuracy", accuracy)
+    asked = plant.weighted(
+        {"surface": slow, "force_noise": 1e-3 * force, "force_error": 1.0 / (share * force)}
+    )
+    design = output_feedback(
+        asked,
+        control_weight=1.0 / positive("largest_push", largest_push, "N"),
+        gamma=1.0,
+        measurement_noise=[1e-3 * force, 1e-2 * size, 1e-2 * size * 2 * pi * edge],
+    )
+    return _closed("H-infinity", axis, design.controller, design)
+
+
+def _axis(axis: PolishingAxis) -> PolishingAxis:
+    return instance_of("axis", axis, PolishingAxis, "a PolishingAxis", "Pass PolishingAxis(...).")
+
+
+def _static(gain: list[float]) -> control.StateSpace:
+    return control.StateSpace([], [], [], np.array([gain]))
+
+
+def _zero_or_more(damping: float) -> float:
+    return positive("damping", damping, "N s/m", zero=True)
+
+
+def _closed(
+    name: str, axis: PolishingAxis, controller: control.StateSpace, design: Design | None = None
+) -> ForceControl:
+    """Close the loop, and refuse one that is not stable."""
+    loop = axis.plant().with_control_outputs().closed_loop(controller)
+    found = stability(loop)
+    if found.verdict != "stable":
+        raise invalid(
+            "controller",
+            described(f"{name}, whose loop has a pole at {found.pole:.3g} rad/s"),
+            "a stable loop",
+            "Ask for less: more damping, a larger mass or a smaller bandwidth.",
+        )
+    return ForceControl(name, axis, controller, loop, design)
+
+
+# What each way to control the force takes off along a path.
+
+_OUTPUTS = ("force_error", "tool", "gap", "push")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ForceComparison(Displayed):
+    """Force and removal along a path, by the ways to control the force.
+
+    Attributes
+    ----------
+    signals : xarray.Dataset
+        `force` [N], `tool` [m] and `push` [N] over `control` and `time`, and `surface`, the
+        deviation of the mould [m].
+    table : xarray.Dataset
+        By `control`: `force_error`, root mean square of F - F_p over F_p; `least` and `largest`
+        force [N]; `touching`, the share of time with a force above 0; `removal_error`, root mean
+        square of what was taken off too much or too little, over that of what was wanted; `push`,
+        root mean square [N].
+    removal : mapping of str to xarray.DataArray
+        Depth taken off [m] over x and y; "wanted" is that of the constant polishing force.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> import numpy as np
+    >>> import robustpolish as rp
+    >>> path = rp.polishing.ToolPath.through([(0.0, 0.0), (0.02, 0.0)], speed=0.02)
+    >>> time = np.linspace(0.0, 1.0, 1001)
+    >>> passive = rp.polishing.passive_stiffness(rp.polishing.PolishingAxis())
+    >>> found = rp.polishing.compare_force_control([passive], path, 1e-3 * time, time)
+    >>> print(found.explain().splitlines()[1][:18].strip())
+    passive, 500 N/m
+    >>> found.plot().get_xlabel(), found.plot_removal("wanted").get_xlabel()
+    ('time [s]', 'x [mm]')
+    >>> plt.close("all")
+    """
+
+    signals: xr.Dataset
+    table: xr.Dataset
+    removal: dict[str, xr.DataArray]
+
+    def explain(self) -> str:
+        """Return the table as text.
+
+        Returns
+        -------
+        str
+        """
+        return str(self)
+
+    def _card(self) -> Card:
+        columns = ("control", "force error [%]", "least [N]", "largest [N]", "removal error [%]")
+        rows = tuple(
+            (
+                str(name),
+                100.0 * float(row.force_error),
+                float(row.least),
+                float(row.largest),
+                100.0 * float(row.removal_error),
+            )
+            for name in self.table["control"].values
+            for row in (self.table.sel(control=name),)
+        )
+        return Card("", (Table("", columns, rows),))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the forces over time.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        forces = self.signals["force"]
+        return plot_time_series(
+            {str(name): forces.sel(control=name, drop=True) for name in forces["control"].values},
+            ax,
+        )
+
+    def plot_removal(self, control: str, ax: Axes | None = None, *, error: bool = False) -> Axes:
+        """Draw the map of what was taken off.
+
+        Parameters
+        ----------
+        control : str
+            Name of a control, or "wanted".
+        ax : matplotlib.axes.Axes, optional
+        error : bool
+            Draw what was taken off too much instead.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        shown = self.removal[one_of("control", control, self.removal)]
+        if error:
+            shown = (shown - self.removal["wanted"]).rename("too much").assign_attrs(units="m")
+        return plot_over_plane(shown, ax)
+
+
+def height_deviation(
+    actual: PolishedSurface, programmed: PolishedSurface | None, path: ToolPath, time: ArrayLike
+) -> np.ndarray:
+    """Return by how much a mould is higher than the robot believes, along a path.
+
+    Parameters
+    ----------
+    actual : Surface or Mould
+        What lies on the table.
+    programmed : Surface or Mould, optional
+        What the robot was told; without one it holds the height at which the path begins.
+    path : ToolPath
+    time : array_like, shape (n,)
+        [s].
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [m], from where the tool touched down: 0 at first.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> path = rp.polishing.ToolPath.through([(0.0, 0.0), (0.01, 0.0)], speed=0.01)
+    >>> tilted = rp.polishing.Mould.from_formula("0.01*x", x=(-0.02, 0.03), y=(-0.02, 0.02))
+    >>> rp.polishing.height_deviation(
+    ...     tilted, rp.polishing.Surface.flat(), path, [0.0, 1.0]).round(9).tolist(
+    ... )
+    [0.0, 0.0001]
+    """
+    x, y = path.position(time)
+    heights = actual.height(x, y) - (0.0 if programmed is None else programmed.height(x, y))
+    if not np.all(np.isfinite(heights)):
+        shown = described("a path that leaves one of the surfaces")
+        raise invalid("path", shown, "a path on both surfaces", "Move or shrink it.")
+    return heights - heights[0]
+
+
+def compare_force_control(
+    controls: Sequence[ForceControl],
+    path: ToolPath,
+    deviation: ArrayLike,
+    time: ArrayLike,
+    *,
+    force_noise: ArrayLike | None = None,
+    preston: float = 1e-13,
+    parameters: BrushParameters | None = None,
+) -> ForceComparison:
+    """Lead the tool along a path on a mould that is not where the robot believes it, and compare.
+
+    Each loop is simulated exactly; the removal follows by Preston's law from its force, for a brush
+    that lies flat (see :func:`robustpolish.polishing.removal_of_force`).
+
+    Parameters
+    ----------
+    controls : sequence of ForceControl
+        Such as `passive_stiffness`, `impedance_control`, `admittance_control` and
+        `hinf_force_control` make; with one polishing force and names of their own.
+    path : ToolPath
+    deviation : array_like, shape (n,)
+        Of the mould's height [m], as of `height_deviation`.
+    time : array_like, shape (n,)
+        Equally spaced, from 0 [s].
+    force_noise : array_like, shape (n,), optional
+        Of the measured force [N].
+    preston : float
+        Preston's coefficient [1/Pa].
+    parameters : BrushParameters, optional
+        Radius and spin of the brush.
+
+    Returns
+    -------
+    ForceComparison
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no control, if names or polishing forces do not suit each other, or if a
+        signal does not have one number for each time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import robustpolish as rp
+    >>> axis = rp.polishing.PolishingAxis()
+    >>> path = rp.polishing.ToolPath.through([(0.0, 0.0), (0.02, 0.0)], speed=0.02)
+    >>> time = np.linspace(0.0, 1.0, 2001)
+    >>> ways = [rp.polishing.passive_stiffness(axis), rp.polishing.hinf_force_control(axis)]
+    >>> found = rp.polishing.compare_force_control(
+    ...     ways, path, 1e-3 * np.sin(2 * np.pi * time), time
+    ... )
+    >>> bool(found.table["removal_error"][1] < 0.5 * found.table["removal_error"][0])
+    True
+    """
+    force = _same_force(controls)
+    moments = np.asarray(time, dtype=float)
+    columns = [
+        np.zeros(moments.shape) if column is None else np.asarray(column, dtype=float)
+        for column in (deviation, force_noise)
+    ]
+    for name, column in zip(("deviation", "force_noise"), columns, strict=True):
+        if column.shape != moments.shape or not np.all(np.isfinite(column)):
+            shown = described(f"shape {column.shape}, or numbers that are not finite")
+            raise invalid(name, shown, f"shape {moments.shape}, as time", "Give one per time.")
+    names = [item.name for item in controls]
+    responses = []
+    for item in controls:
+        # The plant's mould follows its input with a lag, which is taken back here.
+        lag = 1.0 / (2 * pi * item.axis.surface_bandwidth)
+        ahead = columns[0] + lag * np.gradient(columns[0], moments)
+        responses.append(
+            linear_response(item.loop, moments, np.stack([ahead, columns[1]], 1)).outputs
+        )
+    found = dict(zip(_OUTPUTS, np.moveaxis(np.array(responses), -1, 0), strict=True))
+    both = ("control", "time")
+    signals = xr.Dataset(
+        {
+            "force": (both, force + found["force_error"], {"units": "N", "long_name": "force"}),
+            "tool": (both, found["tool"], {"units": "m"}),
+            "push": (both, found["push"], {"units": "N"}),
+            "surface": ("time", columns[0], {"units": "m"}),
+        },
+        coords={"time": ("time", moments, {"units": "s"}), "control": names},
+    )
+    forces = {"wanted": np.full(moments.shape, force)}
+    forces |= dict(zip(names, signals["force"].values, strict=True))
+    maps = {
+        name: removal_of_force(path, moments, pressed, parameters=parameters, preston=preston)
+        for name, pressed in forces.items()
+    }
+    return ForceComparison(signals, _table(signals, maps, force), maps)
+
+
+def _same_force(controls: Sequence[ForceControl]) -> float:
+    names = [item.name for item in controls]
+    if not names or len(set(names)) < len(names) or "wanted" in names:
+        raise invalid("controls", names, "controls with names of their own", "Rename them.")
+    forces = {item.axis.polishing_force for item in controls}
+    if len(forces) > 1:
+        shown = described(f"polishing forces {sorted(forces)} N")
+        raise invalid("controls", shown, "one polishing force", "Design all for one axis.")
+    return forces.pop()
+
+
+def _table(signals: xr.Dataset, maps: dict[str, xr.DataArray], force: float) -> xr.Dataset:
+    pressed = signals["force"]
+    wanted = maps["wanted"].values
+    missed = [
+        float(np.linalg.norm(maps[str(name)].values - wanted) / np.linalg.norm(wanted))
+        for name in signals["control"].values
+    ]
+    return xr.Dataset(
+        {
+            "force_error": ((pressed / force - 1) ** 2).mean("time") ** 0.5,
+            "least": pressed.min("time").assign_attrs(units="N"),
+            "largest": pressed.max("time").assign_attrs(units="N"),
+            "touching": (pressed > 0).mean("time"),
+            "removal_error": ("control", missed),
+            "push": ((signals["push"] ** 2).mean("time") ** 0.5).assign_attrs(units="N"),
+        }
+    )

@@ -1,0 +1,457 @@
+"""The one way in: simulate the brush, get its motion and the forces it makes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from robustpolish.base.budget import working
+from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
+from robustpolish.plots.charts import plot_over_plane
+from robustpolish.polishing.brush import physical_dataset, run_refined
+from robustpolish.polishing.dataset import tool_position
+from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.surfaces.mould import Mould
+from robustpolish.polishing.surfaces.surface import Floats, PolishedSurface
+from robustpolish.polishing.thesis.listing import ListingDefects, Workaround, run_listing
+from robustpolish.polishing.tool_path import ToolPath
+
+# Where a brush does not go into a mould: curvature against the brush's radius.
+
+_PLACES = 200  # along each side, at least
+
+
+@dataclass(frozen=True, eq=False)
+class BrushFit:
+    """Where a disc of a radius fits into a mould.
+
+    Attributes
+    ----------
+    radius : float
+        Of the disc [m].
+    curvature : xarray.DataArray
+        Largest curvature [1/m] over `x` and `y` [m]; nan where there is no mould. The disc fits
+        where it is below 1 / radius.
+    sharpest : tuple of float
+        x, y [m] and radius of curvature [m] of the sharpest hollow; of those on the path, if one
+        was given.
+    share_too_narrow, share_bulging : float
+        Of the mould, or of the path: where the hollow is narrower than the disc, and where the
+        mould bulges in all directions, so that the disc touches with its face.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> import robustpolish as rp
+    >>> bowl = rp.polishing.Mould.from_formula(
+    ...     "10*x**2 + 10*y**2", x=(-0.03, 0.03), y=(-0.03, 0.03)
+    ... )
+    >>> fit = rp.polishing.check_brush_fit(bowl, 0.010)
+    >>> fit.explain()
+    'A disc of 10 mm fits everywhere: the sharpest hollow has 50 mm, at x = 0 mm, y = 0 mm.'
+    >>> fit.plot().get_xlabel()
+    'x [mm]'
+    >>> plt.close("all")
+    """
+
+    radius: float
+    curvature: xr.DataArray = field(repr=False)
+    sharpest: tuple[float, float, float]
+    share_too_narrow: float
+    share_bulging: float
+
+    @property
+    def fits(self) -> bool:
+        """Whether the disc fits everywhere, whether it touches with its rim or its face."""
+        return self.share_too_narrow == 0
+
+    def explain(self) -> str:
+        """Tell in words where the disc does not fit.
+
+        Returns
+        -------
+        str
+        """
+        x, y, sharpest = self.sharpest
+        where = f"x = {round(1e3 * x, 3):g} mm, y = {round(1e3 * y, 3):g} mm"
+        words = (
+            f"A disc of {1e3 * self.radius:.4g} mm "
+            + ("fits everywhere" if self.fits else f"does not fit at {self.share_too_narrow:.1%}")
+            + f": the sharpest hollow has {1e3 * sharpest:.4g} mm, at {where}."
+        )
+        if self.share_bulging:
+            words += (
+                f" At {self.share_bulging:.1%} the mould bulges in all directions; there the disc "
+                "touches with its face, which the simulator refuses."
+            )
+        return words
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw radius times largest curvature over the mould; from 1 on the disc does not fit.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        shown = (self.radius * self.curvature).rename("radius x curvature")
+        return plot_over_plane(shown.assign_attrs(units="1"), ax, level=1.0)
+
+
+def check_brush_fit(
+    mould: Mould, radius: float | None = None, path: ToolPath | None = None
+) -> BrushFit:
+    """Compare the curvature of a mould with the radius of a brush, and say where it does not fit.
+
+    Parameters
+    ----------
+    mould : Mould
+    radius : float, optional
+        Of the disc [m]; that of ``BrushParameters()``.
+    path : ToolPath, optional
+        Judge only what its disc passes over. Without one the whole mould.
+
+    Returns
+    -------
+    BrushFit
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> groove = rp.polishing.Mould.from_formula("40*y**2", x=(-0.03, 0.03), y=(-0.02, 0.02))
+    >>> fit = rp.polishing.check_brush_fit(groove, 0.010)
+    >>> fit.fits, round(1e3 * fit.sharpest[2], 3)
+    (True, 12.5)
+    >>> print(rp.polishing.check_brush_fit(groove, 0.020).explain().split(":")[0])
+    A disc of 20 mm does not fit at 37.6%
+    """
+    instance_of("mould", mould, Mould, "a Mould", "Make one with Mould.from_stl(...) or the like.")
+    reach = BrushParameters().radius if radius is None else positive("radius", radius, "m")
+    x, y = _finer(mould.x), _finer(mould.y)
+    largest, _ = mould.principal_curvatures(x[:, None], y[None, :])
+    judged = np.isfinite(largest)
+    if path is not None:
+        judged &= _near(x, y, path, reach)
+    found = np.where(judged, largest, -np.inf)
+    i, j = np.unravel_index(int(np.argmax(found)), found.shape)
+    sharpest = 1.0 / found[i, j] if found[i, j] > 0 else np.inf
+    count = int(judged.sum())
+    axes = {"x": ("x", x, {"units": "m"}), "y": ("y", y, {"units": "m"})}
+    flat = 1e-9 + 1e-6 / reach  # a plane is no bulge, though rounding bends it
+    return BrushFit(
+        radius=reach,
+        curvature=xr.DataArray(largest, axes, ("x", "y"), "curvature", {"units": "1/m"}),
+        sharpest=(float(x[i]), float(y[j]), float(sharpest)),
+        share_too_narrow=float(np.sum(found * reach >= 1.0)) / count,
+        share_bulging=float(np.sum(judged & (largest < -flat))) / count,
+    )
+
+
+def _finer(axis: Floats) -> Floats:
+    """Return a grid so fine that nothing sharp hides between its places."""
+    parts = int(np.ceil(_PLACES / (axis.size - 1)))
+    return np.linspace(axis[0], axis[-1], parts * (axis.size - 1) + 1)
+
+
+def _near(x: Floats, y: Floats, path: ToolPath, reach: float) -> np.ndarray:
+    """Which places of the grid a disc on the path passes over."""
+    steps = max(2, int(8 * path.length / reach))
+    near = np.zeros((x.size, y.size), dtype=bool)
+    for here in path.position(np.linspace(0.0, path.duration, steps)).T:
+        near |= np.hypot(x[:, None] - here[0], y[None, :] - here[1]) <= reach
+    return near
+
+
+# Whether the physical simulator may be believed on a surface, along the path of the tool.
+
+_PER_RADIUS = 8  # places along the path per radius of the brush
+_BULGE = 1e-6  # m, and
+_SHARE_OF_DEPTH = 0.02  # what the middle of the disc may stand in the mould, by its penetration
+
+
+def check_ground(parameters: BrushParameters, duration: float) -> None:
+    """Refuse a path that ends too soon or leads the rim off the mould, and moulds that bulge.
+
+    The simulator knows contact along the rim. It is there as long as the surface is hollow, or
+    straight, in some direction at least: the depth of the disc's face in it is then largest at
+    the end of a chord. Only where it bulges in all directions the face would touch first.
+    """
+    path, mould = parameters.path, parameters.surface
+    if path is not None and path.duration < duration * (1 - 1e-9):
+        shown = described(f"a path of {path.duration:.4g} s")
+        remedy = "Shorten the duration, or go slower."
+        raise invalid("path", shown, f"at least the duration, {duration:g} s", remedy)
+    if not isinstance(mould, Mould):
+        return
+    places = visited(parameters, duration)
+    reach = parameters.rim_distance
+    spare = mould.distance_to_edge(*places) - reach
+    if spare.min() < 0:
+        where = _told(places[:, int(np.argmin(spare))])
+        away = f"{-1e3 * spare.min():.3g} mm"
+        shown = described(f"a path whose rim leaves the mould by {away} around {where}")
+        wanted = f"the mould to reach {1e3 * reach:.3g} mm around the path"
+        raise invalid("path", shown, wanted, "Move or shrink the path, or give a larger mould.")
+    _check_bulges(mould, places, parameters)
+
+
+def visited(parameters: BrushParameters, duration: float) -> Floats:
+    """Places of the tool's centre, an eighth of a radius apart at most, shape (2, n) [m]."""
+    rough = tool_position(np.linspace(0.0, duration, 2001), parameters)
+    length = float(np.sum(np.hypot(*np.diff(rough, axis=1))))
+    count = max(32, int(np.ceil(1.5 * length * _PER_RADIUS / parameters.radius)))
+    return tool_position(np.linspace(0.0, duration, count), parameters)
+
+
+def under_disc(surface: PolishedSurface, places: Floats, radius: float) -> tuple[Floats, Floats]:
+    """Largest second derivative in any direction at places on and within the rim [1/m].
+
+    Returns
+    -------
+    least, most : ndarray, shape (n,)
+        Under the disc at each place of the path.
+    """
+    angle = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
+    ring = np.stack([np.cos(angle), np.sin(angle)])
+    spots = np.concatenate([np.zeros((2, 1)), 0.5 * radius * ring, radius * ring], axis=1)
+    x, y = (places[k][:, None] + spots[k] for k in (0, 1))
+    r, s, t = surface.bends(x, y)
+    largest = 0.5 * (r + t) + np.hypot(0.5 * (r - t), s)
+    return largest.min(axis=1), largest.max(axis=1)
+
+
+def _told(place: Floats) -> str:
+    x, y = (round(1e3 * float(part), 2) + 0.0 for part in place)
+    return f"x = {x:g} mm, y = {y:g} mm"
+
+
+def _check_bulges(mould: Mould, places: Floats, parameters: BrushParameters) -> None:
+    least, _ = under_disc(mould, places, parameters.radius)
+    bulge = -0.5 * float(least.min()) * parameters.radius**2
+    depth = parameters.polishing_force / parameters.contact_stiffness
+    if bulge > max(_BULGE, _SHARE_OF_DEPTH * depth):
+        where = _told(places[:, int(np.argmin(least))])
+        much = f"{1e6 * bulge:.3g} µm"
+        raise invalid(
+            "surface",
+            described(f"{mould.name}, which bulges by {much} under the disc around {where}"),
+            "a surface that is hollow in some direction, where the disc touches with its rim",
+            "Lead the path round the bulge; the simulator knows no contact of the disc's face.",
+        )
+
+
+_PHYSICAL = {"disc": "two-angle", "start": "pressed", "max_passes": 4}
+_LISTING = {"defects": ListingDefects(), "workaround": "none"}
+_SAMPLE_RATE = {"physical": 20e3, "listing": 1e5}
+_TOLERANCE = {"physical": 2e-3, "listing": 1e-3}
+
+
+def simulate_brush(
+    simulator: Literal["physical", "listing"] = "physical",
+    run: int | None = None,
+    duration: float = 5.0,
+    *,
+    parameters: BrushParameters | None = None,
+    surface: PolishedSurface | None = None,
+    path: ToolPath | None = None,
+    sample_rate: float | None = None,
+    tolerance: float | None = None,
+    disc: Literal["two-angle", "three-angle"] | None = None,
+    start: Literal["pressed", "landing"] | None = None,
+    max_passes: int | None = None,
+    defects: ListingDefects | None = None,
+    workaround: Workaround | None = None,
+) -> xr.Dataset:
+    r"""Simulate the polishing brush and the forces with which it disturbs the tool.
+
+    Parameters
+    ----------
+    simulator : {"physical", "listing"}
+        "physical": unilateral contact along the whole rim with damping, and friction against
+        the slip of the spinning rim; well posed. "listing": the code of the thesis's
+        appendix D with its mistakes, for reproducing the thesis.
+    run : {1, 2, 3, 4}, optional
+        Sets the contact stiffness to 1e4, 1e6, 1e8 or 1e10 N/m (table 9.2), also in given
+        `parameters`. Without both, run 1.
+    duration : float
+        Simulated time [s].
+    parameters : BrushParameters, optional
+        Default: ``BrushParameters()`` for "physical", ``BrushParameters.as_published()`` for
+        "listing".
+    surface : Surface or Mould, optional
+        What is polished, in place of that of the parameters; only "physical" knows moulds.
+    path : ToolPath, optional
+        Where the tool goes, in place of circling; only "physical".
+    sample_rate : float, optional
+        Samples of the result per second [Hz]. 20 kHz for "physical": no step is longer than a
+        sample, and forces are averaged over each, so that straight lines through them have
+        the impulse of the contact. 100 kHz for "listing": forces are those at the sample.
+    tolerance : float, optional
+        "physical": largest difference of the contact impulse over 10 ms between the last two of
+        the passes with ever smaller steps and more rim points, relative to the impulse of the
+        polishing force; 2e-3. "listing": relative tolerance of ode45; 1e-3.
+    disc : {"two-angle", "three-angle"}, optional
+        Only "physical". Two angles and an ideal drive, (6.59) to (6.62), the default; or three,
+        (6.54) to (6.58), with a spin that friction slows down against the drive's damping.
+    start : {"pressed", "landing"}, optional
+        Only "physical". The disc begins parallel to the surface, pressed down by the polishing
+        force, the default, or just touching it.
+    max_passes : int, optional
+        Only "physical". At most this many passes, 4, and at least 2; a warning tells when they
+        did not agree.
+    defects : ListingDefects, optional
+        Only "listing". The mistakes to make; all of them by default.
+    workaround : {"none", "divide", "impulse"}, optional
+        Only "listing". What section 9.4.5 does to the impact forces: nothing, division by
+        10000, or multiplication by the duration of impact.
+
+    Returns
+    -------
+    xarray.Dataset
+        Along `time` [s]: `theta`, `psi` [rad] and `theta_rate`, `psi_rate` [rad/s]; `F_x`, `F_y`,
+        `F_z`, `F_p` [N]; `contact` by `point`; `tool_x`, `tool_y`, `surface_height` [m] and
+        `elevation` [rad]. The attributes hold the parameters and say how exact the run is.
+
+        "physical": theta and psi are tilts about x and y, zero when level, or for the
+        three-angle disc nutation and precession, with `phi`, `phi_rate` and `omega_z`. A point is
+        the quarter of the rim around +x (C1), -x (C2), +y (C3), -y (C4). Besides,
+        `contact_force` [N] by `point`, `contact_share`, `contact_energy` [J], `friction_power`,
+        `damping_power` [W], `tool_z` [m], `tool_z_rate` [m/s].
+
+        "listing": theta is the tilt towards the feed and psi the roll about it, pi/2 when level;
+        C1 is ahead, C2 behind, C3 and C4 at the sides. The gates by which D.2 and D.3 make
+        forces depend on the bearing are open here; `listing_response` obeys them.
+
+        Signs follow (8.45): the tool's equations are m x'' = ... - F_x, m y'' = ... - F_y,
+        m z'' = ... + F_z, and m_z z_m'' = ... - F_p, so that F_x > 0 pushes the tool along -x
+        and F_z > 0 lifts it.
+
+    Raises
+    ------
+    InvalidInputError
+        If an argument is out of its range, or belongs to the other simulator; if the path is
+        shorter than the run or leads the rim off the mould; if the mould bulges under the disc.
+    SolverError
+        If the disc tips over or moves too fast to be followed.
+
+    Warns
+    -----
+    RobustPolishWarning
+        If the passes do not agree, as when the brush rattles for want of damping.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> signals = rp.simulate_brush(run=2, duration=0.02)
+    >>> signals.sizes["time"], signals.F_z.attrs["units"], signals.attrs["converged"]
+    (401, 'N', 1)
+    >>> bool((signals.contact_force >= 0).all())
+    True
+    """
+    one_of("simulator", simulator, ("physical", "listing"))
+    given = {
+        "disc": disc,
+        "start": start,
+        "max_passes": max_passes,
+        "defects": defects,
+        "workaround": workaround,
+    }
+    options = _options(simulator, given)
+    chosen = _parameters(simulator, run, parameters, surface, path)
+    rate = _SAMPLE_RATE[simulator] if sample_rate is None else sample_rate
+    time = _sample_times(duration, rate)
+    limit = positive("tolerance", _TOLERANCE[simulator] if tolerance is None else tolerance)
+    check_ground(chosen, float(time[-1]))
+    with working(f"Simulating the brush for {duration:g} s"):
+        return _run(simulator, chosen, time, limit, options)
+
+
+def _run(
+    simulator: str,
+    chosen: BrushParameters,
+    time: NDArray[np.float64],
+    limit: float,
+    options: dict[str, Any],
+) -> xr.Dataset:
+    """Run a simulator with checked options."""
+    if simulator == "listing":
+        return run_listing(chosen, time, relative=limit, **options)
+    three_angles = options["disc"] == "three-angle"
+    result, check = run_refined(
+        chosen,
+        time,
+        three_angles=three_angles,
+        landing=options["start"] == "landing",
+        tolerance=limit,
+        max_passes=options["max_passes"],
+    )
+    return physical_dataset(result, check, chosen, three_angles)
+
+
+def _options(simulator: str, given: dict[str, Any]) -> dict[str, Any]:
+    """Check the options of one simulator, fill in its defaults, and refuse the other's."""
+    defaults, foreign = (_PHYSICAL, _LISTING) if simulator == "physical" else (_LISTING, _PHYSICAL)
+    for name in foreign:
+        if given[name] is not None:
+            raise invalid(
+                name,
+                given[name],
+                f"nothing, because the {simulator} simulator has no such option",
+                "Leave it out, or choose the other simulator.",
+            )
+    options = {
+        name: default if given[name] is None else given[name] for name, default in defaults.items()
+    }
+    if simulator == "listing":
+        one_of("workaround", options["workaround"], ("none", "divide", "impulse"))
+        if not isinstance(options["defects"], ListingDefects):
+            raise invalid(
+                "defects", options["defects"], "ListingDefects", "Pass ListingDefects(...)."
+            )
+        return options
+    one_of("disc", options["disc"], ("two-angle", "three-angle"))
+    one_of("start", options["start"], ("pressed", "landing"))
+    passes = options["max_passes"]
+    if not isinstance(passes, int) or passes < 2:
+        raise invalid("max_passes", passes, "an integer of at least 2", "Allow more passes.")
+    return options
+
+
+def _sample_times(duration: float, sample_rate: float) -> NDArray[np.float64]:
+    seconds = positive("duration", duration, "s")
+    rate = positive("sample_rate", sample_rate, "Hz")
+    samples = round(seconds * rate)
+    if samples < 1:
+        raise invalid(
+            "duration",
+            duration,
+            f"at least one sample of {1.0 / rate:g} s",
+            "Raise the duration or the sample rate.",
+        )
+    return np.arange(samples + 1) / rate
+
+
+def _parameters(
+    simulator: str,
+    run: int | None,
+    parameters: BrushParameters | None,
+    surface: PolishedSurface | None,
+    path: ToolPath | None,
+) -> BrushParameters:
+    if parameters is None:
+        listed = simulator == "listing"
+        parameters = BrushParameters.as_published() if listed else BrushParameters()
+    remedy = "Build them with BrushParameters(...) or BrushParameters.for_run(...)."
+    instance_of("parameters", parameters, BrushParameters, "BrushParameters", remedy)
+    given = {"surface": surface, "path": path}
+    changes: dict[str, Any] = {name: item for name, item in given.items() if item is not None}
+    changed = replace(parameters, **changes) if changes else parameters
+    return changed if run is None else changed.with_run(run)

@@ -1,0 +1,231 @@
+"""The controllers that the thesis asked for, beside the one that it found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from robustpolish.base.checks import one_of
+from robustpolish.closed_loop.simulate import ControllerComparison, tabulate
+from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
+from robustpolish.polishing.simulate import simulate_brush
+from robustpolish.polishing.thesis.listing import Workaround, listing_response
+from robustpolish.polishing.thesis.published_controllers import (
+    PUBLISHED_CONTROLLERS,
+    published_gain,
+)
+from robustpolish.synthesis.design import Design
+from robustpolish.synthesis.given import given_controller
+from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
+from robustpolish.synthesis.state_feedback.state_feedback import state_feedback
+from robustpolish.synthesis.structured.methods import observer_feedback, static_output_feedback
+
+# Chapter 11 of the thesis as it was computed, unequal loads and all.
+
+UNEQUAL_LOAD = (
+    "not the same load: as in the thesis, F_y drives y without control and x with it, and the "
+    "forces depend on the solver's steps"
+)
+_WORKAROUND: Mapping[int, Workaround] = {1: "divide", 4: "impulse"}
+_SIGNALS = ("x", "y", "z")
+
+
+def thesis_comparison(
+    run: Literal[1, 4] = 1,
+    controllers: Sequence[str] = ("first", "first_scaled", "second", "second_scaled"),
+    *,
+    duration: float = 5.0,
+    tolerance: float = 1e-3,
+) -> ControllerComparison:
+    """Recompute the rows of tables 11.1, 11.3, 11.5 and 11.7 with the listings' defects.
+
+    The row without control follows listing D.2 (c_A where (8.46) has c_D, load by (8.47)), the
+    others D.3 (load by (10.39)). The deviations are those of the sums x_m + x, y_m + y and
+    z_m + z, as plotted in the thesis. They reproduce what was printed; they do not say how good
+    a controller is. For that use :func:`robustpolish.compare_controllers`.
+
+    Parameters
+    ----------
+    run : {1, 4}, optional
+        Run 1 with forces divided by 10000, or run 4 with forces times t_m (section 9.4.5).
+    controllers : sequence of str, optional
+        Names of `robustpolish.polishing.thesis.published_controllers.PUBLISHED_CONTROLLERS`.
+    duration : float, optional
+        Simulated time in s; 5 in the thesis.
+    tolerance : float, optional
+        Relative tolerance of the solver, on which the rows depend; 1e-3 in the thesis.
+
+    Returns
+    -------
+    ControllerComparison
+        Its `load` says that the loads differ.
+
+    Raises
+    ------
+    InvalidInputError
+        If the run is another one or a controller is unknown.
+
+    Examples
+    --------
+    >>> from robustpolish.closed_loop import thesis_comparison
+    >>> table = thesis_comparison(run=1, controllers=["second"], duration=0.02)
+    >>> print(table.load[:17])
+    not the same load
+    """
+    one_of("run", run, _WORKAROUND)
+    for name in controllers:
+        one_of("controllers", name, PUBLISHED_CONTROLLERS)
+    brush = simulate_brush("listing", run, duration, workaround=_WORKAROUND[run])
+    p = AirBearingParameters.as_published()
+    total = np.kron(np.eye(3), [[1.0, 0.0, 1.0, 0.0]])
+    plant = air_bearing(p)
+    without = listing_response(
+        _as_listed(plant.A, p), plant.B1, total, brush, bearing_mass=p.m_z, tolerance=tolerance
+    )
+    responses = {"without control": without}
+    for name in controllers:
+        actuation = "displacement" if name.startswith("first") else "force"
+        plant = air_bearing(p, actuation=actuation, load="printed")
+        loop = plant.A + plant.B2 @ published_gain(name)
+        responses[name] = listing_response(loop, plant.B1, total, brush, tolerance=tolerance)
+    return tabulate(
+        {name: _labelled(response) for name, response in responses.items()},
+        _SIGNALS,
+        (),
+        UNEQUAL_LOAD,
+        largest={name: response["largest"].to_numpy() for name, response in responses.items()},
+    )
+
+
+def _as_listed(A: NDArray[np.float64], p: AirBearingParameters) -> NDArray[np.float64]:
+    """Put c_A into the brush's equations in x and y, as lines 144 and 148 of D.2 do."""
+    c_A = p.damping(0.001).c_A
+    listed = A.copy()
+    for row, bearing in ((3, 1), (7, 5)):
+        listed[row, bearing] = c_A / p.m_t
+        listed[row, row] = -c_A / p.m_t
+    return listed
+
+
+def _labelled(response: xr.Dataset) -> xr.Dataset:
+    """Turn the outputs into signals x, y and z."""
+    values = response["response"].to_numpy()
+    return xr.Dataset(
+        {name: ("time", values[:, i], {"units": "m"}) for i, name in enumerate(_SIGNALS)},
+        coords={"time": response["time"]},
+    )
+
+
+# The largest deviations that the thesis prints in chapter 11.
+#
+# The numbers are those of M.L. Postma, Polishing robot: vibrations due to impact, tables 11.1,
+# 11.3, 11.5 and 11.7. What they are worth is told by
+# :func:`robustpolish.polishing.thesis.comparison.thesis_comparison`.
+
+Deviations = Mapping[str, tuple[float, float, float]]
+
+PUBLISHED_DEVIATIONS: Mapping[int, Deviations] = MappingProxyType(
+    {
+        1: MappingProxyType(
+            {
+                "without control": (7.8095e-4, 0.0177, 1.9855e-4),
+                "first": (0.0, 7.5486e-4, 7.1232e-6),
+                "first_scaled": (0.0, 4.5467e-4, 8.0705e-6),
+                "second": (0.0, 7.4643e-5, 2.4510e-5),
+                "second_scaled": (0.0, 6.8915e-4, 9.7659e-6),
+            }
+        ),
+        4: MappingProxyType(
+            {
+                "without control": (0.0011, 0.0094, 1.5049e-4),
+                "first": (0.0, 7.9841e-4, 1.2877e-5),
+                "first_scaled": (0.0, 4.9490e-4, 1.2861e-5),
+                "second": (0.0, 8.2640e-5, 4.6829e-5),
+                "second_scaled": (0.0, 8.0809e-4, 1.9925e-5),
+            }
+        ),
+    }
+)
+"""Largest deviation [m] in x, y and z by run and row, as printed."""
+
+
+# Per unit of u, so that runs 1 and 4 ask for a few N, or a few m/s.
+_PRICE = {"force": 1e-7, "displacement": 1e-8}
+
+
+def thesis_structures(
+    actuation: Literal["force", "displacement"] = "force",
+    *,
+    control_weight: float | None = None,
+    measurement_noise: float = 1e-8,
+    time_limit: float = 20.0,
+) -> dict[str, Design]:
+    """Design dynamic, static and observer-based controllers for the thesis's plant.
+
+    Chapter 10 derives them and leaves them open: the dynamic one "never gave a solid result", the
+    observer is "a little tricky". They measure the six displacements only (10.75). Static state
+    feedback, printed in appendix C and ours, measures all twelve states.
+
+    Parameters
+    ----------
+    actuation : {"force", "displacement"}, optional
+        See :func:`robustpolish.air_bearing`.
+    control_weight : float, optional
+        Price on u, in m per N or m per (m/s); 1e-7 for forces and 1e-8 for
+        displacements by default.
+    measurement_noise : float, optional
+        Noise on the measured displacements, m per unit of w. Static output feedback is designed
+        without it: a gain passes noise on at all frequencies.
+    time_limit : float, optional
+        Seconds for each of the static and the observer-based design, which use them up.
+
+    Returns
+    -------
+    dict of str to Design
+        Certified; for :func:`robustpolish.compare_controllers`.
+
+    Raises
+    ------
+    InvalidInputError
+        If an argument does not fit.
+    SolverError
+        If a controller was not found in its time.
+
+    Examples
+    --------
+    >>> from robustpolish.closed_loop import thesis_structures
+    >>> designs = thesis_structures("force", time_limit=2)
+    >>> [design.certificate.valid for design in designs.values()]
+    [True, True, True, True, True]
+    """
+    one_of("actuation", actuation, _PRICE)
+    price = _PRICE[actuation] if control_weight is None else control_weight
+    full = air_bearing(actuation=actuation)
+    measured = air_bearing(actuation=actuation, measured="displacement")
+    printed = "second_scaled" if actuation == "force" else "first_scaled"
+    return {
+        f"static state feedback, {PUBLISHED_CONTROLLERS[printed]}": given_controller(
+            full.with_full_state(), published_gain(printed)
+        ),
+        "static state feedback, ours": state_feedback(full, control_weight=price),
+        "dynamic output feedback": output_feedback(
+            measured,
+            control_weight=price,
+            measurement_noise=measurement_noise,
+            time_limit=time_limit,
+        ),
+        "static output feedback": static_output_feedback(
+            measured, control_weight=price, time_limit=time_limit
+        ),
+        "observer-based": observer_feedback(
+            measured,
+            control_weight=price,
+            measurement_noise=measurement_noise,
+            time_limit=time_limit,
+        ),
+    }

@@ -1,0 +1,6 @@
+"""Classes of the results that functions return."""
+
+from robustpolish.names import namespace
+
+# The names stand in results.pyi; each is imported when it is first asked for.
+__getattr__, __dir__, __all__ = namespace(__file__)

@@ -1,0 +1,982 @@
+"""Branch and bound over real numbers, by polynomials in Bernstein's form."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cache
+from itertools import product
+from math import comb, prod
+from typing import Any, Literal
+
+import flint
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from robustpolish.base.arrays import AnyArray, AnyMatrix, Matrix, Vector
+from robustpolish.base.budget import look_at_the_clock
+from robustpolish.linear.arithmetic.balls import identity, part, precision
+from robustpolish.linear.arithmetic.rational import fraction
+from robustpolish.robust.coverage import cover
+from robustpolish.robust.loop_model import BITS, LoopModel, Structure, positions, rounded
+from robustpolish.robust.real_parameters import crossings
+from robustpolish.robust.scalings import Space
+from robustpolish.robust.witness import Witness, smallest
+
+# Polynomials in Bernstein's form: their values over a box lie between their coefficients.
+#
+# References ---------- .. [1] M. Zettler, J. Garloff, "Robustness analysis of polynomials with
+# polynomial parameter    dependency using Bernstein expansion", IEEE Transactions on Automatic
+# Control 43 (1998) 425-431.
+
+Balls = NDArray[np.object_]
+"""An array of flint.arb or flint.fmpq; python-flint ships no stubs for them."""
+
+
+def nodes(degree: int) -> list[Any]:
+    """Return as many numbers as a polynomial needs, between 1/4 and 3/4, as flint.fmpq."""
+    return [flint.fmpq(degree + 2 * j, 4 * degree) for j in range(degree + 1)]
+
+
+@cache
+def from_values(degree: int) -> Balls:
+    """Return the matrix from values at the nodes to the coefficients between 0 and 1, exactly."""
+    rows = [
+        [comb(degree, k) * x**k * (1 - x) ** (degree - k) for k in range(degree + 1)]
+        for x in nodes(degree)
+    ]
+    return _table(flint.fmpq_mat(rows).inv())
+
+
+def from_powers(degree: int, low: float, high: float) -> Any:
+    """Return the matrix from coefficients of powers to those over an interval, as arb_mat.
+
+    Parameters
+    ----------
+    degree : int
+    low, high : float
+        Taken as exact.
+
+    Returns
+    -------
+    flint.arb_mat, shape (degree + 1, degree + 1)
+        To be multiplied from the right with rows of coefficients, the constant one first.
+    """
+    a, b = fraction(low), fraction(high)
+    rows = []
+    for power in range(degree + 1):
+        moved = [comb(power, j) * a ** (power - j) * (b - a) ** j for j in range(power + 1)]
+        rows.append(
+            [
+                sum(
+                    (flint.fmpq(comb(k, j), comb(degree, j)) * moved[j]
+                     for j in range(min(k, power) + 1)),
+                    flint.fmpq(0),
+                )
+                for k in range(degree + 1)
+            ]
+        )  # fmt: skip
+    return flint.arb_mat(flint.fmpq_mat(rows))
+
+
+def along(table: AnyArray, coefficients: AnyArray, axis: int) -> AnyArray:
+    """Return what a matrix makes of an array along one of its axes."""
+    return np.moveaxis(np.tensordot(table, coefficients, (1, axis)), 0, axis)
+
+
+@cache
+def halves(degree: int) -> tuple[Matrix, Matrix]:
+    """Return the matrices from coefficients to those over the lower and the upper half.
+
+    Their entries are exact, not negative, and sum up to 1 in a row.
+    """
+    lower = np.array(
+        [[comb(i, j) / 2.0**i if j <= i else 0.0 for j in range(degree + 1)]
+         for i in range(degree + 1)]
+    )  # fmt: skip
+    return lower, lower[::-1, ::-1].copy()
+
+
+def square(low: float, high: float, degree: int) -> AnyArray:
+    """Return the coefficients of x^2 over an interval, for a degree of at least 2."""
+    k = np.arange(degree + 1)
+    mixed, last = k / degree, k * (k - 1) / (degree * (degree - 1))
+    return low * low * (1 - 2 * mixed + last) + 2 * low * high * (mixed - last) + high * high * last
+
+
+def _table(matrix: Any) -> Balls:
+    found = np.empty((matrix.nrows(), matrix.ncols()), dtype=object)
+    for i, row in enumerate(matrix.tolist()):
+        for j, entry in enumerate(row):
+            found[i, j] = entry
+    return found
+
+
+# A loop around real numbers as polynomials in them and in the frequency, in ball arithmetic.
+#
+# P is the characteristic polynomial of a loop with numbers in it, all denominators multiplied out,
+# and N / P the system that the one other block sees: the loop has a pole at j w just if P(j w) = 0,
+# and a block of size k that puts one there just if |P| <= k ||N||.
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Polynomials of a loop over a box of its real numbers.
+
+    Attributes
+    ----------
+    real : tuple of int
+        Positions of the blocks that are real numbers, one axis each.
+    rest : (int, int)
+        Rows and columns of N; 0 if there is no other block.
+    degrees : tuple of int
+        In each number, of P and N.
+    size : float
+        The box is between -/+ size.
+    parts : ndarray of arb, shape (polynomials, degree 1 + 1, ..., states + 1)
+        P, then the entries of N: Bernstein coefficients over the box, of powers of s.
+    """
+
+    real: tuple[int, ...]
+    rest: tuple[int, int]
+    degrees: tuple[int, ...]
+    size: float
+    parts: Balls
+
+    @property
+    def states(self) -> int:
+        """Degree in s."""
+        return self.parts.shape[-1] - 1
+
+
+def is_small(loop: LoopModel, most: int) -> bool:
+    """Say whether a loop has polynomials, and not too many coefficients.
+
+    Parameters
+    ----------
+    loop : LoopModel
+    most : int
+        Coefficients of all numbers together.
+    """
+    blocks, n = loop.structure.blocks, loop.model.states
+    real = [block for block in blocks if block.kind == "real"]
+    others = [block for block in blocks if block.kind != "real"]
+    if not real or not n or len(others) > 1:
+        return False
+    if others and others[0].copies != 1:
+        return False
+    entries = 1 + sum(block.rows * block.columns for block in others)
+    return prod(block.copies + 1 for block in real) * (n + 1) * entries <= most
+
+
+def family(loop: LoopModel, size: float) -> Family:
+    """Return the polynomials of a loop over the box of real numbers up to a size.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        With real numbers, and at most one other block that occurs once.
+    size : float
+        Of the largest number.
+
+    Returns
+    -------
+    Family
+
+    Raises
+    ------
+    ZeroDivisionError
+        If the loop is not well posed at one of the numbers that are tried.
+    """
+    blocks = loop.structure.blocks
+    real = tuple(k for k, block in enumerate(blocks) if block.kind == "real")
+    others = [k for k in range(len(blocks)) if k not in real]
+    degrees = tuple(blocks[k].copies for k in real)
+    closed = _Closed(loop, real, others)
+    shape = tuple(degree + 1 for degree in degrees)
+    parts: Any = None
+    for place in product(*(range(count) for count in shape)):
+        numbers = [
+            flint.arb(size) * flint.arb(2 * nodes(degree)[j] - 1)
+            for j, degree in zip(place, degrees, strict=True)
+        ]
+        values = closed.polynomials(numbers)
+        if parts is None:
+            parts = np.empty((len(values), *shape, loop.model.states + 1), dtype=object)
+        for i, coefficients in enumerate(values):
+            parts[(i, *place)] = coefficients
+    for axis, degree in enumerate(degrees):
+        parts = along(from_values(degree), parts, axis + 1)
+    return Family(real, closed.shape, degrees, size, parts)
+
+
+class _Closed:
+    """The loop with numbers in place of its real blocks."""
+
+    def __init__(self, loop: LoopModel, real: tuple[int, ...], others: list[int]) -> None:
+        structure = loop.structure
+        z, out = (positions(structure.inputs, blocks) for blocks in (real, others))
+        w, into = (positions(structure.outputs, blocks) for blocks in (real, others))
+        self.copies = [structure.blocks[k].copies for k in real]
+        A, B, C, D = loop.balls
+        states = range(loop.model.states)
+        self.A, self.B, self.C = A, part(B, states, w), part(C, z, states)
+        self.D = part(D, z, w)
+        self.shape = len(out), len(into)
+        if out:
+            self.B2, self.C2 = part(B, states, into), part(C, out, states)
+            self.D12, self.D21 = part(D, z, into), part(D, out, w)
+            self.D22 = part(D, out, into)
+
+    def polynomials(self, numbers: list[Any]) -> list[list[Any]]:
+        """Return P and the entries of N: their coefficients, the constant one first."""
+        r = sum(self.copies)
+        spread = [value for value, c in zip(numbers, self.copies, strict=True) for _ in range(c)]
+        gains = flint.arb_mat(r, r)
+        for i, value in enumerate(spread):
+            gains[i, i] = value
+        back = identity(r) - self.D * gains
+        scale = back.det()
+        onto = gains * back.inv()
+        A = self.A + self.B * onto * self.C
+        P = A.charpoly()
+        found = [P * scale]
+        if self.shape[0]:
+            B2 = self.B2 + self.B * onto * self.D12
+            C2 = self.C2 + self.D21 * onto * self.C
+            D2 = self.D22 + self.D21 * onto * self.D12
+            for i, j in product(range(self.shape[0]), range(self.shape[1])):
+                row = flint.arb_mat([C2.tolist()[i]])
+                column = flint.arb_mat([[line[j]] for line in B2.tolist()])
+                # det(s - A + b c) = det(s - A) (1 + c (s - A)^-1 b)
+                shifted = (A - column * row).charpoly()
+                found.append((shifted - P + P * D2[i, j]) * scale)
+        n = A.nrows()
+        return [[one[power] for power in range(n + 1)] for one in found]
+
+
+# A look for a smaller witness where branching finds the lowest bound.
+
+
+def nearby(
+    loop: LoopModel, numbers: Vector, frequency: float, fixed: tuple[bool, ...]
+) -> Witness | None:
+    """Return the smallest Delta that a search finds from real numbers and a frequency.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        With real numbers.
+    numbers : ndarray
+        Of the real blocks.
+    frequency : float
+        Of the model.
+    fixed : tuple of bool
+        Blocks that have size 1 whatever the size of the others.
+
+    Returns
+    -------
+    Witness or None
+        None too where rounding sees a pole at the frequency.
+    """
+    structure = loop.structure
+    real = [k for k, block in enumerate(structure.blocks) if block.kind == "real"]
+    scale = np.ones(structure.shape[1])
+    ends = frequency == 0 or math.isinf(frequency)
+    angle = loop.angle(frequency)
+    try:
+        w = worst_signals(structure, loop.response(angle)[0], numbers)
+    except np.linalg.LinAlgError:
+        return None
+    deltas: list[complex | None] = [None] * len(structure.blocks)
+    for k, number in zip(real, numbers, strict=True):
+        deltas[k] = complex(number)
+    starts = [(w, angle, not ends, tuple(deltas))]
+    if len(real) == len(structure.blocks):
+        for crossing in crossings(loop, (numbers,)):
+            angle, moves = loop.start(crossing.frequency)
+            starts.append((crossing.w, angle, moves, crossing.deltas))
+    found = [
+        smallest(structure, loop.response, w, at, moves, scale, given, fixed)
+        for w, at, moves, given in starts
+    ]
+    return min((one for one in found if one), key=lambda one: one.size, default=None)
+
+
+def worst_signals(structure: Structure, M: AnyMatrix, numbers: Vector) -> AnyMatrix:
+    """Return signals w that are nearly a mode with given real numbers.
+
+    They are those that what else there is amplifies most, or those that are left unchanged most
+    nearly if there is nothing else.
+    """
+    gains = np.zeros(structure.shape[::-1])
+    others_w, others_z = [], []
+    values = iter(numbers)
+    for block, w, z in zip(structure.blocks, structure.outputs, structure.inputs, strict=True):
+        if block.kind == "real":
+            gains[w, z] = float(next(values)) * np.eye(block.copies)
+        else:
+            others_w += range(w.start, w.stop)
+            others_z += range(z.start, z.stop)
+    if not others_w:
+        return np.conj(np.linalg.svd(np.eye(len(gains)) - gains @ M)[2][-1])
+    # z = M w with w = gains z + v, and v of the other blocks only
+    z = np.linalg.solve(np.eye(len(M)) - M @ gains, M[:, others_w])
+    v = np.conj(np.linalg.svd(z[others_z])[2][0])
+    whole = gains @ (z @ v)
+    whole[others_w] += v
+    return whole
+
+
+# Parts of the space of real numbers and frequencies, with polynomials over each of them.
+
+_UNIT = 2.0**-53
+# What quotients and sums of doubles may be off beside the bounds that are counted, relative.
+_ROUNDING = 1e-13
+# Balls are taken so many times larger, for their weights not to count as length.
+_CHEAP = 1e3
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """How large real numbers are: alone, or together within a ball.
+
+    Attributes
+    ----------
+    alone : tuple of int
+        Axes of numbers that count by themselves.
+    together : tuple of tuple of int
+        Axes of numbers of which the root of the sum of squares counts.
+    """
+
+    alone: tuple[int, ...]
+    together: tuple[tuple[int, ...], ...]
+
+    def size(self, numbers: Vector) -> float:
+        """Return the size of numbers."""
+        own = [abs(float(numbers[i])) for i in self.alone]
+        return max([*own, *(float(np.linalg.norm(numbers[list(g)])) for g in self.together)])
+
+    def least(self, low: Vector, high: Vector) -> float:
+        """Return a size below that of all numbers of a box."""
+        nearest = np.maximum(np.maximum(low, -high), 0.0)
+        return self.size(nearest) * (1 - _ROUNDING)
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A box of real numbers and a band of frequencies, with polynomials over it.
+
+    Attributes
+    ----------
+    rows : ndarray of complex, shape (1 + entries, degree + 1, ..., degree + 1)
+        Bernstein coefficients of P and of the entries of N; an axis per number, the last one is
+        that of the frequency.
+    errors : ndarray, shape (1 + entries,)
+        By how much coefficients may be off.
+    rest : (int, int)
+        Rows and columns of N.
+    low, high : ndarray
+        Ends of the box.
+    band : (float, float)
+        Ends of the band: frequencies, or their inverses.
+    above : bool
+        Whether they are inverses.
+    """
+
+    rows: AnyArray
+    errors: Vector
+    rest: tuple[int, int]
+    low: Vector
+    high: Vector
+    band: tuple[float, float]
+    above: bool
+
+    @property
+    def centre(self) -> Vector:
+        """The middle of the box."""
+        return (self.low + self.high) / 2
+
+    @property
+    def frequency(self) -> float:
+        """The middle of the band; the end of the axis if that is in it."""
+        if not self.band[0]:
+            return math.inf if self.above else 0.0
+        middle = (self.band[0] + self.band[1]) / 2
+        return 1 / middle if self.above else middle
+
+    @property
+    def norms(self) -> AnyArray:
+        """Bernstein coefficients of a function that is nowhere below the norm of N."""
+        ny, nu = self.rest
+        if not ny * nu:
+            return np.zeros(self.rows.shape[1:])
+        N, off = self.rows[1:], float(np.linalg.norm(self.errors[1:]))
+        if min(ny, nu) == 1:
+            return np.linalg.norm(N, axis=0) * (1 + _ROUNDING) + off
+        matrices = np.moveaxis(N, 0, -1).reshape(*N.shape[1:], ny, nu)
+        return np.linalg.norm(matrices, 2, axis=(-2, -1)) * (1 + _ROUNDING) + off
+
+    def halved(self, axis: int) -> tuple[Region, Region]:
+        """Return both halves across an axis."""
+        sizes = np.abs(self.rows).max(axis=tuple(range(1, self.rows.ndim)))
+        degree = self.rows.shape[axis + 1] - 1
+        errors = self.errors + 4 * (degree + 2) * _UNIT * sizes
+        lower, upper = (along(half, self.rows, axis + 1) for half in halves(degree))
+        if axis == len(self.low):
+            start, stop = self.band
+            middle = (start + stop) / 2
+            return (
+                replace(self, rows=lower, errors=errors, band=(start, middle)),
+                replace(self, rows=upper, errors=errors, band=(middle, stop)),
+            )
+        below, over = self.high.copy(), self.low.copy()
+        below[axis] = over[axis] = (self.low[axis] + self.high[axis]) / 2
+        return (
+            replace(self, rows=lower, errors=errors, high=below),
+            replace(self, rows=upper, errors=errors, low=over),
+        )
+
+    def ball(self, together: tuple[int, ...], radius: float) -> AnyArray:
+        """Return the coefficients of the sum of squares of some numbers less that of a radius."""
+        shape = self.rows.shape[1:]
+        total: AnyArray = np.full(shape, -radius * radius)
+        for axis in together:
+            own = square(float(self.low[axis]), float(self.high[axis]), shape[axis] - 1)
+            total = total + own.reshape([-1 if i == axis else 1 for i in range(len(shape))])
+        reach = np.maximum(np.abs(self.low), np.abs(self.high))[list(together)]
+        return total - _ROUNDING * (radius * radius + float(reach @ reach))
+
+    def crosses(self, together: tuple[int, ...], radius: float) -> bool:
+        """Say whether a ball ends within the box."""
+        reach = np.maximum(np.abs(self.low), np.abs(self.high))[list(together)]
+        return bool(reach @ reach > radius * radius)
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """A size k below which ``|P| > k ||N||`` over a region, within balls of its numbers.
+
+    Attributes
+    ----------
+    size : float
+        0 for none; infinite if N is 0, or there is none, and P is not 0.
+    parts : tuple of ndarray
+        Bernstein coefficients of what would have to be linear for the bound to be exact: what is
+        left of P in the direction that proves it, or P and the balls if there is none.
+    """
+
+    size: float
+    parts: tuple[AnyArray, ...]
+
+
+def bound(region: Region, gauge: Gauge, radius: float, aim: float) -> Bound:
+    """Return what Bernstein coefficients prove over a region.
+
+    With a direction y and weights of the balls (which are not positive within them), ::
+
+        Re(conj(y) P) + weights . balls >= k ||N||    at all coefficients
+
+    shows that ``|P| >= k ||N||``: a convex problem, with the nearest point of a hull as solution.
+
+    Parameters
+    ----------
+    region : Region
+    gauge : Gauge
+    radius : float
+        Of the balls.
+    aim : float
+        The size that one would like to prove.
+    """
+    P, norms = region.rows[0], region.norms
+    error = float(region.errors[0]) + _ROUNDING * float(np.abs(P).max())
+    wanted = norms.ravel() if norms.any() else np.ones(P.size)
+    balls = [region.ball(g, radius) for g in gauge.together if region.crosses(g, radius)]
+    if any(ball.min() > 0 for ball in balls):
+        return Bound(math.inf, ())
+    unit = float(np.abs(P).max()) or 1.0
+    rows = [P.real.ravel() / unit, P.imag.ravel() / unit]
+    rows += [_CHEAP * ball.ravel() / np.abs(ball).max() for ball in balls]
+    weights = _least(np.array(rows), wanted / wanted.max(), len(balls))
+    length = math.hypot(*weights[:2])
+    curved = (P / unit, *(ball / np.abs(ball).max() for ball in balls))
+    if not length > 0:
+        return Bound(0.0, curved)
+    y = complex(*weights[:2]) / length
+    excess = np.real(np.conj(y) * P)
+    for ball, weight in zip(balls, weights[2:], strict=True):
+        excess = excess + unit * _CHEAP * weight / length / np.abs(ball).max() * ball
+    sure = excess - error - _ROUNDING * np.abs(excess)
+    if not (sure > 0).all():
+        return Bound(0.0, curved)
+    if not norms.any():
+        return Bound(math.inf, ())
+    used = norms > 0
+    size = float((sure[used] / norms[used]).min()) * (1 - _ROUNDING)
+    return Bound(size, (excess - aim * norms,))
+
+
+def _least(rows: Matrix, wanted: Vector, positive: int) -> Vector:
+    """Return the shortest y with ``y @ rows >= wanted``, its last entries positive; else 0.
+
+    By Lawson and Hanson's least distance programming.
+    """
+    count, columns = rows.shape
+    table = np.zeros((count + 1, columns + positive))
+    table[:count, :columns], table[count, :columns] = rows, wanted
+    for i in range(positive):
+        table[count - positive + i, columns + i] = 1.0
+    aim = np.zeros(count + 1)
+    aim[count] = 1.0
+    try:
+        found, _ = nnls(table, aim)
+    except RuntimeError:  # too many steps: no proof here
+        return np.zeros(count)
+    left = aim - table @ found
+    if not left[count] > 0:
+        return np.zeros(count)
+    y = -left[:count]
+    if positive:
+        y[-positive:] = np.maximum(y[-positive:], 0.0)
+    return y
+
+
+def bent(parts: tuple[AnyArray, ...]) -> int:
+    """Return the axis across which functions are least linear."""
+    axes = [axis for axis, count in enumerate(parts[0].shape) if count > 1]
+    bends = dict.fromkeys(axes, 0.0)
+    for i in axes:
+        slopes = [np.diff(one, axis=i) for one in parts]
+        for j in axes[axes.index(i) :]:
+            bend = sum(float(np.abs(np.diff(s, axis=j)).max(initial=0.0)) for s in slopes)
+            bends[i] += bend
+            bends[j] += bend
+    return max(axes, key=lambda axis: bends[axis])
+
+
+# Branch and bound over real numbers and frequencies: both bounds drawn together.
+#
+# What scalings prove of many real numbers may be far below what is true, for they forget that a
+# number is the same at all frequencies, and more. Over a small box and a short band, polynomials
+# are nearly linear, and their Bernstein coefficients prove nearly all that is true [1]_. The
+# region with the lowest bound is halved, again and again, until none has one far below the
+# witness.
+#
+# References ---------- .. [1] M. Zettler, J. Garloff, "Robustness analysis of polynomials with
+# polynomial parameter    dependency using Bernstein expansion", IEEE Transactions on Automatic
+# Control 43 (1998) 425-431.
+
+_BITS = 320
+
+Goal = Literal["pole", "both", "gain"]
+
+
+@dataclass(frozen=True)
+class BranchPolicy:
+    """How much work branching may be.
+
+    Attributes
+    ----------
+    coefficients : int
+        Of a polynomial at the beginning, beyond which there is no branching at all: those of five
+        numbers that occur once each, and a gain, with 15 states.
+    work : float
+        Coefficients of all regions that are looked at: a few seconds.
+    overhead : float
+        What looking at a region costs beside, in coefficients.
+    bands : int
+        Of frequency at the beginning, each an octave wide or more.
+    probed : int
+        Regions after which a witness is looked for, and again after twice as many.
+    again : float
+        Part of the gap by which the size of numbers has to fall for a new beginning.
+    """
+
+    coefficients: int = 4000
+    work: float = 1e8
+    overhead: float = 5e3
+    bands: int = 10
+    probed: int = 8
+    again: float = 0.25
+
+
+POLICY = BranchPolicy()
+
+Probe = Callable[[Vector, float], float]
+"""Looks for a witness near real numbers and a frequency; returns the size of the smallest yet."""
+
+
+@dataclass(eq=False)
+class Branching:
+    """What is asked of a loop, and how far the answer is.
+
+    Attributes
+    ----------
+    goal : {"pole", "both", "gain"}
+        Least size of real numbers that put a pole on the axis; least size of these and of the one
+        other block together; or of that block alone, with the numbers up to size 1.
+    gauge : Gauge
+    proven : float
+        A size below which nothing is known to happen.
+    best : float
+        The size of the smallest witness.
+    gap : float
+        Relative distance of both that is small enough.
+    looked_at : int
+        Number of regions.
+    begun : float
+        Size of the numbers in the regions that it began with.
+    heap : list
+        Regions that are not done, with their bounds; that with the least bound is first.
+    """
+
+    goal: Goal
+    gauge: Gauge
+    proven: float
+    best: float
+    gap: float
+    looked_at: int = 0
+    begun: float = 0.0
+    heap: list[tuple[float, int, Region, tuple[AnyArray, ...]]] = field(default_factory=list)
+
+    @property
+    def target(self) -> float:
+        """The size that is to be proven."""
+        return self.best / (1 + self.gap)
+
+    @property
+    def radius(self) -> float:
+        """Of the balls of numbers that count together."""
+        return 1.0 if self.goal == "gain" else self.target
+
+    def begin(self, loop: LoopModel) -> None:
+        """Take the whole box: regions that reach beyond the radius would have low bounds."""
+        self.begun, self.heap = self.radius, []
+        with precision(_BITS):
+            regions = list(_first(family(loop, self.begun), loop))
+        for region in regions:
+            self.add(region, self.proven)
+
+    def add(self, region: Region, least: float) -> None:
+        """Keep a region unless it is done."""
+        self.looked_at += 1
+        far = np.maximum(np.abs(region.low), np.abs(region.high)).max()
+        near = self.gauge.least(region.low, region.high)
+        if near > self.radius or (self.goal == "pole" and far <= self.proven):
+            return
+        found = bound(region, self.gauge, self.radius, self.target)
+        if self.goal == "gain":
+            size = max(least, found.size)
+        elif self.goal == "both":
+            size = max(least, found.size, near)
+        else:
+            size = max(least, near) if found.size == 0 else math.inf
+        if size < self.target:
+            heapq.heappush(self.heap, (size, self.looked_at, region, found.parts))
+
+
+def can_branch(loop: LoopModel) -> bool:
+    """Say whether a loop is one of few real numbers, with at most one other block."""
+    return is_small(loop, POLICY.coefficients)
+
+
+def branched(
+    loop: LoopModel,
+    goal: Goal,
+    proven: float,
+    best: float,
+    gap: float,
+    probe: Probe,
+) -> float:
+    """Raise what is proven of a loop until it is near the smallest witness, or work runs out.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        Stable, and one that :func:`can_branch`.
+    goal : {"pole", "both", "gain"}
+        As of :class:`Branching`.
+    proven, best : float
+        Sizes that are known: nothing happens below the first, the second is that of a witness.
+    gap : float
+        Relative distance at which to stop.
+    probe : callable
+        Looks for a smaller witness: where the bound is lowest after 8, 16, 32, ... regions.
+
+    Returns
+    -------
+    float
+        A size below which nothing happens: at most the smallest witness less the gap.
+    """
+    state = Branching(goal, gauge_of(loop.structure), proven, best, gap)
+    try:
+        state.begin(loop)
+    except ZeroDivisionError:
+        return proven
+    work, steps = 0.0, 0
+    while state.heap and state.heap[0][0] < state.target and work < POLICY.work:
+        look_at_the_clock()
+        least, _, region, parts = heapq.heappop(state.heap)
+        work += 2 * (region.rows.size + POLICY.overhead)
+        steps += 1
+        if steps >= POLICY.probed and steps & (steps - 1) == 0:
+            state.best = probe(region.centre, region.frequency)
+            if state.radius < state.begun * (1 - POLICY.again * gap):
+                state.begin(loop)
+                continue
+        for half in region.halved(bent(parts)):
+            state.add(half, least)
+    least = state.heap[0][0] if state.heap else math.inf
+    return max(proven, min(least, state.target))
+
+
+def gauge_of(structure: Structure) -> Gauge:
+    """Return the gauge of the real numbers of a structure, in their order."""
+    real = structure.only([k for k, b in enumerate(structure.blocks) if b.kind == "real"])
+    alone = tuple(i for i, block in enumerate(real.blocks) if not block.group)
+    return Gauge(alone, real.together)
+
+
+def _first(parts: Family, loop: LoopModel) -> Iterator[Region]:
+    """Yield regions of the whole box, one for each band of frequency."""
+    real, imag = _on_axis(parts.parts)
+    for axis in (i for group in gauge_of(loop.structure).together for i in group):
+        real, imag = _elevated(real, axis + 1), _elevated(imag, axis + 1)
+    edges = _edges(loop)
+    for start, stop in zip([0.0, *edges], [*edges, math.inf], strict=True):
+        above = math.isinf(stop)
+        band = (0.0, 1 / start) if above else (start, stop)
+        matrix = from_powers(parts.states, *band)
+        both = [_multiplied(one[..., ::-1] if above else one, matrix) for one in (real, imag)]
+        yield _region(both, parts, band, above)
+
+
+def _on_axis(parts: Balls) -> tuple[Balls, Balls]:
+    """Return the real and imaginary parts at s = j w, as coefficients of powers of w."""
+    real, imag = np.full(parts.shape, flint.arb(0), dtype=object), parts.copy()
+    real[..., 0::2], imag[..., 0::2] = parts[..., 0::2], flint.arb(0)
+    for one in (real, imag):
+        for power in range(parts.shape[-1]):
+            if power % 4 in (2, 3):
+                one[..., power] = -one[..., power]
+    return real, imag
+
+
+def _elevated(table: Balls, axis: int) -> Balls:
+    """Return the coefficients with a degree of at least 2 along an axis."""
+    if table.shape[axis] > 2:
+        return table
+    low, high = np.take(table, [0], axis), np.take(table, [1], axis)
+    return np.concatenate([low, (low + high) / 2, high], axis=axis)
+
+
+def _multiplied(table: Balls, matrix: Any) -> Balls:
+    """Return rows of coefficients times a matrix."""
+    flat = table.reshape(-1, table.shape[-1])
+    found = flint.arb_mat(flat.tolist()) * matrix
+    result = np.empty(flat.shape, dtype=object)
+    for i, row in enumerate(found.tolist()):
+        result[i] = row
+    return result.reshape(table.shape)
+
+
+def _region(both: list[Balls], parts: Family, band: tuple[float, float], above: bool) -> Region:
+    middles = [np.vectorize(float, otypes=[float])(one) for one in both]
+    rows = middles[0] + 1j * middles[1]
+    errors = []
+    for row, real, imag in zip(rows, *both, strict=True):
+        radius = max(float(entry.rad()) for one in (real, imag) for entry in one.ravel())
+        errors.append(2 * radius + 4 * _UNIT * float(np.abs(row).max()))
+    k = len(parts.degrees)
+    low, high = np.full(k, -parts.size), np.full(k, parts.size)
+    return Region(rows, np.array(errors), parts.rest, low, high, band, above)
+
+
+def _edges(loop: LoopModel) -> list[float]:
+    """Return where bands of frequency meet: powers of 2."""
+    poles = np.abs(np.linalg.eigvals(loop.model.A))
+    poles = poles[poles > 0]
+    low = math.floor(math.log2(poles.min() if poles.size else 1.0))
+    high = math.ceil(math.log2(poles.max() if poles.size else 1.0)) + 1
+    step = max(1, math.ceil((high - low) / POLICY.bands))
+    return [2.0**power for power in range(low, high + 1, step)]
+
+
+# Branch and bound over real numbers beside any other blocks: scalings for each part of their box.
+#
+# Over a small box a real number has little left to do, and scalings of the other blocks prove
+# nearly all that is true there. Each part costs a cover of the axis, so there are few of them.
+
+
+@dataclass(frozen=True)
+class BoxPolicy:
+    """How much work is put into boxes.
+
+    Attributes
+    ----------
+    covers : int
+        Parts whose frequencies are covered: some tenths of a second each.
+    intervals : int
+        Of all covers together: some hundredths of a second each.
+    most : int
+        Of one cover.
+    slack : float
+        Of a cover, as a part of the gap that is left.
+    most_slack : float
+        The largest one.
+    """
+
+    covers: int = 24
+    intervals: int = 200
+    most: int = 50
+    slack: float = 0.2
+    most_slack: float = 0.1
+
+
+BOX_POLICY = BoxPolicy()
+
+
+@dataclass(frozen=True, order=True)
+class _Box:
+    """A part of the box, with a size that is proven for it."""
+
+    size: float
+    number: int
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    frequency: float
+
+
+def can_split(loop: LoopModel) -> bool:
+    """Say whether there are real numbers beside other blocks."""
+    kinds = {block.kind == "real" for block in loop.structure.blocks}
+    return kinds == {True, False} and loop.model.states > 0
+
+
+def split(
+    loop: LoopModel,
+    fixed: tuple[bool, ...] | None,
+    proven: float,
+    best: float,
+    gap: float,
+    probe: Probe,
+) -> float:
+    """Raise what is proven of a loop until it is near the smallest witness, or work runs out.
+
+    Parameters
+    ----------
+    loop : LoopModel
+        Stable, and one that :func:`can_split`.
+    fixed : tuple of bool or None
+        Blocks that have size 1 whatever the size of the others: all but the last one, or none.
+    proven, best : float
+        Sizes that are known: nothing happens below the first, the second is that of a witness.
+    gap : float
+        Relative distance at which to stop.
+    probe : callable
+        Looks for a smaller witness near real numbers and a frequency, where the bound is lowest
+        after 1, 2, 4, ... steps; returns the size of the smallest yet.
+
+    Returns
+    -------
+    float
+        A size below which nothing happens.
+    """
+    gauge = gauge_of(loop.structure)
+    real = [k for k, block in enumerate(loop.structure.blocks) if block.kind == "real"]
+    radius = 1.0 if fixed else best / (1 + gap)
+    heap = [_Box(proven, 0, (-radius,) * len(real), (radius,) * len(real), math.nan)]
+    count = steps = work = 0
+    while (
+        heap[0].size < best / (1 + gap)
+        and count < BOX_POLICY.covers
+        and work < BOX_POLICY.intervals
+    ):
+        worst = heapq.heappop(heap)
+        steps += 1
+        left = best / worst.size - 1 if worst.size > 0 else math.inf
+        slack = min(BOX_POLICY.slack * max(gap, left), BOX_POLICY.most_slack)
+        for low, high in _halves(worst):
+            near = gauge.least(low, high)
+            if near > radius:
+                continue
+            count += 1
+            size, frequency, spent = _size(loop, fixed, real, (low, high), best, slack)
+            work += spent
+            size = max(size, worst.size, 0.0 if fixed else near)
+            heapq.heappush(heap, _Box(size, count, tuple(low), tuple(high), frequency))
+        if not heap:
+            return best / (1 + gap)
+        lowest = heap[0]
+        if steps & (steps - 1) == 0 and not math.isnan(lowest.frequency):
+            best = probe((np.array(lowest.low) + np.array(lowest.high)) / 2, lowest.frequency)
+    return max(proven, min(heap[0].size, best / (1 + gap)))
+
+
+def _halves(box: _Box) -> tuple[tuple[Vector, Vector], tuple[Vector, Vector]]:
+    low, high = np.array(box.low), np.array(box.high)
+    axis = int(np.argmax(high - low))
+    below, above = high.copy(), low.copy()
+    below[axis] = above[axis] = (low[axis] + high[axis]) / 2
+    return (low, below), (above, high)
+
+
+def _size(
+    loop: LoopModel,
+    fixed: tuple[bool, ...] | None,
+    real: list[int],
+    box: tuple[Vector, Vector],
+    best: float,
+    slack: float,
+) -> tuple[float, float, int]:
+    """Return a size of the other blocks that is proven for a box, where, and the intervals."""
+    low, high = box
+    reach = (high - low) / 2 + _ROUNDING * np.maximum(np.abs(low), np.abs(high))
+    part = moved(loop, real, (low + high) / 2, reach)
+    if part is None or np.linalg.eigvals(part.model.A).real.max() >= 0:
+        return 0.0, math.nan, 0
+    held = fixed or tuple(block.kind == "real" for block in loop.structure.blocks)
+    space, start = Space(part.structure, held), 1 / best / (1 + slack)
+    found = cover(part, space, start, part.seeds(), slack, BOX_POLICY.most)
+    frequency = found.peaks[0][0] if found.peaks else math.nan
+    spent = len(found.intervals) if found.complete else BOX_POLICY.most
+    return (1 / found.level if found.complete else 0.0), frequency, spent
+
+
+def moved(loop: LoopModel, real: list[int], centre: Vector, reach: Vector) -> LoopModel | None:
+    """Return the loop around numbers of size 1, which stand for those of a box.
+
+    Parameters
+    ----------
+    loop : LoopModel
+    real : list of int
+        Positions of the blocks that are real numbers.
+    centre, reach : ndarray
+        Of the box.
+
+    Returns
+    -------
+    LoopModel or None
+        With numbers that count alone; None if it is not well posed at the centre.
+    """
+    structure = loop.structure
+    nz, nw = structure.shape
+    A, B, C, D = loop.balls
+    with precision(BITS):
+        onto, scale = flint.arb_mat(nw, nz), identity(nw)
+        for k, c, h in zip(real, centre, reach, strict=True):
+            own = (positions(places, [k]) for places in (structure.outputs, structure.inputs))
+            for w, z in zip(*own, strict=True):
+                onto[w, z], scale[w, w] = float(c), float(h)
+        try:
+            back = (identity(nz) - D * onto).inv()
+        except ZeroDivisionError:
+            return None
+        through = onto * back
+        forward = (identity(nw) + through * D) * scale
+        balls = A + B * through * C, B * forward, back * C, back * D * scale
+    blocks = tuple(replace(block, group="") for block in structure.blocks)
+    return replace(loop, structure=Structure(blocks), model=rounded(balls), balls=balls)

@@ -1,1 +1,0 @@
-"""Branch and bound over real numbers, by polynomials in Bernstein's form."""

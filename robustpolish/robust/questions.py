@@ -1,0 +1,812 @@
+"""What uncertainty costs: robust performance, and the worst gain of all machines within bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, Literal
+
+import control
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from robustpolish.base.arrays import AnyMatrix
+from robustpolish.base.budget import same_bits
+from robustpolish.base.checks import described, instance_of, invalid, positive
+from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.linear.stability import stability
+from robustpolish.plants.uncertain.elements import ComplexElement, RealElement
+from robustpolish.plants.uncertain.lft import constant, product
+from robustpolish.plants.uncertain.system import UncertainSystem
+from robustpolish.plots.frequency import plot_gains
+from robustpolish.robust.bounds import EVERYWHERE, GAP, Bounds, bounds
+from robustpolish.robust.coverage import Coverage, response
+from robustpolish.robust.loop_model import DeltaBlock, LoopModel
+from robustpolish.robust.scalings import Inequality, Level, Space, lowered, started
+from robustpolish.robust.witness import Witness, all_pass, directions, smallest
+
+# What results of robust analysis share: bounds over frequency, and what each block costs.
+
+# Frequencies of a picture besides those of the poles, and decades beyond these.
+_POINTS = 40
+_BEYOND = 1.0
+_DIRECTIONS = 2
+# Relative change of a block's size from which its cost is taken.
+_CHANGE = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """The loop that a result is about.
+
+    Attributes
+    ----------
+    loop : LoopModel
+    unit : float
+        Levels of the loop's model times this are what is drawn.
+    fixed : tuple of bool
+        Blocks that have size 1 whatever the level is.
+    at : float
+        The critical frequency of the model; nan if none is known.
+    system : UncertainSystem or None
+        What the witness is to be put into.
+    """
+
+    loop: LoopModel
+    unit: float
+    fixed: tuple[bool, ...]
+    at: float
+    system: UncertainSystem | None = None
+
+    @property
+    def space(self) -> Space:
+        """The scalings."""
+        return Space(self.loop.structure, self.fixed)
+
+    def bounds_at(self, x: float) -> tuple[float, float]:
+        """Return both bounds at a frequency of the model; nan those that were not found."""
+        try:
+            M = response(self.loop.model, x)
+        except np.linalg.LinAlgError:
+            return math.nan, math.nan
+        inequality = Inequality(self.space, M[None])
+        level = self._least(inequality)
+        if not math.isfinite(level.square):
+            return math.nan, math.nan
+        upper = math.sqrt(max(level.square, 0.0))
+        _, still, scaled, _ = self.space.matrices(level.x)
+        scale = 1 / np.sqrt(np.maximum(np.real(np.diagonal(still + scaled)), 1e-300))
+        scale, lower = scale / scale.max(), math.nan
+        # Far from all poles a search may leave the range of doubles: it finds nothing then.
+        with np.errstate(all="ignore"):
+            for w in directions(inequality, level.square, level.x, _DIRECTIONS):
+                found = smallest(
+                    self.loop.structure, lambda _: (M, np.zeros_like(M)), w, 0.0, False, scale,
+                    fixed=self.fixed,
+                )  # fmt: skip
+                if found and found.size > 0:
+                    lower = max(1 / found.size, 0.0 if math.isnan(lower) else lower)
+        return lower * self.unit, upper * self.unit
+
+    def curves(self) -> xr.Dataset:
+        """Return both bounds over frequency in Hz."""
+        seeds = np.array([x for x in (*self.loop.seeds(), self.at) if 0 < x < math.inf] or [1.0])
+        ends = np.log10(seeds.min()) - _BEYOND, np.log10(seeds.max()) + _BEYOND
+        grid = np.unique(np.concatenate([np.logspace(*ends, _POINTS), seeds]))
+        values = np.array([self.bounds_at(float(x)) for x in grid])
+        hertz = [self.loop.omega(float(x)) / (2 * math.pi) for x in grid]
+        return xr.Dataset(
+            {"at least": ("frequency", values[:, 0]), "at most": ("frequency", values[:, 1])},
+            coords={"frequency": ("frequency", hertz, {"units": "Hz"})},
+        )
+
+    def costs(self) -> dict[str, float]:
+        """Return the relative change of the upper bound per relative change of a block's size."""
+        M = response(self.loop.model, self.at)
+        structure, found = self.loop.structure, {}
+        scaled_alone = any(self.fixed)
+        for block, rows, held in zip(structure.blocks, structure.inputs, self.fixed, strict=True):
+            if scaled_alone and not held:
+                continue  # the gain itself, which is in proportion
+            levels = []
+            for factor in (1 - _CHANGE, 1 + _CHANGE):
+                scaled: AnyMatrix = M.copy()
+                scaled[rows] *= factor
+                levels.append(self._least(Inequality(self.space, scaled[None])).square)
+            low, high = levels
+            known = 0 < low < math.inf and 0 < high < math.inf
+            width = math.log((1 + _CHANGE) / (1 - _CHANGE))
+            found[block.name] = math.log(high / low) / 2 / width if known else math.nan
+        return found
+
+    @staticmethod
+    def _least(inequality: Inequality) -> Level:
+        start = started(inequality)
+        return lowered(inequality, start) if math.isfinite(start.square) else start
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OverFrequency(Displayed):
+    """A result about a loop, which can be looked at over frequency."""
+
+    _asked: Asked | None = field(default=None, kw_only=True)
+
+    _drawn: ClassVar[str] = "structured singular value"
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw both bounds over frequency, with the proven level and the critical frequency.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Over frequency in Hz. What is drawn is computed at single frequencies: the proof is the
+            level line, which holds between them too. The lower bound has gaps where no search found
+            a witness, as real numbers reach the boundary at few frequencies.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no loop to draw: of a matrix, or where the nominal loop is not stable.
+        """
+        asked, (name, value, omega) = self._source(), self._shown()
+        curves = asked.curves()
+        marks: dict[str, tuple[float, float]] = {"proven": (math.nan, value[1])}
+        if omega > 0:
+            marks["critical frequency"] = (omega / (2 * math.pi), value[0])
+        gains: dict[str, Any] = {str(k): curve for k, curve in curves.data_vars.items()}
+        return plot_gains(gains, marks, ax, name=name)
+
+    @cached_property
+    def sensitivity(self) -> Mapping[str, float]:
+        """How many percent the bound gets worse per percent that the range of each block grows.
+
+        By name, at the critical frequency, from the bound by scalings: shares of the blame, whose
+        sum is 1 for margins, where the performance block counts as one; of a worst-case gain they
+        are what the gain rises by. A block of 0 can be forgotten, one of 0.9 is worth measuring.
+        """
+        asked = self._source()
+        if math.isnan(asked.at):
+            return {block.name: math.nan for block in asked.loop.structure.blocks}
+        return asked.costs()
+
+    def _shown(self) -> tuple[str, tuple[float, float], float]:
+        """Return what is drawn, its bounds, and the critical frequency in rad/s."""
+        raise NotImplementedError
+
+    def _source(self) -> Asked:
+        if self._asked is None:
+            raise invalid(
+                "result",
+                described("no loop behind it"),
+                "the result of a stable loop in which something uncertain acts back",
+                "Look at .status, which says what it is.",
+            )
+        return self._asked
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Witnessed(OverFrequency):
+    """A result about an uncertain system, with the machine that reaches its bound."""
+
+    def worst_plant(self) -> control.StateSpace:
+        """Return the system at the witness.
+
+        Returns
+        -------
+        control.StateSpace
+            A complex number is replaced by a stable system that has its value at the critical
+            frequency, and its size at all of them.
+
+        Raises
+        ------
+        InvalidInputError
+            If no witness was found.
+        """
+        asked, witness = self._source(), getattr(self, "witness", None)
+        if not witness or asked.system is None:
+            remedy = "Look at .status, which says why."
+            raise invalid("result", described("no witness"), "one that was found", remedy)
+        omega = getattr(self, "critical_frequency", math.nan)
+        return machine_at(asked.system, witness, omega, asked.loop.step)
+
+
+def machine_at(
+    system: UncertainSystem, values: Mapping[str, Any], omega: float, step: float
+) -> Any:
+    """Return a system at a witness, with real systems for complex numbers."""
+    found = {}
+    for name, value in values.items():
+        if isinstance(value, complex):
+            nominal = getattr(system.elements[name], "nominal", 0.0)
+            value = nominal + all_pass(np.array([[value - nominal]]), omega, step)
+        found[name] = value
+    return system.at(found)
+
+
+# What bounds and witness of a loop say in the units of its system, and in a word.
+
+Nominal = Literal["stable", "unstable", "marginal"]
+Outcome = Literal["bracketed", "wide", "no witness", "incomplete"]
+Status = Literal[Outcome, "unstable", "marginal", "unaffected"]
+
+# Of the gap, which is a difference of nearly equal numbers.
+_ROUNDING = 1e-9
+
+_SAYS = {
+    "bracketed": "proven {side}, and reached by the witness",
+    "wide": "proven {side}, and reached by the witness, but farther apart than was asked for",
+    "no witness": "proven {side}; no search found a machine that is worse than that",
+    "incomplete": "not proven: the intervals do not cover the axis",
+    "unstable": "the nominal loop is unstable",
+    "marginal": "the nominal loop has a pole on the boundary of stability",
+    "unaffected": "nothing that is uncertain acts back on itself: stable whatever it is",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """A witness in the units of its system.
+
+    Attributes
+    ----------
+    size : float
+        Of the largest delta, where 1 is what was said to be possible; infinite without a witness.
+    values : mapping of str to float, complex or control.StateSpace
+        Of all that is uncertain; empty without a witness.
+    frequency : float
+        In rad/s; nan without a witness.
+    """
+
+    size: float
+    values: Mapping[str, Any]
+    frequency: float
+
+
+def reached(system: UncertainSystem, loop: LoopModel, witness: Witness | None) -> Reached:
+    """Return what a witness of a loop means for its system."""
+    if witness is None:
+        return Reached(math.inf, {}, math.nan)
+    frequency = loop.omega(loop.frequency(witness.at))
+    return Reached(witness.size / loop.gain, _named_values(system, loop, witness), frequency)
+
+
+def _named_values(system: UncertainSystem, loop: LoopModel, witness: Witness) -> dict[str, Any]:
+    """Return the values of the elements of a system that a witness stands for."""
+    omega = loop.omega(loop.frequency(witness.at))
+    values: dict[str, Any] = {}
+    for block, delta in zip(system.blocks, witness.deltas, strict=False):
+        own = loop.at_positive(delta, witness.at) / loop.gain
+        element = block.element
+        if isinstance(element, RealElement):
+            values[element.name] = element.value(float(own[0, 0].real))
+        elif isinstance(element, ComplexElement):
+            values[element.name] = element.value(complex(own[0, 0]))
+        else:
+            values[element.name] = all_pass(own, omega, loop.step)
+    return values
+
+
+def nominal_status(system: control.StateSpace) -> Nominal:
+    """Say whether a certain system is stable; without states it is."""
+    return stability(system).verdict if system.nstates else "stable"
+
+
+def outcome(found: Bounds, gap: float) -> Outcome:
+    """Say which bounds there are, and whether they are as near to each other as asked."""
+    if not found.coverage.complete:
+        return "incomplete"
+    if found.witness is None:
+        return "no witness"
+    return "bracketed" if found.gap <= gap * (1 + _ROUNDING) else "wide"
+
+
+def critical(loop: LoopModel, found: Bounds) -> float:
+    """Return the frequency of a loop's model where its bounds are reached; nan if none is known."""
+    if found.witness is not None:
+        return loop.frequency(found.witness.at)
+    return found.coverage.peaks[0][0] if found.coverage.peaks else math.nan
+
+
+def inverse(value: float) -> float:
+    """Return one over a number of at least 0."""
+    return math.inf if value == 0 else 1 / value
+
+
+def says(status: Status, side: Literal["below", "above"] = "below") -> str:
+    """Return a status in a sentence; on the given side of the value is what is proven."""
+    return _SAYS[status].format(side=side)
+
+
+def proven_margin(coverage: Coverage, gain: float) -> float:
+    """Return the size below which a level proves something: 0 if it is not proven."""
+    if not coverage.complete:
+        return 0.0
+    return down(1 / (coverage.level * gain)) if coverage.level else math.inf
+
+
+def down(value: float) -> float:
+    """Return the next smaller double but one: what was divided is rounded."""
+    return math.nextafter(math.nextafter(value, 0.0), 0.0)
+
+
+def up(value: float) -> float:
+    """Return the next larger double but one: what was multiplied is rounded."""
+    return math.nextafter(math.nextafter(value, math.inf), math.inf)
+
+
+# How much uncertainty a loop bears before it gets unstable: proven below, witnessed above.
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RobustStability(Witnessed):
+    """How far the uncertainty of a loop may grow before it gets unstable.
+
+    Attributes
+    ----------
+    lower, upper : float
+        The margin lies between. The loop is stable for all uncertainty of size below `lower`,
+        where 1 is what was said to be possible; and `witness` of size `upper` makes it unstable.
+    critical_frequency : float
+        In rad/s, where the witness puts a pole on the boundary of stability; infinite if the loop
+        through it stops being well posed; nan without a witness.
+    witness : mapping of str to float, complex or control.StateSpace
+        The values of all that is uncertain, in their own units, for which that is so; of dynamics
+        the part before their bound. Empty if none was found.
+    intervals : tuple of (float, float)
+        Frequencies in rad/s over each of which the lower bound was proven; they cover the axis.
+    status : {"bracketed", "wide", "no witness", "incomplete", "unstable", "marginal", "unaffected"}
+        Whether both bounds are there, and why not.
+    proven : bool
+        Whether the lower bound is proven, in ball arithmetic, for all frequencies.
+    reason : str
+        The status in a sentence.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> c = rp.uncertain.real("c", 1, range=(0, 2))
+    >>> mass = rp.uncertain.system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]])
+    >>> margin = rp.robust_stability(mass)
+    >>> round(margin.upper, 6), margin.status, margin.intervals
+    (1.0, 'bracketed', ((0.0, inf),))
+
+    The machine at the witness, and what each number has to do with it:
+
+    >>> margin.worst_plant().poles().real.round(6).tolist()
+    [0.0, 0.0]
+    >>> {name: round(share, 3) for name, share in margin.sensitivity.items()}
+    {'c': 1.0}
+    """
+
+    lower: float
+    upper: float
+    critical_frequency: float
+    witness: Mapping[str, Any] = field(default_factory=dict)
+    intervals: tuple[tuple[float, float], ...] = ()
+    status: Status = "bracketed"
+    proven: bool = False
+
+    @property
+    def reason(self) -> str:
+        """The status in a sentence."""
+        said = says(self.status)
+        if math.isinf(self.critical_frequency):
+            said += ", with which the loop is not well posed"
+        return said
+
+    @property
+    def robust(self) -> bool | None:
+        """Whether every machine within the bounds is stable; None if neither is certain."""
+        if self.proven and self.lower >= 1:
+            return True
+        return False if self.upper <= 1 else None
+
+    def _shown(self) -> tuple[str, tuple[float, float], float]:
+        bounds_of_mu = inverse(self.upper), inverse(self.lower)
+        return self._drawn, bounds_of_mu, self.critical_frequency
+
+    def _card(self) -> Card:
+        verdict = {True: "robustly stable", False: "not robustly stable", None: "undecided"}
+        rows = (
+            ("margin at least", self.lower),
+            ("margin at most", self.upper),
+            ("critical frequency [rad/s]", self.critical_frequency),
+            ("proven", self.proven),
+        )
+        title = f"Robust stability: {verdict[self.robust]}"
+        return Card(title, (quantities(*rows),), (self.reason,))
+
+
+@same_bits
+def robust_stability(system: UncertainSystem, *, gap: float = GAP) -> RobustStability:
+    """Bound the margin of stability of an uncertain system over all frequencies.
+
+    Parameters
+    ----------
+    system : UncertainSystem
+        A closed loop, for example ``(plant * controller).feedback()``; continuous or discrete.
+    gap : float, optional
+        Relative distance of both bounds that is small enough, 0.2 % by default. Where real numbers
+        leave a larger one, it is closed by branch and bound if they are few, as far as a few
+        seconds of work go.
+
+    Returns
+    -------
+    RobustStability
+        A margin of 1.5 says that the loop is stable even if everything is off by 1.5 times as much
+        as was said to be possible.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not an uncertain system, or the gap not positive.
+
+    Notes
+    -----
+    Below the lower bound, scalings D and G prove stability over intervals of frequency, whose ends
+    are eigenvalues of a Hamiltonian matrix [1]_, all in ball arithmetic. The upper bound is a
+    machine: real numbers, and for dynamics all-passes. Dynamics are any stable linear systems; of
+    numbers it is assumed that they do not change with time.
+
+    With real numbers the two may be far apart. If there are few of them, and at most one other
+    block, their box is halved again and again, together with the axis of frequencies, until the
+    Bernstein coefficients of the characteristic polynomial prove each part [2]_. Beside several
+    other blocks their box is halved too, and scalings prove each of up to two dozen parts.
+
+    All of it is done in units of states, signals and time that follow from the loop itself: other
+    units of the same loop give the same numbers but for rounding.
+
+    References
+    ----------
+    .. [1] C. Roos, J.-M. Biannic, "A detailed comparison of mu lower and upper bounds for large
+       families of uncertain systems", IFAC-PapersOnLine 48 (2015); G. Ferreres, "A practical
+       approach to robustness analysis with aeronautical applications", Kluwer (1999).
+    .. [2] M. Zettler, J. Garloff, "Robustness analysis of polynomials with polynomial parameter
+       dependency using Bernstein expansion", IEEE Trans. Automatic Control 43 (1998) 425-431.
+
+    Examples
+    --------
+    A spring that is known to 40 %, a gain that is off by 50 % at any frequency, and a PID:
+
+    >>> import control
+    >>> import robustpolish as rp
+    >>> k = rp.uncertain.real("k", 10, percent=40)
+    >>> plant = rp.uncertain.system([[0, 1], [-k, -1.8]], [[0], [18]], [[1, 0]])
+    >>> plant = plant * (1 + 0.5 * rp.uncertain.dynamics("delta"))
+    >>> s = control.tf("s")
+    >>> loop = (plant * (2.3 + 3 / s + 0.38 * s / (0.001 * s + 1))).feedback()
+    >>> margin = rp.robust_stability(loop)
+    >>> round(margin.lower, 2), round(margin.upper, 2), margin.proven
+    (1.6, 1.6, True)
+    """
+    checked(system)
+    gap = positive("gap", gap)
+    status = nominal_status(system.interconnection)
+    if status != "stable":
+        return RobustStability(0.0, 0.0, math.nan, status=status)
+    loop = LoopModel.of(system)
+    if not system.blocks or not loop.acts_back:
+        return RobustStability(math.inf, math.inf, math.nan, {}, EVERYWHERE, "unaffected", True)
+    found = bounds(loop, gap=gap)
+    coverage, at = found.coverage, reached(system, loop, found.witness)
+    lower, proven = proven_margin(coverage, loop.gain), coverage.complete
+    intervals = loop.in_rad_per_s(coverage.intervals)
+    asked = Asked(loop, loop.gain, (False,) * len(system.blocks), critical(loop, found), system)
+    return RobustStability(
+        lower,
+        at.size,
+        at.frequency,
+        at.values,
+        intervals,
+        outcome(found, gap),
+        proven,
+        _asked=asked,
+    )
+
+
+def checked(system: Any) -> UncertainSystem:
+    """Refuse what is not an uncertain system."""
+    remedy = "Make it with uncertain_real and the like, or use stability."
+    return instance_of("system", system, UncertainSystem, "an UncertainSystem", remedy)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RobustPerformance(Witnessed):
+    """How far the uncertainty may grow while the gain stays in proportion below a bound.
+
+    Attributes
+    ----------
+    lower, upper : float
+        The margin lies between. For all uncertainty of size below m = `lower` the gain stays below
+        ``gamma / m``; and for the witness, of size `upper`, it is ``gamma / upper``.
+    gamma : float
+        The bound on the gain that a margin of 1 stands for.
+    critical_frequency : float
+        In rad/s, where the witness has this gain; nan without a witness.
+    witness : mapping of str to float, complex or control.StateSpace
+        Values of all that is uncertain, as of :class:`RobustStability`.
+    intervals : tuple of (float, float)
+        Frequencies in rad/s over each of which the lower bound was proven; they cover the axis.
+    status : {"bracketed", "wide", "no witness", "incomplete", "unstable", "marginal", "unaffected"}
+        Whether both bounds are there, and why not.
+    proven : bool
+        Whether the lower bound is proven, in ball arithmetic, for all frequencies.
+    reason : str
+        The status in a sentence.
+    mu : (float, float)
+        Bounds of the structured singular value with the performance block: one over the margin.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> c = rp.uncertain.real("c", 1, range=(0, 2))
+    >>> mass = rp.uncertain.system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]])
+    >>> margin = rp.robust_performance(mass, gamma=5.0)
+    >>> margin.proven, margin.upper / margin.lower < 1.002
+    (True, True)
+    """
+
+    lower: float
+    upper: float
+    gamma: float
+    critical_frequency: float
+    witness: Mapping[str, Any] = field(default_factory=dict)
+    intervals: tuple[tuple[float, float], ...] = ()
+    status: Status = "bracketed"
+    proven: bool = False
+
+    @property
+    def reason(self) -> str:
+        """The status in a sentence."""
+        return says(self.status)
+
+    @property
+    def mu(self) -> tuple[float, float]:
+        """Bounds of the structured singular value with the performance block."""
+        return inverse(self.upper), inverse(self.lower)
+
+    def _shown(self) -> tuple[str, tuple[float, float], float]:
+        return self._drawn, self.mu, self.critical_frequency
+
+    def _card(self) -> Card:
+        rows = (
+            ("margin at least", self.lower),
+            ("margin at most", self.upper),
+            ("gain that 1 stands for", self.gamma),
+            ("critical frequency [rad/s]", self.critical_frequency),
+            ("proven", self.proven),
+        )
+        verdict = "met" if self.proven and self.lower >= 1 else "not proven"
+        title = f"Robust performance: {'not met' if self.upper < 1 else verdict}"
+        return Card(title, (quantities(*rows),), (self.reason,))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class WorstCaseGain(Witnessed):
+    """The largest gain of all machines within the bounds.
+
+    Attributes
+    ----------
+    lower, upper : float
+        It lies between: the witness has the gain `lower`, and no machine has one above `upper`.
+        Infinite if some machine within the bounds is unstable.
+    nominal : float
+        The gain of the nominal machine.
+    critical_frequency : float
+        In rad/s, where the witness has its gain.
+    witness : mapping of str to float, complex or control.StateSpace
+        Values of all that is uncertain, within the bounds, as of :class:`RobustStability`.
+    intervals : tuple of (float, float)
+        Frequencies in rad/s over each of which the upper bound was proven; they cover the axis.
+    status : {"bracketed", "wide", "no witness", "incomplete", "unstable", "marginal", "unaffected"}
+        As of :class:`RobustStability`; "unstable" also if a machine within the bounds is.
+    proven : bool
+        Whether the upper bound is proven, in ball arithmetic, for all frequencies.
+    reason : str
+        The status in a sentence.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> c = rp.uncertain.real("c", 1, range=(0.5, 2))
+    >>> mass = rp.uncertain.system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]])
+    >>> rp.worst_case_gain(mass).proven
+    True
+    """
+
+    lower: float
+    upper: float
+    nominal: float
+    critical_frequency: float
+    witness: Mapping[str, Any] = field(default_factory=dict)
+    intervals: tuple[tuple[float, float], ...] = ()
+    status: Status = "bracketed"
+    proven: bool = False
+
+    @property
+    def reason(self) -> str:
+        """The status in a sentence."""
+        if self.status == "unstable" and math.isfinite(self.nominal):
+            return "a machine within the bounds is unstable: the witness"
+        return says(self.status, "above")
+
+    def _shown(self) -> tuple[str, tuple[float, float], float]:
+        return "worst-case gain", (self.lower, self.upper), self.critical_frequency
+
+    def _card(self) -> Card:
+        rows = (
+            ("gain at least", self.lower),
+            ("gain at most", self.upper),
+            ("nominal gain", self.nominal),
+            ("critical frequency [rad/s]", self.critical_frequency),
+            ("proven", self.proven),
+        )
+        return Card("Worst-case gain", (quantities(*rows),), (self.reason,))
+
+
+@same_bits
+def robust_performance(
+    system: UncertainSystem, gamma: float = 1.0, *, gap: float = GAP
+) -> RobustPerformance:
+    """Bound the margin of performance of an uncertain system over all frequencies.
+
+    Parameters
+    ----------
+    system : UncertainSystem
+        A closed loop with weights, whose largest gain is to stay below `gamma`.
+    gamma : float, optional
+        The bound; 1 by default.
+    gap : float, optional
+        Relative distance of both bounds that is small enough, as of :func:`robust_stability`.
+
+    Returns
+    -------
+    RobustPerformance
+        A margin m: the gain stays below ``gamma / m`` for all uncertainty of size up to m.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not an uncertain system, or gamma or the gap not positive.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> error = rp.uncertain.dynamics("error", bound=0.2)
+    >>> loop = rp.feedback(control.ss([[-1.0]], [[2.0]], [[1.0]], 0) * (1 + error))
+    >>> margin = rp.robust_performance(loop, gamma=1.0)
+    >>> round(margin.lower, 3), round(margin.upper, 3)
+    (1.39, 1.391)
+    """
+    checked(system)
+    gamma, gap = positive("gamma", gamma), positive("gap", gap)
+    status = nominal_status(system.interconnection)
+    if status != "stable":
+        return RobustPerformance(0.0, 0.0, gamma, math.nan, status=status)
+    scaled = UncertainSystem(product(constant(np.eye(system.noutputs) / gamma), system.matrices))
+    loop = LoopModel.of(scaled, _performance(system))
+    found = bounds(loop, gap=gap)
+    coverage, at = found.coverage, reached(system, loop, found.witness)
+    return RobustPerformance(
+        proven_margin(coverage, loop.gain),
+        at.size,
+        gamma,
+        at.frequency,
+        at.values,
+        loop.in_rad_per_s(coverage.intervals),
+        outcome(found, gap),
+        coverage.complete,
+        _asked=Asked(
+            loop, loop.gain, (False,) * (len(system.blocks) + 1), critical(loop, found), system
+        ),
+    )
+
+
+@same_bits
+def worst_case_gain(system: UncertainSystem, *, gap: float = GAP) -> WorstCaseGain:
+    """Bound the largest gain of all machines within the bounds of an uncertain system.
+
+    Parameters
+    ----------
+    system : UncertainSystem
+        Continuous or discrete; the gain is the H-infinity norm from its inputs to its outputs.
+    gap : float, optional
+        Relative distance of both bounds that is small enough, as of :func:`robust_stability`.
+
+    Returns
+    -------
+    WorstCaseGain
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not an uncertain system, or the gap not positive.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> c = rp.uncertain.real("c", 0.4, percent=50)
+    >>> mass = rp.uncertain.system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]])
+    >>> worst = rp.worst_case_gain(mass)
+    >>> round(worst.nominal, 2), round(worst.lower, 2), round(worst.witness["c"], 6)
+    (2.55, 5.03, 0.2)
+    """
+    margin = robust_stability(system, gap=gap)
+    status = "marginal" if margin.status == "marginal" else "unstable"
+    if margin.upper <= 1:
+        gain = math.inf if margin.upper == 0 else _nominal_gain(system)
+        return WorstCaseGain(
+            math.inf, math.inf, gain, margin.critical_frequency, margin.witness, (), status
+        )
+    nominal = _nominal_gain(system)
+    loop = LoopModel.of(system, _performance(system))
+    unit = nominal or 1.0
+    loop = loop.in_unit_of_gain(unit)
+    fixed = (True,) * len(system.blocks) + (False,)
+    found = bounds(loop, fixed, gap)
+    coverage, at = found.coverage, reached(system, loop, found.witness)
+    lower, values = nominal, {}
+    if found.witness is not None:
+        values = _within(system, at.values)
+        lower = max(
+            lower, _gain_at(machine_at(system, values, at.frequency, loop.step), at.frequency)
+        )
+    upper = coverage.level * unit if coverage.complete else math.inf
+    return WorstCaseGain(
+        lower,
+        max(math.nextafter(upper, math.inf), lower),
+        nominal,
+        at.frequency,
+        values,
+        loop.in_rad_per_s(coverage.intervals),
+        outcome(found, gap),
+        coverage.complete,
+        _asked=Asked(loop, unit, fixed, critical(loop, found), system),
+    )
+
+
+def _performance(system: UncertainSystem) -> DeltaBlock:
+    """Return the block from the outputs back to the inputs that stands for a bound on the gain."""
+    ny, nu = system.shape
+    if not (ny and nu):
+        shown = described(f"{ny} outputs and {nu} inputs")
+        raise invalid("system", shown, "at least one of each", "Choose the signals to be judged.")
+    return DeltaBlock("complex" if ny == nu == 1 else "full", 1, nu, ny, "performance")
+
+
+def _within(system: UncertainSystem, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values with numbers that rounding has put just outside their range at its end."""
+    real = {n: e for n, e in system.elements.items() if isinstance(e, RealElement)}
+    inside = {n: float(np.clip(values[n], e.low, e.high)) for n, e in real.items()}
+    for group in {element.group for element in real.values() if element.group}:
+        names = [name for name, element in real.items() if element.group == group]
+        size = math.hypot(*(inside[name] for name in names))
+        inside.update({name: inside[name] / max(size, 1.0) for name in names})
+    return {**values, **inside}
+
+
+def _gain_at(machine: Any, omega: float) -> float:
+    """Return the largest singular value at a frequency."""
+    if not hasattr(machine, "dt"):
+        return float(np.linalg.norm(np.atleast_2d(machine), 2))
+    if math.isinf(omega):
+        return float(np.linalg.norm(machine.D, 2))
+    z = np.exp(1j * omega * (1 if machine.dt is True else machine.dt)) if machine.dt else 1j * omega
+    return float(np.linalg.norm(np.atleast_2d(machine(z)), 2))
+
+
+def _nominal_gain(system: UncertainSystem) -> float:
+    machine: Any = system.nominal
+    if isinstance(machine, float | np.ndarray):
+        return float(np.linalg.norm(np.atleast_2d(machine), 2))
+    return hinf_norm(machine).value

@@ -1,1 +1,0 @@
-"""Scalings that prove a level: the space of them, their analytic centre, the least level."""

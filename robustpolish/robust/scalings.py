@@ -1,0 +1,536 @@
+r"""Scalings D and G that commute with Delta, and the inequality that they make a proof of.
+
+Of w = Delta z with blocks of norm at most 1/beta, ::
+
+    z* Dz z - beta^2 w* Dw w >= 0    and    j (w* G z - z* G w) = 0
+
+for all D > 0 that commute with Delta and Hermitian G on its real blocks. With z = M w,
+the matrix ::
+
+    beta^2 Dw - M* Dz M - j (G M - M* G)
+
+being positive definite shows that I - M Delta is not singular. It is affine in D and G: finding
+them is convex, and their analytic centre is found by Newton's method.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from robustpolish.base.arrays import AnyArray, AnyMatrix, Matrix, Vector
+from robustpolish.base.budget import look_at_the_clock
+from robustpolish.robust.loop_model import Structure
+
+Box = tuple[NDArray[np.intp], AnyArray, AnyArray]
+"""Numbers of the vector, the Hermitian matrices that they multiply, and a constant one."""
+
+# A signal that does not act back would be scaled for ever: it is taken to, so much.
+_ONE_WAY = 1e-6
+_ROUNDS = 50
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """The scalings of a structure as a real vector space.
+
+    Attributes
+    ----------
+    structure : Structure
+    fixed : tuple of bool
+        Blocks whose size is 1 whatever beta is.
+    """
+
+    structure: Structure
+    fixed: tuple[bool, ...]
+
+    @cached_property
+    def bases(self) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
+        """Of every unit vector Dz, Dw of the fixed blocks, Dw of the others, and G."""
+        nz, nw = self.structure.shape
+        parts: list[tuple[AnyMatrix, AnyMatrix, AnyMatrix, AnyMatrix]] = []
+        for kind, k in self.layout:
+            block = self.structure.blocks[k]
+            z, w = self.structure.inputs[k], self.structure.outputs[k]
+            for unit in _hermitian(block.copies):
+                Dz, G = np.zeros((nz, nz), complex), np.zeros((nw, nz), complex)
+                still, scaled = np.zeros((nw, nw), complex), np.zeros((nw, nw), complex)
+                if kind == "D":
+                    Dz[z, z] = np.kron(unit, np.eye(block.columns))
+                    (still if self.fixed[k] else scaled)[w, w] = np.kron(unit, np.eye(block.rows))
+                else:
+                    G[w, z] = unit
+                parts.append((Dz, still, scaled, G))
+        Dz, still, scaled, G = (np.array(part) for part in zip(*parts, strict=True))
+        return Dz, still, scaled, G
+
+    @cached_property
+    def layout(self) -> tuple[tuple[str, int], ...]:
+        """What the vector holds: D of every block, then G of every real one."""
+        blocks = self.structure.blocks
+        real = [k for k, block in enumerate(blocks) if block.kind == "real"]
+        return (*(("D", k) for k in range(len(blocks))), *(("G", k) for k in real))
+
+    @cached_property
+    def pieces(self) -> tuple[tuple[str, slice, AnyArray], ...]:
+        """Of each D and G its numbers in the vector, and the matrices that they multiply."""
+        start, found = 0, []
+        for kind, k in self.layout:
+            units = _hermitian(self.structure.blocks[k].copies)
+            found.append((kind, slice(start, start + len(units)), units))
+            start += len(units)
+        return tuple(found)
+
+    @property
+    def size(self) -> int:
+        """Number of real numbers in D and G."""
+        return self.pieces[-1][1].stop
+
+    def start(self, copies: Vector) -> Vector:
+        """Return the vector of diagonal D, one number per copy, and G = 0."""
+        x, first = np.zeros(self.size), 0
+        for kind, numbers, units in self.pieces:
+            if kind == "D":
+                count = units.shape[1]
+                x[numbers][:count] = copies[first : first + count]
+                first += count
+        return x
+
+    def boxes(self, largest: float) -> tuple[Box, ...]:
+        """Return what bounds the scalings: 0 < D < 1, and G between -/+ largest D."""
+        found: list[Box] = []
+        for (kind, k), (_, numbers, units) in zip(self.layout, self.pieces, strict=True):
+            own, count = np.arange(numbers.start, numbers.stop), units.shape[1]
+            if kind == "D":
+                found += [(own, units, np.zeros((count, count))), (own, -units, np.eye(count))]
+            else:
+                D = self.pieces[k][1]
+                both = np.concatenate([np.arange(D.start, D.stop), own])
+                found += [
+                    (
+                        both,
+                        np.concatenate([largest * units, sign * units]),
+                        np.zeros((count, count)),
+                    )
+                    for sign in (1.0, -1.0)
+                ]
+        return tuple(found)
+
+    def matrices(self, x: Vector) -> tuple[AnyMatrix, AnyMatrix, AnyMatrix, AnyMatrix]:
+        """Return Dz, the still and the scaled part of Dw, and G."""
+        Dz, still, scaled, G = (np.tensordot(x, basis, 1) for basis in self.bases)
+        return Dz, still, scaled, G
+
+
+def _hermitian(n: int) -> AnyArray:
+    """Return a basis of the Hermitian matrices, those of the diagonal first."""
+    found = [np.diag(row).astype(complex) for row in np.eye(n)]
+    for i in range(n):
+        for j in range(i):
+            one, other = np.zeros((n, n), complex), np.zeros((n, n), complex)
+            one[i, j] = one[j, i] = np.sqrt(0.5)
+            other[i, j], other[j, i] = 1j * np.sqrt(0.5), -1j * np.sqrt(0.5)
+            found += [one, other]
+    return np.array(found)
+
+
+def balanced(sizes: Matrix) -> Vector:
+    """Return scales d that make rows and columns of ``d_i sizes_ij / d_j`` alike (Osborne 1960)."""
+    logs = np.zeros(len(sizes))
+    off = sizes - np.diag(np.diag(sizes))
+    off = off + _ONE_WAY * off.max(initial=0.0) * (1 - np.eye(len(sizes)))
+    if len(sizes) == 1 or not off.max(initial=0.0) > 0:
+        return np.ones(len(sizes))
+    for _ in range(_ROUNDS):
+        before = logs.copy()
+        for i in range(len(logs)):
+            row = np.linalg.norm(off[i] * np.exp(logs[i] - logs))
+            column = np.linalg.norm(off[:, i] * np.exp(logs - logs[i]))
+            logs[i] += 0.5 * np.log(column / row)
+        if np.abs(logs - before).max() < 0.1:
+            break
+    return np.exp(logs - logs.max())
+
+
+@dataclass(frozen=True, eq=False)
+class Inequality:
+    """The inequality at one or more matrices M, affine in the scalings.
+
+    Attributes
+    ----------
+    space : Space
+    M : ndarray of complex, shape (k, nz, nw)
+    """
+
+    space: Space
+    M: AnyArray
+
+    @cached_property
+    def _balance(self) -> tuple[Vector, float]:
+        """Scales of the copies that even out M, and its norm with them."""
+        blocks = self.space.structure.blocks
+        rows = np.cumsum([0, *(b.columns for b in blocks for _ in range(b.copies))])[:-1]
+        columns = np.cumsum([0, *(b.rows for b in blocks for _ in range(b.copies))])[:-1]
+        squares = (np.abs(self.M) ** 2).max(axis=0)
+        squares = np.add.reduceat(np.add.reduceat(squares, rows, axis=0), columns, axis=1)
+        sizes = np.sqrt(squares)
+        scales = balanced(sizes)
+        return scales, float(np.linalg.norm(scales[:, None] * sizes / scales))
+
+    @property
+    def size(self) -> float:
+        """Norm of M in balanced units."""
+        return self._balance[1]
+
+    def start(self) -> Vector:
+        """Return scalings that balance M."""
+        return self.space.start(0.5 * self._balance[0] ** 2)
+
+    @cached_property
+    def _gains(self) -> AnyArray:
+        """M* Dz M + j (G M - M* G) of every unit vector, shape (k, size, nw, nw)."""
+        Dz, _, _, G = self.space.bases
+        M = self.M[:, None]
+        star = np.conj(np.swapaxes(M, -1, -2))
+        turned = 1j * (G[None] @ M)
+        return star @ Dz[None] @ M + turned + np.conj(np.swapaxes(turned, -1, -2))
+
+    def coefficients(self, square: float) -> AnyArray:
+        """Return the matrices that the scalings multiply, for a beta^2."""
+        _, still, scaled, _ = self.space.bases
+        return (still + square * scaled)[None] - self._gains
+
+    def least_square(self, x: Vector) -> float:
+        """Return the least beta^2 for which scalings fulfil it, infinite if there is none."""
+        _, still, scaled, _ = self.space.bases
+        still, scaled = np.tensordot(x, still, 1), np.tensordot(x, scaled, 1)
+        worst = 0.0
+        for gains in np.tensordot(self._gains, x, (1, 0)):
+            worst = max(worst, _least(gains - still, scaled))
+        return worst
+
+
+def _least(gains: AnyMatrix, scaled: AnyMatrix) -> float:
+    """Return the least t with t scaled - gains >= 0, where `scaled` may be singular."""
+    used = np.abs(np.diagonal(scaled)) > 0
+    if not used.all():
+        inner = -gains[~used][:, ~used]
+        try:
+            factor = np.linalg.cholesky(inner)
+        except np.linalg.LinAlgError:
+            return np.inf
+        cross = np.linalg.solve(factor, -gains[~used][:, used])
+        gains = gains[used][:, used] + np.conj(cross.T) @ cross
+        scaled = scaled[used][:, used]
+    if not used.any():
+        return 0.0
+    factor = np.linalg.cholesky(scaled)
+    half = np.linalg.solve(factor, gains)
+    whole = np.linalg.solve(factor, np.conj(half.T))
+    if not np.isfinite(whole).all():
+        return np.inf
+    return float(np.linalg.eigvalsh((whole + np.conj(whole.T)) / 2)[-1])
+
+
+# The barrier whose least value is the analytic centre, with its derivatives.
+
+
+@dataclass(frozen=True, eq=False)
+class Barrier:
+    """Minus the logarithms of all determinants that have to stay positive."""
+
+    parts: tuple[_Determinants, ...]
+
+    @classmethod
+    def of(cls, coefficients: AnyArray, boxes: tuple[Box, ...]) -> Barrier:
+        """Take what the scalings multiply, of shape (k, size, n, n), and what bounds them."""
+        return cls((_Determinants.of(coefficients), *_by_size(coefficients.shape[1], boxes)))
+
+    @classmethod
+    def of_bounds(cls, size: int, boxes: tuple[Box, ...]) -> Barrier:
+        """Take only what bounds so many scalings."""
+        return cls(tuple(_by_size(size, boxes)))
+
+    def value(self, x: Vector) -> float:
+        """Return the value; infinite where a determinant is not positive."""
+        try:
+            total = sum(part.value(x) for part in self.parts)
+        except np.linalg.LinAlgError:
+            return np.inf
+        return float(total) if np.isfinite(total) else np.inf
+
+    def derivatives(self, x: Vector) -> tuple[Vector, Matrix]:
+        """Return the slope and the curvature."""
+        slope, curvature = np.zeros(len(x)), np.zeros((len(x), len(x)))
+        for part in self.parts:
+            part.add(x, slope, curvature)
+        return slope, curvature
+
+
+@dataclass(frozen=True, eq=False)
+class _Determinants:
+    """Matrices of one size, affine in the scalings: all at once, for most are tiny.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (k n n, size)
+        What every scaling adds to their entries.
+    columns : ndarray, shape (k, n, size n)
+        The same, beside each other as right-hand sides.
+    constant : ndarray, shape (k, n, n)
+    """
+
+    rows: AnyArray
+    columns: AnyArray
+    constant: AnyArray
+
+    @classmethod
+    def of(cls, coefficients: AnyArray, constant: AnyArray | None = None) -> _Determinants:
+        """Take what scalings multiply, of shape (k, size, n, n)."""
+        k, size, n, _ = coefficients.shape
+        rows = np.ascontiguousarray(coefficients.transpose(0, 2, 3, 1)).reshape(-1, size)
+        columns = np.ascontiguousarray(coefficients.transpose(0, 2, 1, 3)).reshape(k, n, size * n)
+        return cls(rows, columns, np.zeros((k, n, n)) if constant is None else constant)
+
+    def matrices(self, x: Vector) -> AnyArray:
+        return (self.rows @ x).reshape(self.constant.shape) + self.constant
+
+    def value(self, x: Vector) -> float:
+        factors = np.linalg.cholesky(self.matrices(x))
+        return -2 * float(np.log(np.real(np.diagonal(factors, axis1=1, axis2=2))).sum())
+
+    def add(self, x: Vector, slope: Vector, curvature: Matrix) -> None:
+        """Add the first and second derivatives of the value."""
+        k, n, _ = self.constant.shape
+        solved: AnyArray = np.linalg.solve(self.matrices(x), self.columns)
+        weighted = solved.reshape(k, n, len(x), n)
+        slope -= np.real(np.einsum("kisi->s", weighted))
+        left = weighted.transpose(2, 0, 1, 3).reshape(len(x), -1)
+        right = weighted.transpose(0, 3, 1, 2).reshape(-1, len(x))
+        curvature += np.real(left @ right)
+
+
+def _by_size(size: int, boxes: tuple[Box, ...]) -> list[_Determinants]:
+    """Gather bounds of the scalings whose matrices have the same size."""
+    found = []
+    for n in sorted({constant.shape[0] for _, _, constant in boxes}):
+        same = [box for box in boxes if box[2].shape[0] == n]
+        coefficients: AnyArray = np.zeros((len(same), size, n, n), complex)
+        for own, (numbers, units, _) in zip(coefficients, same, strict=True):
+            own[numbers] = units
+        if not np.imag(coefficients).any():
+            coefficients = np.real(coefficients)
+        found.append(
+            _Determinants.of(coefficients, np.array([constant for _, _, constant in same]))
+        )
+    return found
+
+
+# The analytic centre of the scalings that prove a level, and the least level that any prove.
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How far centres and levels are followed.
+
+    Attributes
+    ----------
+    steps : int
+        Newton steps of one centre; about ten are usual.
+    centred : float
+        Newton decrement at which a centre is good enough: within 1 a full step is safe.
+    levels : int
+        Centres on the way to the least level.
+    between : float
+        Where the next level lies between what the scalings prove and the level that they are the
+        centre of: small steps would be safe and slow.
+    above : float
+        Where the first of these levels lies above what the first scalings prove.
+    settled : float
+        Relative distance of a level from what its centre proves at which the least one is near:
+        it is closer than that times the number of rows, far below the 1e-3 of intervals.
+    largest : float
+        Bound on G beside D and the gain: the inequality of a single real number has no other.
+    """
+
+    steps: int = 40
+    centred: float = 0.3
+    levels: int = 60
+    between: float = 0.1
+    above: float = 2.0
+    settled: float = 1e-7
+    largest: float = 1e3
+
+
+EFFORT = Effort()
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """Scalings and what they prove.
+
+    Attributes
+    ----------
+    square : float
+        The least beta^2 that they prove; infinite for none.
+    x : ndarray
+        The scalings.
+    """
+
+    square: float
+    x: Vector
+
+
+def lowered(inequality: Inequality, start: Level, target: float = 0.0) -> Level:
+    """Lower the level until it is below a target, or no lower one is found.
+
+    Parameters
+    ----------
+    inequality : Inequality
+    start : Level
+        Scalings with a finite level.
+    target : float, optional
+        A beta^2 that is low enough.
+
+    Returns
+    -------
+    Level
+        If its square is below the target, the scalings are the centre of those that prove it.
+    """
+    best, square = start, EFFORT.above * start.square
+    walls = Barrier.of_bounds(inequality.space.size, _bounds(inequality))
+    for _ in range(EFFORT.levels):
+        look_at_the_clock()
+        if best.square < target * (1 - 1e-9):
+            x = centre(inequality, target, best.x)
+            return Level(inequality.least_square(x), x)
+        if best.square <= 0 or not np.isfinite(best.square):
+            return best
+        if square - best.square < EFFORT.settled * best.square:
+            return best
+        x = centre(inequality, square, best.x)
+        found = _further(inequality, Level(inequality.least_square(x), x), best.x, walls)
+        best = min(best, found, key=lambda level: level.square)
+        square = best.square + EFFORT.between * (square - best.square)
+    return best
+
+
+def _further(inequality: Inequality, found: Level, before: Vector, walls: Barrier) -> Level:
+    """Go on in the direction of the last step as long as the level falls, within what bounds it.
+
+    From outside, no centre would be found any more.
+    """
+    direction, reach = found.x - before, 1.0
+    for _ in range(8):
+        x = normalised(inequality.space, found.x + reach * direction)
+        if x is None or not np.isfinite(walls.value(x)):
+            break
+        level = inequality.least_square(x)
+        if not level < found.square:
+            break
+        found, reach = Level(level, x), 2 * reach
+    return found
+
+
+def normalised(space: Space, x: Vector) -> Vector | None:
+    """Return the scalings with a largest D of 1/2; None if one is not positive."""
+    largest = 0.0
+    for kind, numbers, units in space.pieces:
+        if kind == "D":
+            values = np.linalg.eigvalsh(np.tensordot(x[numbers], units, 1))
+            if not values[0] > 0:
+                return None
+            largest = max(largest, float(values[-1]))
+    return 0.5 * x / largest
+
+
+def centre(inequality: Inequality, square: float, x: Vector) -> Vector:
+    """Return the analytic centre of the scalings that prove a level, from one that does."""
+    barrier = Barrier.of(inequality.coefficients(square), _bounds(inequality))
+    value = barrier.value(x)
+    if not np.isfinite(value):
+        return x
+    for _ in range(EFFORT.steps):
+        slope, curvature = barrier.derivatives(x)
+        # Scalings differ by many orders of magnitude: each number in its own unit.
+        units = np.sqrt(np.maximum(np.diagonal(curvature), 1e-300))
+        try:
+            factor = cho_factor(curvature / np.outer(units, units) + 1e-13 * np.eye(len(x)))
+        except (np.linalg.LinAlgError, ValueError):  # not definite, or not even finite
+            return x
+        step = -cho_solve(factor, slope / units) / units
+        decrement = np.sqrt(max(-(slope @ step), 0.0))
+        length, moved, trial, after = 1.0, False, x, value
+        while length > 1e-6 and not moved:
+            trial = x + length * step
+            after = barrier.value(trial)
+            moved = after < value - 0.1 * length * decrement**2 or (
+                decrement < 0.1 and after <= value
+            )
+            length /= 2
+        if not moved:
+            return x
+        x, value = trial, after
+        if decrement < EFFORT.centred:
+            return x
+    return x
+
+
+def _bounds(inequality: Inequality) -> tuple[Box, ...]:
+    return inequality.space.boxes(EFFORT.largest * (inequality.size or 1.0))
+
+
+def started(inequality: Inequality) -> Level:
+    """Return scalings of a finite level to begin with; of an infinite one if none were found.
+
+    Those that balance M have one, unless the size of some blocks is fixed: then these alone are
+    looked at first, and all others are given so small a D that they do not matter.
+    """
+    space = inequality.space
+    held = [k for k, fixed in enumerate(space.fixed) if fixed]
+    x = inequality.start()
+    if not held:
+        return Level(inequality.least_square(x), x)
+    inner = lowered(_restricted(inequality, held), _balanced(inequality, held), 1.0)
+    if not inner.square < 1:
+        return Level(np.inf, x)
+    x = np.zeros(space.size)
+    first = 0
+    for (kind, k), (_, numbers, units) in zip(space.layout, space.pieces, strict=True):
+        if k in held:
+            count = numbers.stop - numbers.start
+            x[numbers] = inner.x[first : first + count]
+            first += count
+        elif kind == "D":
+            x[numbers][: units.shape[1]] = 1.0
+    free = [n for (kind, k), (_, n, _) in zip(space.layout, space.pieces, strict=True)
+            if kind == "D" and k not in held]  # fmt: skip
+    for _ in range(60):
+        level, inside = inequality.least_square(x), normalised(space, x)
+        if np.isfinite(level) and inside is not None:
+            return Level(level, inside)
+        for numbers in free:
+            x[numbers] *= 0.1
+    return Level(np.inf, x)
+
+
+def _restricted(inequality: Inequality, keep: list[int]) -> Inequality:
+    """Return the inequality of some of the blocks, of which none is fixed."""
+    structure = inequality.space.structure
+    rows = np.concatenate([np.r_[structure.inputs[k]] for k in keep])
+    columns = np.concatenate([np.r_[structure.outputs[k]] for k in keep])
+    space = Space(structure.only(keep), (False,) * len(keep))
+    return Inequality(space, inequality.M[:, rows][:, :, columns])
+
+
+def _balanced(inequality: Inequality, keep: list[int]) -> Level:
+    return started(_restricted(inequality, keep))
+
+
+def at(inequality: Inequality, level: Level) -> Level:
+    """Return what scalings prove of another inequality."""
+    return replace(level, square=inequality.least_square(level.x))

@@ -1,0 +1,224 @@
+"""Files and tables in, one checked xarray dataset in SI units out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from robustpolish.base.arrays import Vector
+from robustpolish.base.checks import described, invalid, positive
+from robustpolish.signals.headers import is_count, to_si
+from robustpolish.signals.quality import (
+    check_finite,
+    check_moves,
+    check_not_clipped,
+    ends_without_values,
+    fill_gaps,
+    numeric,
+)
+from robustpolish.signals.raw import RawTable
+from robustpolish.signals.sources import raw_table
+from robustpolish.signals.time_axis import find_time, is_text, seconds, uniform_time
+
+
+def read_measurement(
+    source: Any,
+    *,
+    columns: Sequence[str] | None = None,
+    units: Mapping[str, str] | None = None,
+    time: str | None = None,
+    rename: Mapping[str, str] | None = None,
+    between: tuple[float, float] | None = None,
+    sampling_rate: float | None = None,
+    table: str | None = None,
+    max_bytes: float | None = None,
+) -> xr.Dataset:
+    """Read a measurement, check it, and convert it to SI units.
+
+    Parameters
+    ----------
+    source : path, pandas.DataFrame, pandas.Series, xarray.Dataset or xarray.DataArray
+        A text table (``.csv``, ``.txt``, ``.tsv``, ``.dat``, ``.asc``, ``.lvm``) with a header of
+        names and units, such as ``x [mm]``, ``x (mm)`` or ``x/mm``; a MATLAB file of any version,
+        HDF5, NPZ or WAV; TDMS and UFF 58 with the extra ``[io]``.
+    columns : sequence of str, optional
+        The channels to read; all by default. What a group holds is called ``group/name``, or
+        ``name`` alone where that is clear.
+    units : mapping of str to str, optional
+        Units of channels whose file has none, or other ones; a factor may precede the unit:
+        ``{"channel_1": "2.5 mm"}``. A channel without a unit is kept as it is.
+    time : str, optional
+        Name of the time channel; by default what is called time, t, Zeit, timestamp and the like.
+        Dates and times of day (``2024-05-03T12:00:00.001``) count from the first.
+    rename : mapping of str to str, optional
+        New names by old ones; all other arguments go by the new names.
+    between : (float, float), optional
+        First and last time in s to be read, on the clock of the file.
+    sampling_rate : float, optional
+        In Hz, for files without time.
+    table : str, optional
+        Matrix or group to read, in files that hold several.
+    max_bytes : float, optional
+        Largest size of a file in bytes, and of what it unpacks to; 1e9 by default.
+
+    Returns
+    -------
+    xarray.Dataset
+        Channels over ``time`` in s, uniform, each with its SI unit in ``attrs["units"]`` ("" if
+        unknown). ``attrs["notes"]`` tells what was filled in, resampled or left out.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file is missing, damaged, empty or of an unknown kind; if a column is missing; if
+        time does not rise or has a long gap; if a channel has long gaps, text, infinities, is
+        constant or clipped; if a unit is unknown. The message names file, channel, and sample or
+        line.
+    MissingDependencyError
+        If the format needs the extra ``[io]``.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> import robustpolish as rp
+    >>> frame = pd.DataFrame({"Time (ms)": [0, 1, 2], "disp [um]": [0.0, 2.0, 1.0]})
+    >>> data = rp.read_measurement(frame, rename={"disp": "x"})
+    >>> data["x"].values, data["x"].attrs["units"]
+    (array([0.e+00, 2.e-06, 1.e-06]), 'm')
+    """
+    raw = raw_table(source, table, max_bytes)
+    raw.rename(rename or {})
+    raw.units.update(_known(units or {}, raw, "units"))
+    name = find_time(raw, time) if raw.columns else None
+    stamps = _stamps(raw, name, sampling_rate)
+    channels = _channels(raw, columns, name, stamps.size)
+    kept = _kept(raw, stamps, channels, between)
+    axis = uniform_time(stamps[kept], name or "time")
+    taken = stamps[kept] if axis.taken is None else axis.taken
+    lines = None if raw.lines is None else raw.lines[kept]
+    data: dict[str, Any] = {}
+    doubts = []
+    for column, whole in channels.items():
+        given = whole[kept]
+        check_finite(column, np.where(np.isnan(given), 0.0, given), taken)  # gaps may stay, so far
+        values, note = fill_gaps(column, given, taken, lines)
+        check_finite(column, values, taken)
+        check_moves(column, values)
+        check_not_clipped(column, values)
+        source_name = column if column in raw.columns else raw.resolve("column", column)
+        values, unit = to_si(values, raw.units.get(source_name, ""), f"unit of {column!r}")
+        data[column] = ("time", axis.move(values), {"units": unit})
+        doubts += [text for text in (note, axis.doubt(column, values)) if text]
+    dataset = xr.Dataset(data, coords={"time": ("time", axis.time, {"units": "s"})})
+    dataset.attrs["notes"] = [*raw.notes, *([axis.note] if axis.note else []), *doubts]
+    if isinstance(source, str | Path):
+        dataset.attrs["source"] = str(source)
+    return dataset
+
+
+def _known(units: Mapping[str, str], raw: RawTable, argument: str) -> dict[str, str]:
+    for name, unit in units.items():
+        if not isinstance(unit, str):
+            raise invalid(f"{argument}[{name!r}]", unit, "text such as 'mm'", "Quote it.")
+    return {raw.resolve(argument, name): unit for name, unit in units.items()}
+
+
+def _stamps(raw: RawTable, name: str | None, sampling_rate: float | None) -> Vector:
+    """Return the times in s at which the samples were taken, as the file says."""
+    if not raw.columns:
+        raise invalid("measurement", described("no channels"), "signals", "Check the file.")
+    if name is not None and sampling_rate is None:
+        return seconds(raw, name)
+    rate = raw.sampling_rate if sampling_rate is None else sampling_rate
+    if rate is None:
+        raise invalid(
+            "time",
+            described(f"no channel of that name among {', '.join(raw.columns)}"),
+            "a time channel or a sampling rate",
+            "Pass time=NAME or sampling_rate=HZ.",
+        )
+    step = 1 / positive("sampling_rate", rate, "Hz")
+    lengths = [np.size(values) for column, values in raw.columns.items() if column != name]
+    length = max(set(lengths), key=lengths.count) if lengths else 0
+    if length < 2:
+        shown = described(f"{length} samples")
+        raise invalid("measurement", shown, "two or more", "Record longer.")
+    return step * np.arange(length, dtype=np.float64)
+
+
+def _channels(
+    raw: RawTable, columns: Sequence[str] | None, time: str | None, length: int
+) -> dict[str, Vector]:
+    """Return the signals by the names that they are wanted under."""
+    if columns is None:
+        found = _all_channels(raw, time, length)
+    else:
+        wanted = [columns] if isinstance(columns, str) else list(columns)
+        found = {name: raw.columns[raw.resolve("column", name)] for name in wanted}
+    channels = {}
+    for name, given in found.items():
+        values = numeric(name, given)
+        if values.shape != (length,):
+            shown = described(f"shape {values.shape}")
+            raise invalid(name, shown, f"{length} samples, like the time", "Check the file.")
+        channels[name] = values
+    if not channels:
+        shown = described("no channel beside the time")
+        raise invalid("measurement", shown, "one channel or more", "Check the file.")
+    return channels
+
+
+def _all_channels(raw: RawTable, time: str | None, length: int) -> dict[str, Any]:
+    """Return what is a signal beside the time, with a note for what is none."""
+    found: dict[str, Any] = {}
+    for name, values in raw.columns.items():
+        if name == time:
+            continue
+        if is_text(values):
+            raw.notes.append(f"left out: {name}, which is text")
+        elif np.shape(values) != (length,):
+            raw.notes.append(f"left out: {name}, which is not as long as the time")
+        elif is_count(name) and _counts(values):
+            raw.notes.append(f"left out: {name}, which numbers the samples")
+        else:
+            found[name] = values
+    return found
+
+
+def _counts(values: Any) -> bool:
+    array = np.asarray(values)
+    return array.dtype.kind in "iuf" and bool(np.all(np.diff(array) == 1))
+
+
+def _kept(
+    raw: RawTable,
+    stamps: Vector,
+    channels: Mapping[str, Vector],
+    between: tuple[float, float] | None,
+) -> slice:
+    """Return the samples to be used: those asked for, from where all channels have values."""
+    first, last = 0, stamps.size
+    if between is not None:
+        try:
+            start, end = (float(edge) for edge in between)
+        except (TypeError, ValueError):
+            remedy = "Pass two times in s."
+            raise invalid("between", between, "(START, END)", remedy) from None
+        inside = np.flatnonzero((stamps >= start) & (stamps <= end))
+        if inside.size < 2:
+            shown = described(f"{inside.size} samples from {start:.6g} to {end:.6g} s")
+            ends = f"{np.min(stamps, initial=np.inf):.6g} to {np.max(stamps, initial=-np.inf):.6g}"
+            raise invalid("between", shown, f"a part of the record, {ends} s", "Choose another.")
+        first, last = int(inside[0]), int(inside[-1]) + 1
+    if last - first > 2:
+        parts = [values[first:last] for values in channels.values()]
+        before, behind = ends_without_values(parts)
+        if before + behind and last - first - before - behind > 2:
+            where = [f"the first {before}"] * bool(before) + [f"the last {behind}"] * bool(behind)
+            raw.notes.append(f"cut off, as a channel has no value there: {' and '.join(where)}")
+            first, last = first + before, last - behind
+    return slice(first, last)

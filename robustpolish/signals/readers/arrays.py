@@ -1,0 +1,192 @@
+"""Sound files, which many analysers write for vibration records."""
+
+from __future__ import annotations
+
+import math
+import warnings
+import zipfile
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import scipy.io.wavfile
+
+from robustpolish.base.checks import described, invalid
+from robustpolish.base.input_files import Wanted, members, opened
+from robustpolish.errors import InvalidInputError
+from robustpolish.signals.headers import split_header
+from robustpolish.signals.raw import RECORD, RawTable, unreadable
+
+# Arrays by name, as binary files hold them, sorted into a table.
+
+_SHOWN = 20
+"""Names that a message lists."""
+
+
+def real_vector(values: Any) -> np.ndarray | None:
+    """Return an array of one dimension and real numbers, or None if it is not of that kind."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiub" or array.size < 2 or max(array.shape) != array.size:
+        return None
+    return array.reshape(-1)
+
+
+def table_of(arrays: dict[str, Any], chosen: str | None, source: str) -> RawTable:
+    """Sort the named arrays of a file into columns, a sampling rate, and what is left out.
+
+    A matrix is a table of columns, a group what stands before the stroke in ``group/name``;
+    `chosen` picks one of several. A text array as long as the matrix is wide names its columns.
+
+    Parameters
+    ----------
+    arrays : dict of str to array
+    chosen : str or None
+        Name of a matrix or a group.
+    source : str
+        For the messages.
+
+    Returns
+    -------
+    RawTable
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no such matrix or group, or one has to be chosen; with what the file holds.
+    """
+    matrices = {}
+    for name, values in arrays.items():
+        array = np.asarray(values)
+        if array.dtype.kind in "fiub" and array.ndim == 2 and min(array.shape) > 1:
+            matrices[name] = array
+    if chosen is not None and chosen not in matrices:
+        group = chosen.rstrip("/") + "/"
+        inside = {name[len(group) :]: a for name, a in arrays.items() if name.startswith(group)}
+        if inside:
+            rates = {name: a for name, a in arrays.items() if "/" not in name and np.size(a) == 1}
+            inside = {**rates, **inside}
+            return table_of(inside, None, f"{source}, {chosen}")
+        expected = f"a matrix or a group of the file, which holds {_contents(arrays)}"
+        raise invalid("table", chosen, expected, "Check its name.")
+    if chosen is None and len(matrices) == 1 and not _vectors(arrays, matrices):
+        chosen = next(iter(matrices))
+    table = RawTable(sampling_rate=_rate(arrays))
+    if chosen is not None:
+        _add_matrix(table, chosen, matrices[chosen], arrays)
+        return table
+    for name, vector in _vectors(arrays, matrices).items():
+        table.add(name, vector)
+    if not table.columns and matrices:
+        raise invalid(
+            "measurement",
+            described(f"{source} with the tables {', '.join(matrices)}"),
+            f"one table to be chosen; the file holds {_contents(arrays)}",
+            "Pass table=NAME.",
+        )
+    left = [
+        name
+        for name, values in arrays.items()
+        if split_header(name)[0] not in table.columns and np.size(values) > 1
+    ]
+    if left:
+        table.notes.append(f"left out, as they are no signals: {', '.join(sorted(left))}")
+    return table
+
+
+def _contents(arrays: dict[str, Any]) -> str:
+    """List what a file holds, with the shapes."""
+    shown = [
+        f"{name} ({' x '.join(map(str, np.shape(values))) or 'one number'})"
+        for name, values in list(arrays.items())[:_SHOWN]
+    ]
+    more = f" and {len(arrays) - _SHOWN} more" if len(arrays) > _SHOWN else ""
+    return (", ".join(shown) or "nothing") + more
+
+
+def _vectors(arrays: dict[str, Any], matrices: dict[str, Any]) -> dict[str, np.ndarray]:
+    found = {name: real_vector(values) for name, values in arrays.items() if name not in matrices}
+    return {name: vector for name, vector in found.items() if vector is not None}
+
+
+def _rate(arrays: dict[str, Any]) -> float | None:
+    """Find the sampling rate in a lone number called fs or dt, as files without time often hold."""
+    for name, values in arrays.items():
+        array = np.asarray(values)
+        if array.size == 1 and array.dtype.kind in "fiu" and float(array.reshape(-1)[0]) > 0:
+            number = float(array.reshape(-1)[0])
+            if name.casefold() in ("fs", "sampling_rate", "sample_rate", "samplerate"):
+                return number
+            if name.casefold() in ("dt", "ts", "sampling_time"):
+                return 1 / number
+    return None
+
+
+def _add_matrix(table: RawTable, name: str, matrix: np.ndarray, arrays: dict[str, Any]) -> None:
+    if matrix.shape[0] < matrix.shape[1]:
+        matrix = matrix.T
+    width = matrix.shape[1]
+    names = [f"{name}_{i + 1}" for i in range(width)]
+    for values in arrays.values():
+        array = np.asarray(values)
+        if array.dtype.kind in "US" and array.size == width:
+            names = [str(item).strip() for item in array.reshape(-1)]
+    for i, column in enumerate(names):
+        table.add(column, matrix[:, i])
+
+
+# NumPy archives.
+
+
+def read_npz(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> RawTable:
+    """Read the vectors of an ``.npz`` archive, or one matrix of it with named columns."""
+    with opened(path, wanted) as file:
+        try:
+            for member in members(file, path, wanted):
+                _check_head(file, member)
+            file.seek(0)
+            with np.load(file, allow_pickle=False) as archive:
+                arrays = {name: archive[name] for name in archive.files}
+        except InvalidInputError:
+            raise
+        except Exception as error:  # zipfile, zlib, NumPy, and what is no archive
+            raise unreadable(path, "NPZ", error) from None
+    return table_of(arrays, table, str(path))
+
+
+def _check_head(file: BinaryIO, member: zipfile.ZipInfo) -> None:
+    """Refuse an array that says it is larger than its part of the archive: it would be reserved."""
+    with zipfile.ZipFile(file) as archive, archive.open(member) as part:
+        if part.read(6) != np.lib.format.MAGIC_PREFIX:
+            return  # NumPy gives it as bytes
+        version = tuple(part.read(2))
+        read = (
+            np.lib.format.read_array_header_1_0
+            if version == (1, 0)
+            else np.lib.format.read_array_header_2_0
+        )
+        shape, _, dtype = read(part)
+    if math.prod(shape) * dtype.itemsize > member.file_size or min(shape, default=0) < 0:
+        raise ValueError(f"{member.filename} is shorter than it says")
+
+
+def read_wav(path: Path, wanted: Wanted = RECORD) -> RawTable:
+    """Read the channels ``channel_1``, ``channel_2``, ...; integers become shares of full scale."""
+    with opened(path, wanted) as file, warnings.catch_warnings():
+        # SciPy warns of chunks that it skips; they hold remarks, no samples.
+        warnings.simplefilter("ignore", scipy.io.wavfile.WavFileWarning)
+        try:
+            rate, samples = scipy.io.wavfile.read(file)
+        except Exception as error:  # struct.error, ValueError and more on damage
+            raise unreadable(path, "WAV", error) from None
+    table = RawTable(sampling_rate=float(rate))
+    samples = np.atleast_2d(samples.T).T
+    values = samples.astype(float)
+    if samples.dtype == np.uint8:
+        values = (values - 128) / 128
+    elif samples.dtype.kind == "i":
+        values = values / -float(np.iinfo(samples.dtype).min)
+    if samples.dtype.kind in "iu":
+        table.notes.append("samples are shares of the full scale; pass units= to calibrate")
+    for i in range(values.shape[1]):
+        table.add(f"channel_{i + 1}", values[:, i])
+    return table

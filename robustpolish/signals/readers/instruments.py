@@ -1,0 +1,197 @@
+"""Universal files of modal analysis, data set 58, through pyuff."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robustpolish.base.checks import described, invalid
+from robustpolish.base.input_files import Wanted, opened
+from robustpolish.errors import InvalidInputError, MissingDependencyError
+from robustpolish.signals.raw import RECORD, RawResponse, RawTable, unreadable
+
+# LabVIEW's TDMS files, through npTDMS.
+
+
+def read_tdms(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> RawTable:
+    """Read the channels of a TDMS file, or of one group of it.
+
+    The waveform properties give sampling rate and unit.
+    """
+    try:
+        from nptdms import TdmsFile
+        from nptdms.log import log_manager
+    except ImportError:
+        raise MissingDependencyError(
+            "TDMS files need npTDMS: pip install 'robustpolish[io]'."
+        ) from None
+    log_manager.set_level(logging.CRITICAL)  # npTDMS writes whole damaged files to the log
+    with opened(path, wanted) as stream:
+        try:
+            file = TdmsFile.open(stream)
+            size = 8 * sum(len(c) for group in file.groups() for c in group.channels())
+            if size > wanted.largest:
+                raise wanted.too_large(path, size, packed=True)
+            groups = {
+                group.name: [
+                    (c.name, np.asarray(c[:]), dict(c.properties)) for c in group.channels()
+                ]
+                for group in file.groups()
+            }
+        except InvalidInputError:
+            raise
+        except Exception as error:  # npTDMS raises ValueError, struct.error, KeyError on damage
+            raise unreadable(path, "TDMS", error) from None
+    filled = {name: channels for name, channels in groups.items() if channels}
+    if table is not None and table not in filled:
+        raise invalid("table", table, f"a group: {', '.join(filled)}", "Check its name.")
+    chosen = {table: filled[table]} if table is not None else filled
+    result = RawTable()
+    steps = set()
+    for group, channels in chosen.items():
+        for name, values, properties in channels:
+            label = name if len(chosen) == 1 else f"{group}/{name}"
+            result.add(label, values, _tdms_unit(properties))
+            if properties.get("wf_increment"):
+                steps.add(float(properties["wf_increment"]))
+    if len(steps) > 1:
+        raise invalid(
+            "measurement",
+            described(f"{path} with sampling times {sorted(steps)} s"),
+            "one sampling time",
+            "Pass table=GROUP for the channels that belong together.",
+        )
+    if steps:
+        result.sampling_rate = 1 / steps.pop()
+    return result
+
+
+def _tdms_unit(properties: dict[str, Any]) -> str | None:
+    for key in ("unit_string", "NI_UnitDescription", "units", "unit"):
+        if properties.get(key):
+            return str(properties[key])
+    return None
+
+
+_TIME_RESPONSE, _FREQUENCY_RESPONSE, _COHERENCE = 1, 4, 6
+_DIRECTIONS = {1: "x", 2: "y", 3: "z", -1: "-x", -2: "-y", -3: "-z"}
+
+
+def read_uff(path: Path, wanted: Wanted = RECORD) -> RawTable:
+    """Read the time responses of a universal file; spectra in it are left out with a note."""
+    sets, count = _sets(path, wanted)
+    responses = [item for item in sets if item.get("func_type") == _TIME_RESPONSE]
+    if not responses:
+        raise invalid(
+            "measurement",
+            described(f"{path} without time responses"),
+            "data sets 58 with function type 1",
+            "Export time records, or read it with read_frequency_response.",
+        )
+    table = RawTable()
+    if len(responses) < count:
+        table.notes.append(f"left out: {count - len(responses)} data sets without time records")
+    for item in responses:
+        table.add(_name(item, table), np.real(item["data"]), _uff_unit(item))
+    first = np.asarray(responses[0]["x"], dtype=float)
+    for item in responses[1:]:
+        other = np.asarray(item["x"], dtype=float)
+        if other.shape != first.shape or not np.allclose(
+            other, first, atol=0.01 * np.ptp(first) / first.size
+        ):
+            shown = described(f"{path} with records over different times")
+            raise invalid("measurement", shown, "one time axis", "Export them together.")
+    table.columns = {"time": first, **table.columns}
+    table.units["time"] = "s"
+    return table
+
+
+def read_uff_responses(path: Path, wanted: Wanted = RECORD) -> list[RawResponse]:
+    """Read the frequency responses of a universal file, and their coherences."""
+    sets, _ = _sets(path, wanted)
+    found = []
+    for item in sets:
+        kind = item.get("func_type")
+        if kind not in (_FREQUENCY_RESPONSE, _COHERENCE):
+            continue
+        values = np.asarray(item["data"])
+        found.append(
+            RawResponse(
+                _end(item, "rsp"),
+                _end(item, "ref"),
+                np.asarray(item["x"], dtype=float),
+                values if kind == _FREQUENCY_RESPONSE else np.real(values),
+                _ratio(item) if kind == _FREQUENCY_RESPONSE else "",
+                "response" if kind == _FREQUENCY_RESPONSE else "coherence",
+            )
+        )
+    return found
+
+
+def uff_holds_responses_only(path: Path) -> bool:
+    """Return whether a universal file has frequency responses and no time records."""
+    kinds = {item.get("func_type") for item in _sets(path, RECORD)[0]}
+    return _FREQUENCY_RESPONSE in kinds and _TIME_RESPONSE not in kinds
+
+
+def _sets(path: Path, wanted: Wanted) -> tuple[list[Any], int]:
+    """Return the data sets 58 of a file, and how many data sets it has in all."""
+    try:
+        import pyuff
+    except ImportError:
+        raise MissingDependencyError(
+            "Universal files need pyuff: pip install 'robustpolish[io]'."
+        ) from None
+    with opened(path, wanted):  # pyuff opens it by its name once more
+        pass
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # pyuff warns of every field that is blank
+            file = pyuff.UFF(str(path))
+            kinds = np.atleast_1d(file.get_set_types())
+            sets: list[Any] = [file.read_sets(int(i)) for i in np.flatnonzero(kinds == 58)]
+        for item in sets:
+            if np.shape(item["x"]) != np.shape(item["data"]):
+                raise ValueError("a record that is shorter than its axis")
+    except Exception as error:  # pyuff raises bare Exception
+        raise unreadable(path, "universal (UFF)", error) from None
+    return sets, len(kinds)
+
+
+def _end(item: dict[str, Any], which: str) -> str:
+    """Return the name of the response or the reference of a data set."""
+    label = str(item.get(f"{which}_ent_name") or "").strip()
+    return _node(item, which) if not label or label.upper() == "NONE" else label
+
+
+def _node(item: dict[str, Any], which: str) -> str:
+    direction = _DIRECTIONS.get(int(item.get(f"{which}_dir") or 0), "")
+    return f"node_{int(item.get(f'{which}_node') or 0)}{'_' + direction if direction else ''}"
+
+
+def _ratio(item: dict[str, Any]) -> str:
+    """Return the unit of a frequency response; empty if one of its ends has none."""
+    above, below = _uff_unit(item) or "", _uff_unit(item, "orddenom") or ""
+    if above and not below and "/" in above and any(c in above for c in "NF"):
+        return above  # the whole ratio stands above, as some instruments write it
+    return f"({above})/({below})" if above and below else ""
+
+
+def _name(item: dict[str, Any], table: RawTable) -> str:
+    label = str(item.get("id1") or "").strip()
+    if not label or label.upper() == "NONE" or label in table.columns:
+        label = _node(item, "rsp")
+    base, count = label, 1
+    while label in table.columns:
+        count += 1
+        label = f"{base}_{count}"
+    return label
+
+
+def _uff_unit(item: dict[str, Any], axis: str = "ordinate") -> str | None:
+    unit = str(item.get(f"{axis}_axis_units_lab") or "").strip()
+    return None if not unit or unit.upper() in ("NONE", "UNKNOWN") else unit

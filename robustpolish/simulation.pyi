@@ -1,0 +1,51 @@
+from .closed_loop.monte_carlo import (
+    SampledLoops as SampledLoops,
+)
+from .closed_loop.monte_carlo import (
+    monte_carlo as monte_carlo,
+)
+from .closed_loop.robustness import (
+    RobustnessCheck as RobustnessCheck,
+)
+from .closed_loop.robustness import (
+    check_robustness as check_robustness,
+)
+from .closed_loop.simulate import (
+    simulate as simulate,
+)
+from .linear.delays.systems import (
+    DelayedSystem as DelayedSystem,
+)
+from .linear.delays.systems import (
+    DelayLine as DelayLine,
+)
+from .linear.response import (
+    Response as Response,
+)
+from .linear.response import (
+    first_order_hold as first_order_hold,
+)
+from .linear.response import (
+    linear_response as linear_response,
+)
+from .machines.simulation.run import (
+    NonlinearResponse as NonlinearResponse,
+)
+from .machines.simulation.run import (
+    simulate_model as simulate_model,
+)
+
+__all__ = [
+    "DelayLine",
+    "DelayedSystem",
+    "NonlinearResponse",
+    "Response",
+    "RobustnessCheck",
+    "SampledLoops",
+    "check_robustness",
+    "first_order_hold",
+    "linear_response",
+    "monte_carlo",
+    "simulate",
+    "simulate_model",
+]

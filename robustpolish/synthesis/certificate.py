@@ -1,0 +1,546 @@
+"""The certificate of a controller: everything about its loop, computed afresh.
+
+No solver is believed. The loop is connected in ball arithmetic, its poles and its norm are
+computed from it, and a matrix proves both stability and the bound on the norm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import control
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from robustpolish.base.budget import same_bits
+from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
+from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.errors import InfeasibleError
+from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
+from robustpolish.linear.delays.stability import DelayStability, delay_stability
+from robustpolish.linear.delays.systems import DelayedSystem
+from robustpolish.linear.norms.singular_values import singular_values
+from robustpolish.linear.stability import stability
+from robustpolish.plants.blocks import named_system
+from robustpolish.plants.controllers import GivenController, controller_system
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.plots.poles import plot_poles
+from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries
+from robustpolish.synthesis.proofs.achieved_norm import achieved_h2, achieved_hinf
+from robustpolish.synthesis.proofs.bounded_real import (
+    BITS,
+    TIGHT,
+    NormProof,
+    enclose_loop,
+    enclosed,
+    prove_computed_norm,
+    rounding_level,
+    tightest_proof,
+)
+
+# What a loop certified with Pade models is with its delays as they are.
+
+
+@dataclass(frozen=True, eq=False)
+class ExactDelays:
+    """A loop with its delays as they are.
+
+    Attributes
+    ----------
+    stability : DelayStability
+        Whether it is stable, and how that was decided.
+    gain : float or None
+        The largest singular value from w to z that was found over frequency, a lower bound of the
+        norm; None if the loop was not found stable, or where it is not asked for.
+    orders : mapping of str to int
+        Order of the Pade approximation of each delayed signal, on which the proof rests.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> lag = control.tf([1], [1, 1], inputs="u", outputs="y")
+    >>> plant = rp.GeneralizedPlant.from_loop(lag).with_delay("u", 0.5)
+    >>> print(rp.certify(plant, [[-1.0]]).exact_delays)
+    proven for Pade models of the delays (u of order 3);
+    with the exact delays the loop is stable and its gain reaches 2.0...
+    """
+
+    stability: DelayStability
+    gain: float | None
+    orders: dict[str, int]
+
+    def __str__(self) -> str:
+        models = ", ".join(f"{name} of order {order}" for name, order in self.orders.items())
+        found = {
+            "stable": "the loop is stable",
+            "unstable": "the loop is UNSTABLE",
+            "undecided": f"it was not decided whether the loop is stable: {self.stability.reason}",
+        }[self.stability.verdict]
+        reached = "" if self.gain is None else f" and its gain reaches {self.gain:.6g}"
+        proven = f"proven for Pade models of the delays ({models})"
+        return f"{proven}; with the exact delays {found}{reached}"
+
+
+def exact_delays(
+    plant: GeneralizedPlant, controller: control.StateSpace, norm: str
+) -> ExactDelays | None:
+    """Check a loop with its delays as they are; None for a plant whose model is exact.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+    controller : control.StateSpace
+    norm : {"hinf", "h2"}
+        The gain is looked for with the first only.
+
+    Returns
+    -------
+    ExactDelays or None
+    """
+    lines = plant.wiring.lines
+    if not lines:
+        return None
+    loop = plant.delayed_loop(controller)
+    stability = delay_stability(loop)
+    gain = _gain(loop) if stability and norm == "hinf" and plant.nw and plant.nz else None
+    orders: dict[str, int] = {}
+    for line in lines:  # the least of a signal that is delayed twice
+        orders[line.name] = min(line.order, orders.get(line.name, line.order))
+    return ExactDelays(stability, gain, orders)
+
+
+def _gain(loop: DelayedSystem) -> float:
+    """Return the largest gain over the frequencies that matter to the Pade model, and near it."""
+    omega = 2 * np.pi * singular_values(loop.pade_model())["frequency"].to_numpy()
+    omega = np.concatenate([[0.0], omega])
+    best = 0.0
+    for _ in range(3):
+        gains = np.linalg.norm(loop.response(omega), 2, axis=(1, 2))
+        gains[~np.isfinite(gains)] = 0.0
+        at = int(gains.argmax())
+        best = max(best, float(gains[at]))
+        omega = np.linspace(omega[max(at - 1, 0)], omega[min(at + 1, omega.size - 1)], 41)
+    return best
+
+
+Norm = Literal["hinf", "h2"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Certificate(Displayed):
+    """What is known about a closed loop, whoever designed it.
+
+    Attributes
+    ----------
+    norm : {"hinf", "h2"}
+        The norm that is certified.
+    valid : bool
+        True only if the loop is proven stable, the norm proven to lie below `bound` and
+        confirmed on a frequency grid, if rounding the loop's matrices to doubles changes it
+        by less than 1 %, if the claim, if any, is kept, and if exact delays make it not unstable.
+    reasons : tuple of str
+        Why it is not valid; empty if it is.
+    stable : bool
+        Whether all closed-loop poles are stable.
+    achieved : float
+        The norm from w to z, computed from the loop, exact or with matrices rounded to
+        doubles, whichever is larger; infinite if unstable. Of a norm so small that rounding in
+        doubles feigns as much, the proven bound: that is all that can be said.
+    claimed : float or None
+        The bound that a solver claimed.
+    gap : float or None
+        claimed / achieved - 1: positive where the claim is a true upper bound.
+    bound : float
+        Proven upper bound on the norm, within 0.1 % of `achieved` or of a larger claim;
+        infinite if nothing could be proven.
+    peak_frequency : float or None
+        Where the largest singular value peaks, rad/s; None for the H2 norm.
+    largest_gain : float
+        Largest absolute entry of the controller's matrices, in the plant's units.
+    poles : ndarray of complex, shape (nx + nk,)
+        Closed-loop poles, rad/s (discrete time: eigenvalues of the state matrix).
+    damping : ndarray, shape (nx + nk,)
+        Damping ratio of each pole.
+    frequencies_hz : ndarray, shape (nx + nk,)
+        Natural frequency of each pole, Hz (cycles per sample if dt is True).
+    proof : NormProof or None
+        The matrix behind `bound`.
+    discrete : bool
+        Whether it is a discrete-time loop.
+    exact_delays : ExactDelays or None
+        For a plant with delays: all of the above is about their Pade models; this says whether
+        the loop with the delays as they are is stable. None for all other plants.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    >>> rp.certify(plant, [[-3.0]], "hinf", claimed=0.5)
+    Certificate: valid
+      H-infinity norm achieved         0.5
+      proven to be at most        0.500005
+      claimed                          0.5
+      peak at [Hz]                       0
+      largest entry of K                 3
+      slowest pole [Hz]            0.31831
+      least damping ratio                1
+    """
+
+    norm: Norm
+    valid: bool
+    reasons: tuple[str, ...]
+    stable: bool
+    achieved: float
+    claimed: float | None
+    gap: float | None
+    bound: float
+    peak_frequency: float | None
+    largest_gain: float
+    poles: NDArray[np.complex128]
+    damping: NDArray[np.float64]
+    frequencies_hz: NDArray[np.float64]
+    proof: NormProof | None = field(repr=False)
+    discrete: bool = False
+    exact_delays: ExactDelays | None = None
+
+    def plot(
+        self, ax: Axes | None = None, *, regions: PoleRegion | Sequence[PoleRegion] = ()
+    ) -> Axes:
+        """Draw the closed-loop poles, and the regions that they were to lie in.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        regions : HalfPlane, Disk, Sector or a sequence of them, optional
+            What lies outside of them is hatched.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> rp.certify(plant, [[-3.0]]).plot(regions=rp.HalfPlane(-1.0)).get_xlabel()
+        'real part [1/s]'
+        """
+        return plot_poles(
+            {"closed-loop poles": self.poles}, boundaries(regions), ax, discrete=self.discrete
+        )
+
+    def _card(self) -> Card:
+        name = "H-infinity" if self.norm == "hinf" else "H2"
+        peak = None if self.peak_frequency is None else self.peak_frequency / (2 * np.pi)
+        rows = (
+            (f"{name} norm achieved", self.achieved),
+            ("proven to be at most", self.bound),
+            ("claimed", self.claimed),
+            *([("peak at [Hz]", peak)] if self.norm == "hinf" else []),
+            ("largest entry of K", self.largest_gain),
+            ("slowest pole [Hz]", float(self.frequencies_hz.min(initial=np.inf))),
+            ("least damping ratio", float(self.damping.min(initial=1.0))),
+        )
+        verdict = "valid" if self.valid else "NOT valid"
+        delays = () if self.exact_delays is None else (f"{self.exact_delays}",)
+        return Card(f"Certificate: {verdict}", (quantities(*rows),), (*self.reasons, *delays))
+
+    def with_claim(self, claimed: float) -> Certificate:
+        """Return the certificate with a claim that is kept, for a loop certified without one.
+
+        Parameters
+        ----------
+        claimed : float
+            A bound that the loop keeps.
+
+        Returns
+        -------
+        Certificate
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> round(rp.certify(plant, [[-3.0]]).with_claim(0.6).gap, 6)
+        0.2
+        """
+        return replace(self, claimed=claimed, gap=_gap(claimed, self.achieved))
+
+
+@same_bits
+def certify(
+    plant: GeneralizedPlant,
+    controller: GivenController,
+    norm: Norm = "hinf",
+    claimed: float | None = None,
+    tolerance: float = 1e-3,
+) -> Certificate:
+    r"""Check a controller against its plant, trusting nobody.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+        With nw disturbances and nz performance outputs, continuous or discrete.
+    controller : control.StateSpace, control.TransferFunction or array_like, shape (nu, ny)
+        K in u = K y (positive sign): a system or a gain.
+    norm : {"hinf", "h2"}
+        The norm from w to z to be certified.
+    claimed : float, optional
+        The bound that a solver claims, in the plant's units.
+    tolerance : float
+        How far the achieved norm may lie above the claim (relative) before the claim
+        is called false.
+
+    Returns
+    -------
+    Certificate
+
+    Raises
+    ------
+    InvalidInputError
+        If shapes, sampling times or options do not fit, or the loop is not well posed.
+
+    Notes
+    -----
+    For the H-infinity norm a P > 0 satisfies the strict bounded-real inequality
+
+    .. math:: \begin{bmatrix} A^T P + P A + C^T C & P B + C^T D \\
+              B^T P + D^T C & D^T D - \gamma^2 I \end{bmatrix} < 0
+
+    for the H2 norm a Gramian bounds trace(C X C'). Both are checked in ball arithmetic, so
+    that a valid certificate is a proof for the controller's entries exactly as they are stored.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    >>> certificate = rp.certify(plant, [[-3.0]], "hinf", claimed=0.5)
+    >>> certificate.valid, round(certificate.achieved, 6)
+    (True, 0.5)
+    >>> rp.certify(plant, [[-3.0]], "hinf", claimed=0.4).reasons
+    ('the claimed bound 0.4 is false: the loop has 0.5',)
+    """
+    one_of("norm", norm, ("hinf", "h2"))
+    if claimed is not None:
+        claimed = positive("claimed", claimed, zero=True)
+    positive("tolerance", tolerance, zero=True)
+    remedy = "Build one with GeneralizedPlant(control.ss(...), measurements=..., controls=...)."
+    instance_of("plant", plant, GeneralizedPlant, "a GeneralizedPlant", remedy)
+    K = controller_system(plant, controller)
+    rounded = plant.closed_loop(K)  # checks shapes, times and that the loop is well posed
+    refuse_extreme("plant", {name: getattr(rounded, name) for name in "ABCD"})
+    reasons: list[str] = []
+    try:
+        loop = enclose_loop(plant, K)
+    except ZeroDivisionError:
+        raise invalid(
+            "controller",
+            described("a loop matrix I - Dk D22 that is singular to working accuracy"),
+            "a well-posed loop",
+            "Change the controller's feedthrough.",
+        ) from None
+    names = (rounded.input_labels, rounded.output_labels, rounded.state_labels)
+    system = named_system(loop.doubles, plant.dt, *names)
+    poles, damping, hertz = _poles(system, plant.dt)
+    step = (1.0 if plant.dt is True else float(plant.dt)) if plant.is_discrete else None
+    level = rounding_level(loop)
+    proof, achieved, peak, bound = None, np.inf, None, np.inf
+    stable = _all_inside(poles, plant.is_discrete)
+    proven = None
+    if norm == "hinf" and stable:
+        proven = prove_computed_norm(loop, enclosed(rounded), level, step)
+    if proven is None:
+        # Doubles and a first proof leave doubt: everything is computed once more, with care.
+        stable = bool(stability(system))
+        if not stable:
+            worst = poles[np.argmax(np.abs(poles) if plant.is_discrete else poles.real)]
+            reasons.append(f"the loop is unstable: a pole at {worst:.6g}")
+        elif norm == "hinf":
+            achieved, peak = achieved_hinf(system, rounded, level, reasons)
+        else:
+            achieved = achieved_h2(system, reasons)
+        if np.isfinite(achieved):
+            proven = tightest_proof(
+                lambda bits: loop if bits == BITS else enclose_loop(plant, K, bits),
+                norm,
+                achieved,
+                peak,
+                claimed,
+                step,
+            )
+    if proven is not None:
+        proof, achieved, peak = proven
+        if proof is not None and np.isfinite(proof.bound) and achieved <= level:
+            # All that double precision can say of such a norm is that it is below a bound.
+            achieved = proof.bound
+        if proof is None:
+            reasons.append("stability and norm could not be proven in ball arithmetic")
+        else:
+            bound = proof.bound
+            if bound > (1 + TIGHT) * max(achieved, claimed or 0.0):
+                reasons.append(f"only the bound {bound:.6g} could be proven, not {achieved:.6g}")
+    if claimed is not None and np.isfinite(achieved) and achieved > claimed * (1 + tolerance):
+        reasons.append(f"the claimed bound {claimed:.6g} is false: the loop has {achieved:.6g}")
+    exact = exact_delays(plant, K, norm) if stable and plant.delays else None
+    if exact is not None and exact.stability.verdict == "unstable":
+        reasons.append(
+            "the loop is unstable with its delays as they are: the Pade models are too rough; "
+            "raise order= of with_delay"
+        )
+    return Certificate(
+        norm=norm,
+        valid=not reasons,
+        reasons=tuple(reasons),
+        stable=stable,
+        achieved=float(achieved),
+        claimed=claimed,
+        gap=_gap(claimed, achieved),
+        bound=float(bound),
+        peak_frequency=peak,
+        largest_gain=max(float(np.abs(M).max(initial=0)) for M in (K.A, K.B, K.C, K.D)),
+        poles=poles,
+        damping=damping,
+        frequencies_hz=hertz,
+        proof=proof,
+        discrete=plant.is_discrete,
+        exact_delays=exact,
+    )
+
+
+def _poles(
+    system: control.StateSpace, dt: float | bool
+) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]:
+    """Return poles with damping ratio and natural frequency, slowest first."""
+    A = np.asarray(system.A)
+    poles: Any = np.linalg.eigvals(A).astype(complex) if A.size else np.zeros(0, complex)
+    if dt:
+        with np.errstate(divide="ignore", invalid="ignore"):  # a pole at zero: infinitely fast
+            rate = np.log(poles) / (1.0 if dt is True else float(dt))
+    else:
+        rate = poles
+    size = np.abs(rate)
+    with np.errstate(invalid="ignore"):
+        damping = np.where(size > 0, -rate.real / np.where(size > 0, size, 1), -1.0)
+    damping = np.where(np.isinf(size), 1.0, damping)
+    order = np.argsort(size, kind="stable")
+    return poles[order], damping[order], size[order] / (2 * np.pi)
+
+
+def _all_inside(poles: NDArray[np.complex128], discrete: bool) -> bool:
+    """Tell whether all poles, as doubles see them, are stable."""
+    return bool((np.abs(poles) < 1).all() if discrete else (poles.real < 0).all())
+
+
+def _gap(claimed: float | None, achieved: float) -> float | None:
+    if claimed is None:
+        return None
+    if achieved == 0:
+        return 0.0 if claimed == 0 else np.inf
+    return claimed / achieved - 1 if np.isfinite(achieved) else -1.0
+
+
+# Which norm was asked for: any below a number, or the smallest within a range.
+
+Gamma = float | Sequence[float]
+"""A norm to stay below, or the range of a search."""
+
+_EXPECTED = "a positive number, or (low, high) with 0 <= low <= high and high > 0"
+_REMEDY = (
+    "Pass gamma=2.0 for any controller with a norm below 2, or gamma=(1.0, 2.0) to search the "
+    "smallest norm between these."
+)
+# Proven bounds lie a little above the norm: what is aimed at lies by this share below.
+_ROOM = 2e-4
+
+
+@dataclass(frozen=True)
+class WantedNorm:
+    """Which norms will do.
+
+    Attributes
+    ----------
+    enough : float
+        The search need not go below.
+    below : float
+        The norm must not lie above; infinite if nothing was asked.
+    """
+
+    enough: float = 0.0
+    below: float = np.inf
+
+    @classmethod
+    def checked(cls, gamma: Any) -> WantedNorm:
+        """Read the argument ``gamma`` of a method.
+
+        Raises
+        ------
+        InvalidInputError
+            If it is neither a positive number nor a range.
+
+        Examples
+        --------
+        >>> WantedNorm.checked(2.0)
+        WantedNorm(enough=2.0, below=2.0)
+        >>> WantedNorm.checked((0.5, 2.0))
+        WantedNorm(enough=0.5, below=2.0)
+        """
+        if gamma is None:
+            return ANY_NORM
+        numbers = np.asarray(gamma, dtype=object).ravel().tolist()
+        if any(isinstance(number, bool | np.bool_ | str | bytes | complex) for number in numbers):
+            raise invalid("gamma", gamma, _EXPECTED, _REMEDY)
+        try:
+            ends = [float(number) for number in numbers]
+        except (TypeError, ValueError):
+            raise invalid("gamma", gamma, _EXPECTED, _REMEDY) from None
+        if len(ends) == 1 and np.isfinite(ends[0]) and ends[0] > 0:
+            return cls(ends[0], ends[0])
+        if len(ends) != 2 or not 0 <= ends[0] <= ends[1] or np.isinf(ends[0]) or ends[1] == 0:
+            raise invalid("gamma", gamma, _EXPECTED, _REMEDY)
+        return cls(*ends)
+
+    @property
+    def asks(self) -> bool:
+        """Whether anything was asked for."""
+        return self.enough > 0 or np.isfinite(self.below)
+
+    def in_unit(self, unit: float) -> WantedNorm:
+        """Return it for norms that are counted in units of `unit`."""
+        return WantedNorm(self.enough / unit, self.below / unit)
+
+    def limited(self, goal: float) -> float:
+        """Return the norm that a search aims at that would aim at `goal` by itself."""
+        if not self.asks:
+            return goal
+        return min(max(goal, self.enough), self.below) * (1 - _ROOM)
+
+    def in_words(self) -> str:
+        """Return what was asked for, as it is told in messages; empty if nothing was."""
+        if not self.asks:
+            return ""
+        if self.enough == self.below:
+            return f"a norm below gamma = {self.below:.6g}"
+        above = f"{self.below:.6g}" if np.isfinite(self.below) else "infinity"
+        return f"a norm within gamma = {self.enough:.6g} to {above}"
+
+
+ANY_NORM = WantedNorm()
+"""Nothing was asked for."""
+
+
+def norm_in_words(norm: Norm) -> str:
+    """Return the name of a norm as messages have it."""
+    return "H-infinity" if norm == "hinf" else "H2"
+
+
+def out_of_reach(wanted: WantedNorm, bound: float, norm: Norm, how: str) -> InfeasibleError:
+    """Return the error for a norm that no controller reaches."""
+    return InfeasibleError(
+        f"gamma: no controller has {wanted.in_words()}. The {norm_in_words(norm)} norm of every "
+        f"stabilising controller's loop is at least {bound:.6g}, {how}. Ask for more than that."
+    )

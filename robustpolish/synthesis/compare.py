@@ -1,0 +1,454 @@
+"""How much control a smaller norm costs: one design for each price on u."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from numpy.typing import ArrayLike
+
+from robustpolish.base.budget import Budget, working
+from robustpolish.base.checks import instance_of, invalid, one_of, positive
+from robustpolish.base.results import Card, Displayed, Table, quantities
+from robustpolish.base.sweep import sweep
+from robustpolish.errors import RobustPolishError
+from robustpolish.linear.norms.h2 import h2_norm
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.plots.charts import plot_gain_against_norm
+from robustpolish.synthesis.certificate import Norm
+from robustpolish.synthesis.design import Design
+from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
+from robustpolish.synthesis.state_feedback.state_feedback import state_feedback
+
+# One plant, several methods, one table.
+
+METHODS = ("auto", "riccati", "lmi/cvxpy", "lmi/picos", "slycot")
+_HEADER = ("method", "status", "claimed", "achieved", "gain", "condition", "order", "seconds")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MethodResult(Displayed):
+    """What one method made of the plant.
+
+    Attributes
+    ----------
+    method : str
+    status : str
+        That of the design, or "infeasible", "refused" and "missing" for a method that raised
+        an InfeasibleError, another error, or that lacks its solver.
+    claimed, achieved : float
+        The norm that the method promised and that of its certified loop; not a number
+        without a controller.
+    gain : float
+        Largest entry of the controller's matrices.
+    condition : float
+        Condition number of the eigenvectors of the loop: how sensitive its poles are.
+    order : int
+        States of the controller; -1 without one.
+    seconds : float
+        Wall time.
+    message : str
+        What the method said.
+    design : Design or None
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices(
+    ...     [[1.0]], [[1.0, 0.0]], [[1.0]], [[1.0], [0.0]], [[1.0]],
+    ...     D12=[[0.0], [1.0]], D21=[[0.0, 1.0]])
+    >>> result = rp.compare_methods(plant, ["riccati"])["riccati"]
+    >>> result.row()[:2], result.design.certificate.valid
+    (('riccati', 'optimal'), True)
+    >>> result.plot().get_xlabel()
+    'frequency'
+    """
+
+    method: str
+    status: str
+    claimed: float
+    achieved: float
+    gain: float
+    condition: float
+    order: int
+    seconds: float
+    message: str
+    design: Design | None = field(default=None, repr=False)
+
+    def row(self) -> tuple[Any, ...]:
+        """Return the figures in the order of the table's columns.
+
+        Returns
+        -------
+        tuple
+        """
+        rounded = [float(f"{x:.2g}") for x in (self.gain, self.condition)]
+        order = self.order if self.order >= 0 else None
+        figures = (self.claimed, self.achieved, *rounded, order, round(self.seconds, 2))
+        return self.method, self.status, *figures
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the frequency response of the design, as :meth:`Design.plot`.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        if self.design is None:
+            raise invalid("design", None, "a controller to draw", self.message)
+        return self.design.plot(ax)
+
+    def _card(self) -> Card:
+        rows = tuple(zip(_HEADER[2:], self.row()[2:], strict=True))
+        return Card(f"{self.method}: {self.status}", (quantities(*rows),), (self.message,))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MethodComparison(Displayed):
+    """The results of several methods on one plant; ``print`` shows them as a table.
+
+    Attributes
+    ----------
+    norm : {"hinf", "h2"}
+    results : tuple of MethodResult
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices(
+    ...     [[1.0]], [[1.0, 0.0]], [[1.0]], [[1.0], [0.0]], [[1.0]],
+    ...     D12=[[0.0], [1.0]], D21=[[0.0, 1.0]])
+    >>> [result.method for result in rp.compare_methods(plant, ["riccati", "lmi/cvxpy"])]
+    ['riccati', 'lmi/cvxpy']
+    """
+
+    norm: Norm
+    results: tuple[MethodResult, ...]
+
+    def __iter__(self) -> Iterator[MethodResult]:
+        return iter(self.results)
+
+    def __len__(self) -> int:
+        return len(self.results)
+
+    def __getitem__(self, method: str) -> MethodResult:
+        """Return the result of a method by its name."""
+        for result in self.results:
+            if result.method == method:
+                return result
+        raise KeyError(method)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the achieved norm against the controller's gain.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices(
+        ...     [[1.0]], [[1.0, 0.0]], [[1.0]], [[1.0], [0.0]], [[1.0]],
+        ...     D12=[[0.0], [1.0]], D21=[[0.0, 1.0]])
+        >>> rp.compare_methods(plant, ["riccati"]).plot().get_ylabel()
+        'H-infinity norm achieved'
+        """
+        name = "H-infinity" if self.norm == "hinf" else "H2"
+        gain, norm = "largest entry of the controller", f"{name} norm achieved"
+        points = xr.Dataset(
+            {
+                "gain": ("controller", [r.gain for r in self.results], {"long_name": gain}),
+                "norm": ("controller", [r.achieved for r in self.results], {"long_name": norm}),
+            },
+            {"controller": [r.method for r in self.results]},
+        )
+        return plot_gain_against_norm(points, ax)
+
+    def _card(self) -> Card:
+        table = Table("", _HEADER, tuple(r.row() for r in self.results), digits=6)
+        why = tuple(f"{r.method}: {r.message}" for r in self.results if r.design is None)
+        return Card("", (table,), why)
+
+
+def compare_methods(
+    plant: GeneralizedPlant,
+    methods: Sequence[str] = METHODS,
+    *,
+    norm: Norm = "hinf",
+    tolerance: float = 4e-3,
+    time_limit: float = 60.0,
+) -> MethodComparison:
+    """Run several methods of output feedback on one plant and compare what they achieve.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+    methods : sequence of str
+        Out of "auto", "riccati", "lmi/cvxpy", "lmi/picos" and "slycot"; a third part names a
+        solver, as in "lmi/cvxpy/SCS".
+    norm : {"hinf", "h2"}
+    tolerance : float
+        As for :func:`output_feedback`.
+    time_limit : float
+        A safety net for each method, in seconds.
+
+    Returns
+    -------
+    MethodComparison
+        Every norm in it is certified; a method that finds no certified controller is listed
+        with the reason.
+
+    Raises
+    ------
+    InvalidInputError
+        If a method is not known or an argument does not fit.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices(
+    ...     [[1.0]], [[1.0, 0.0]], [[1.0]], [[1.0], [0.0]], [[1.0]],
+    ...     D12=[[0.0], [1.0]], D21=[[0.0, 1.0]])
+    >>> table = rp.compare_methods(plant, ["riccati", "lmi/cvxpy"])
+    >>> table["riccati"].status, round(table["riccati"].achieved, 1)
+    ('optimal', 2.7)
+    """
+    one_of("norm", norm, ("hinf", "h2"))
+    positive("tolerance", tolerance)
+    positive("time_limit", time_limit, "s")
+    if isinstance(methods, str) or not all(isinstance(name, str) for name in methods):
+        raise invalid("methods", methods, "a list of names", f"Choose from {METHODS}.")
+    tasks = [(name, *_parsed(name)) for name in methods]
+    options = {"norm": norm, "tolerance": tolerance, "time_limit": time_limit}
+    results = []
+    with working("Comparing methods", len(tasks)) as tell:
+        for task in tasks:
+            tell(task[0])
+            results.append(_run(plant, *task, options))
+    return MethodComparison(norm, tuple(results))
+
+
+def _parsed(name: str) -> tuple[str, str, str | None]:
+    """Split a name into method, backend and solver."""
+    method, *rest = name.split("/")
+    known = {each.split("/")[0] for each in METHODS}
+    if method not in known or (rest and method != "lmi") or len(rest) > 2:
+        raise invalid("methods", name, f"one of {', '.join(METHODS)}", "Check its spelling.")
+    backend = rest[0] if rest else "cvxpy"
+    one_of("methods", backend, ("cvxpy", "picos"))
+    return method, backend, rest[1] if len(rest) > 1 else None
+
+
+def _run(
+    plant: GeneralizedPlant,
+    name: str,
+    method: Any,
+    backend: str,
+    solver: str | None,
+    options: dict[str, Any],
+) -> MethodResult:
+    clock = Budget()
+    try:
+        design = output_feedback(plant, method=method, backend=backend, solver=solver, **options)
+    except RobustPolishError as error:
+        kinds = {"InfeasibleError": "infeasible", "MissingDependencyError": "missing"}
+        status = kinds.get(type(error).__name__, "refused")
+        none = math.nan
+        seconds = clock.elapsed
+        return MethodResult(name, status, none, none, none, none, -1, seconds, str(error))
+    certificate = design.certificate
+    _, vectors = np.linalg.eig(np.asarray(design.closed_loop.A))
+    return MethodResult(
+        method=name,
+        status=design.status,
+        claimed=float(design.details["claim"]),
+        achieved=certificate.achieved,
+        gain=certificate.largest_gain,
+        condition=float(np.linalg.cond(vectors)) if vectors.size else 1.0,
+        order=int(design.controller.nstates or 0),
+        seconds=clock.elapsed,
+        message=design.message,
+        design=design,
+    )
+
+
+Synthesis = Callable[..., Design]
+_FIGURES = ("performance", "effort", "largest_gain", "fastest_pole")
+_TRADE_OFF_HEADER = ("control weight", "performance", "effort", "largest gain", "fastest pole [Hz]")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TradeOff(Displayed):
+    """What each price on u buys; ``print`` shows it as a table.
+
+    Attributes
+    ----------
+    norm : {"hinf", "h2"}
+    dataset : xarray.Dataset
+        Over ``control_weight``: ``performance``, the norm from w to z without the price;
+        ``effort``, the norm from w to u; ``largest_gain``, the largest entry of the controller's
+        matrices; ``fastest_pole`` of the loop, in Hz; ``failure``, why there is no design, else "".
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices([[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    >>> found = rp.trade_off(plant, [0.1, 1.0], norm="h2")
+    >>> found.dataset.performance.values.round(3).tolist()
+    [0.223, 0.595]
+    """
+
+    norm: Literal["hinf", "h2"]
+    dataset: xr.Dataset
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw performance over effort: below the curve lies what no price buys.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> import robustpolish as rp
+        >>> plant = rp.GeneralizedPlant.from_matrices([[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+        >>> rp.trade_off(plant, [0.1, 1.0], norm="h2").plot().get_xlabel()
+        'H2 norm, w to u'
+        """
+        name = "H-infinity" if self.norm == "hinf" else "H2"
+        names = [f"weight {weight:.3g}" for weight in self.dataset.control_weight.values]
+        axes = {"gain": ("effort", "w to u"), "norm": ("performance", "w to z")}
+        points = {
+            key: ("controller", self.dataset[of].values, {"long_name": f"{name} norm, {way}"})
+            for key, (of, way) in axes.items()
+        }
+        return plot_gain_against_norm(xr.Dataset(points, {"controller": names}), ax)
+
+    def _card(self) -> Card:
+        of = self.dataset
+        columns = (of.control_weight.values, *(of[name].values for name in _FIGURES))
+        rows = tuple(tuple(map(float, row)) for row in zip(*columns, strict=True))
+        why = [f"{w:g}: {f}" for w, f in zip(columns[0], of.failure.values, strict=True) if f]
+        return Card("Trade-off", (Table("", _TRADE_OFF_HEADER, rows, digits=4),), tuple(why))
+
+
+def trade_off(
+    plant: GeneralizedPlant,
+    control_weights: ArrayLike,
+    synthesis: Synthesis = state_feedback,
+    *,
+    executor: Executor | Literal["serial"] | None = "serial",
+    file: str | os.PathLike[str] | None = None,
+    progress: bool = True,
+    **settings: Any,
+) -> TradeOff:
+    """Design a controller for each price on u and tell what it reaches and what it spends.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+    control_weights : array_like, shape (k,)
+        Prices, in units of z per unit of u, above zero; the `control_weight` of
+        each design.
+    synthesis : callable
+        :func:`state_feedback`, :func:`output_feedback` or another function that takes the plant and
+        ``control_weight`` and returns a :class:`Design`.
+    executor : concurrent.futures.Executor, "serial" or None, optional
+        Who does the work, and None for local processes: see :func:`sweep`.
+    file : path, optional
+        Where finished designs are noted, to go on from after an interruption: see :func:`sweep`.
+    progress : bool, optional
+        Show a bar in terminals and notebooks.
+    **settings
+        Further arguments of `synthesis`, as ``norm="h2"``.
+
+    Returns
+    -------
+    TradeOff
+        Norms in it are computed afresh from the certified loops. A price without a design is a
+        failure with its reason.
+
+    Raises
+    ------
+    InvalidInputError
+        If the weights are no positive numbers.
+    TypeError
+        If `synthesis` has no such argument.
+
+    Notes
+    -----
+    Every design starts from nothing and not from that of the price beside it, so that the same
+    price gives the same controller, alone or among others and on any number of workers. The H2
+    curve of state feedback is the limit of what any controller reaches; H-infinity designs lie
+    near theirs, within their tolerance.
+
+    Examples
+    --------
+    A higher price spends less:
+
+    >>> import robustpolish as rp
+    >>> plant = rp.air_bearing(actuation="force")
+    >>> found = rp.trade_off(plant, [1e-8, 1e-7, 1e-6], norm="h2").dataset
+    >>> bool((found.effort.diff("control_weight") < 0).all())
+    True
+    """
+    instance_of("plant", plant, GeneralizedPlant, "a GeneralizedPlant", "Build one first.")
+    # A price of zero leaves u free, which has no point on the curve.
+    listed = control_weights if np.iterable(control_weights) else [control_weights]
+    weights = [positive("control_weights", weight, "of z per unit of u") for weight in listed]
+    if "control_weight" in settings:
+        raise invalid(
+            "control_weight", settings["control_weight"], "nothing", "Write control_weights=[...]."
+        )
+    call = inspect.signature(synthesis).bind_partial(plant, control_weight=1.0, **settings)
+    call.apply_defaults()
+    point = partial(_point, plant=plant, synthesis=synthesis, settings=settings)
+    grid = {"control_weight": np.unique(weights)}
+    found = sweep(point, grid, executor=executor, file=file, progress=progress)
+    for name in set(_FIGURES) - set(found):  # where no price has a design
+        found[name] = ("control_weight", np.full(found.sizes["control_weight"], np.nan))
+    return TradeOff(call.arguments.get("norm", "hinf"), found)
+
+
+def _point(
+    control_weight: float,
+    plant: GeneralizedPlant,
+    synthesis: Synthesis,
+    settings: Mapping[str, Any],
+) -> dict[str, float]:
+    """Design for one price, and measure the loop."""
+    design = synthesis(plant, control_weight=control_weight, **settings)
+    loop = design.closed_loop
+    norm = hinf_norm if design.norm == "hinf" else h2_norm
+    return {
+        "performance": float(norm(loop[: plant.nz, :])),
+        "effort": float(norm(loop[-plant.nu :, :])) / control_weight,
+        "largest_gain": float(design.certificate.largest_gain),
+        "fastest_pole": float(design.certificate.frequencies_hz.max(initial=0.0)),
+    }

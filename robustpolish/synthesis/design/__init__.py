@@ -1,1 +1,0 @@
-"""What every synthesis returns, and its file."""

@@ -1,1 +1,0 @@
-"""Designs by linear matrix inequalities, and the programs that state them."""

@@ -1,1 +1,0 @@
-"""One Lyapunov matrix for several specifications."""

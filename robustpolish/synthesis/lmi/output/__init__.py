@@ -1,1 +1,0 @@
-"""Inequalities of dynamic output feedback."""

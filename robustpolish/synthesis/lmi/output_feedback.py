@@ -1,0 +1,524 @@
+"""Inequalities of dynamic output feedback."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg
+
+from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.synthesis.certificate import Norm
+from robustpolish.synthesis.lmi.program import (
+    Affine,
+    ProgramSolver,
+    SemidefiniteProgram,
+    SemidefiniteSolution,
+    symmetric_block,
+)
+from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
+from robustpolish.synthesis.riccati.gamma import normalise
+
+# States in which the inequalities of output feedback have solutions of order one.
+#
+# Interior-point methods answer wrongly where R and S span many decades, as they do for weights
+# with slow and fast poles. The two Riccati equations bound them: R <= gamma inv(X) and S <= gamma
+# inv(Y), so that states in which X and Y are balanced suit R and S too. What the inequalities say
+# is the same in all states.
+
+
+def balanced_states(
+    plant: PlantMatrices, X: Matrix, Y: Matrix, gamma: float, least: tuple[float, float]
+) -> PlantMatrices | None:
+    """Return the plant in states in which X and Y are equal and diagonal, but for small ones.
+
+    Parameters
+    ----------
+    plant : PlantMatrices
+    X, Y : ndarray, shape (n, n)
+        Semidefinite solutions of the Riccati equations at `gamma`.
+    gamma : float
+    least : (float, float)
+        Smallest eigenvalue of X with a diagonal of ones that counts, relative, and the smallest one
+        of XY over gamma squared: directions that no control moves or no disturbance reaches
+        leave X and Y singular.
+
+    Returns
+    -------
+    PlantMatrices or None
+        None where the numbers do not allow it.
+    """
+    largest = float(np.diag(X).max(initial=0.0))
+    if largest <= 0:
+        return None
+    unit = np.sqrt(np.maximum(np.diag(X), 1e-16 * largest))
+    try:
+        values, vectors = np.linalg.eigh(X / unit[:, None] / unit)
+        values = np.maximum(values, 0) + least[0] * values.max()
+        L = unit[:, None] * (vectors * np.sqrt(values))
+        M = L.T @ Y @ L
+        values, vectors = np.linalg.eigh((M + M.T) / 2)
+        root = (np.maximum(values, 0) + least[1] * gamma**2) ** 0.25
+        into, back = (vectors / root).T @ L.T, np.linalg.solve(L.T, vectors * root)
+    except np.linalg.LinAlgError:
+        return None
+    return plant.in_states(into, back) if np.isfinite(into).all() else None
+
+
+# The matrix inequalities of output feedback in the changed controller variables.
+#
+# Scherer, Gahinet, Chilali, IEEE Trans. Automatic Control 42 (1997) 896-911; thesis (10.20) to
+# (10.24) for the H-infinity norm and (10.29) to (10.32) for the H2 norm.
+
+
+class Unknowns(NamedTuple):
+    """X, Y and the changed controller variables as unknowns of a program."""
+
+    X: Affine
+    Y: Affine
+    A: Affine
+    B: Affine
+    C: Affine
+    D: Affine
+
+    @classmethod
+    def of(cls, program: SemidefiniteProgram, plant: PlantMatrices, norm: Norm) -> Unknowns:
+        """Declare them; for the H2 norm without entries of D that would let w through to z."""
+        unpriced, exact = np.all(plant.D12 == 0, axis=0), np.all(plant.D21 == 0, axis=1)
+        hidden = np.logical_or.outer(unpriced, exact)
+        n, nu, ny = plant.A.shape[0], plant.B2.shape[1], plant.C2.shape[0]
+        return cls(
+            program.symmetric(n),
+            program.symmetric(n),
+            program.matrix(n, n),
+            program.matrix(n, ny),
+            program.matrix(nu, n),
+            program.matrix(nu, ny, hidden if norm == "h2" else None),
+        )
+
+    def at(self, solution: SemidefiniteSolution) -> Variables:
+        """Return their values."""
+        return Variables(*(solution.value(M) for M in self))
+
+
+class Variables(NamedTuple):
+    """Values of the unknowns, unverified."""
+
+    X: Matrix
+    Y: Matrix
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+
+
+class LoopTerms(NamedTuple):
+    """The closed loop in the changed variables: affine, block by block.
+
+    drift is the symmetric part of the state's block, [[AX + .., A^ ..], [.., YA + ..]]; source,
+    output and direct are its B, C and D.
+    """
+
+    drift: list[list[Affine]]
+    source: tuple[Affine, Affine]
+    output: tuple[Affine, Affine]
+    direct: Affine
+
+
+def loop_terms(plant: PlantMatrices, v: Unknowns) -> LoopTerms:
+    """Return the closed loop in the changed variables."""
+    P = plant
+    AX, YA = P.A @ v.X + P.B2 @ v.C, v.Y @ P.A + v.B @ P.C2
+    return LoopTerms(
+        [[AX + AX.T, v.A.T + (P.A + P.B2 @ v.D @ P.C2)], [YA + YA.T]],
+        (P.B1 + P.B2 @ v.D @ P.D21, v.Y @ P.B1 + v.B @ P.D21),
+        (P.C1 @ v.X + P.D12 @ v.C, P.C1 + P.D12 @ v.D @ P.C2),
+        P.D11 + P.D12 @ v.D @ P.D21,
+    )
+
+
+def bounded_real(loop: LoopTerms, gamma: float) -> Affine:
+    """Return the matrix that has to be negative for a norm below gamma."""
+    nz, nw = loop.direct.shape
+    return symmetric_block(
+        [
+            [*loop.drift[0], loop.source[0], loop.output[0].T],
+            [*loop.drift[1], loop.source[1], loop.output[1].T],
+            [-gamma * np.eye(nw), loop.direct.T],
+            [-gamma * np.eye(nz)],
+        ]
+    )
+
+
+def impose_h2(program: SemidefiniteProgram, loop: LoopTerms, v: Unknowns) -> Affine:
+    """Impose the inequalities of the H2 norm; return the bound on its square."""
+    nz, nw = loop.direct.shape
+    n = v.X.shape[0]
+    energy = program.symmetric(nz)
+    program.positive(
+        -symmetric_block(
+            [
+                [*loop.drift[0], loop.source[0]],
+                [*loop.drift[1], loop.source[1]],
+                [-np.eye(nw)],
+            ]
+        )
+    )
+    program.positive(
+        symmetric_block([[v.X, np.eye(n), loop.output[0].T], [v.Y, loop.output[1].T], [energy]])
+    )
+    return energy.trace
+
+
+def size_of(program: SemidefiniteProgram, v: Unknowns) -> Affine:
+    """Return a scalar that bounds X, Y and the norm of the controller variables."""
+    size = program.scalar()
+    for M in (v.X, v.Y):
+        program.positive(size.times(np.eye(M.shape[0])) - M)
+    K = stacked([[v.A, v.B], [v.C, v.D]])
+    rows, columns = K.shape
+    program.positive(
+        symmetric_block([[size.times(np.eye(rows)), K], [size.times(np.eye(columns))]])
+    )
+    return size
+
+
+def coupling(program: SemidefiniteProgram, v: Unknowns, beta: Affine | None = None) -> None:
+    """Require [X, beta I; beta I, Y] >= 0, with beta = 1 if it is not given."""
+    identity = np.eye(v.X.shape[0])
+    corner = identity if beta is None else beta.times(identity)
+    program.positive(symmetric_block([[v.X, corner], [v.Y]]))
+
+
+def stacked(blocks: list[list[Affine]]) -> Affine:
+    """Assemble a matrix of blocks by products with constant selections."""
+    rows, columns = sum(row[0].shape[0] for row in blocks), sum(b.shape[1] for b in blocks[0])
+    total, top = Affine.of(np.zeros((rows, columns))), 0
+    for row in blocks:
+        left = 0
+        for part in row:
+            height, width = part.shape
+            total = (
+                total
+                + np.eye(rows)[:, top : top + height] @ part @ np.eye(columns)[left : left + width]
+            )
+            left += width
+        top += row[0].shape[0]
+    return total
+
+
+# The projected inequalities of H-infinity output feedback, which have no controller variables.
+#
+# Gahinet and Apkarian, "A linear matrix inequality approach to H-infinity control", Int. J. Robust
+# Nonlinear Control 4 (1994) 421-448.
+
+# R and S may be so many times larger than they need be, so that R S stays away from I.
+_ROOM = 5.0
+# So many times may they grow where gamma falls by a step.
+_GROWTH = 3.0
+# Directions of a known point with less slack than this share of the largest are not stretched
+# further: their slack is rounding.
+_SLACK = 1e-2
+
+
+class Point(NamedTuple):
+    """R and S of the projected inequalities for a norm below gamma, unverified."""
+
+    R: Matrix
+    S: Matrix
+    gamma: float
+
+
+def solve_projected(
+    plant: PlantMatrices, gamma: float, solver: ProgramSolver, near: Point | None = None
+) -> Point | None:
+    """Find R and S for a norm below gamma that are small and whose product stays away from I.
+
+    First the larger of R and S is made small, then beta is maximised in [R, beta I; beta I, S] >= 0
+    with a little more size, which holds I - RS away from singularity.
+
+    Parameters
+    ----------
+    plant : PlantMatrices
+    gamma : float
+    solver : ProgramSolver
+    near : Point, optional
+        A point that satisfies the inequalities for this or a larger gamma. The inequalities are
+        stretched so that its slack is the identity: interior-point methods stop short of the
+        optimum where fast and slow states stand in one matrix.
+
+    Returns
+    -------
+    Point or None
+        None if there is none, or none was found.
+    """
+    inequalities = _Inequalities(plant, gamma, near)
+    if near is not None:
+        # R and S grow but little from one gamma to the next.
+        largest = _GROWTH * max(float(np.linalg.norm(M, 2)) for M in near[:2])
+        found = inequalities.apart(largest, solver)
+        if found is not None:
+            return found
+    smallest = inequalities.smallest(solver)
+    if smallest is None:
+        return None
+    point, size = smallest
+    return inequalities.apart(_ROOM * size, solver) or point
+
+
+class _Inequalities:
+    """Both inequalities at one gamma, stretched to even sizes."""
+
+    def __init__(self, plant: PlantMatrices, gamma: float, near: Point | None) -> None:
+        P = plant
+        self.plant, self.gamma = P, gamma
+        n, nw, nz = P.nx, P.nw, P.nz
+        left = _with_identity(linalg.null_space(np.hstack([P.B2.T, P.D12.T])), nw)
+        right = _with_identity(linalg.null_space(np.hstack([P.C2, P.D21])), nz)
+        stretch = _evened if near is None else _stretched
+        R, S, level = near or Point(np.eye(n), np.eye(n), gamma)
+        self.control = stretch(left, _control(P, Affine.of(R), level).at(np.zeros(0)))
+        self.estimate = stretch(right, _estimate(P, Affine.of(S), level).at(np.zeros(0)))
+
+    def smallest(self, solver: ProgramSolver) -> tuple[Point, float] | None:
+        """Make the larger of R and S small; return both, and its size."""
+        program, R, S, size = self._program()
+        identity = np.eye(self.plant.nx)
+        program.positive(symmetric_block([[R, identity], [S]]))
+        for M in (R, S):
+            program.positive(size.times(identity) - M)
+        program.minimise(size)
+        found = solver.solve(program)
+        if found.x is None:
+            return None
+        point = Point(found.value(R), found.value(S), self.gamma)
+        return point, float(found.value(size).item())
+
+    def apart(self, largest: float, solver: ProgramSolver) -> Point | None:
+        """Hold R S away from I with R and S up to a size."""
+        program, R, S, beta = self._program()
+        identity = np.eye(self.plant.nx)
+        program.positive(symmetric_block([[R, beta.times(identity)], [S]]))
+        for M in (R, S):
+            program.positive(largest * identity - M)
+        program.minimise(-beta)
+        found = solver.solve(program)
+        if found.x is None or found.value(beta).item() < 1:
+            return None
+        return Point(found.value(R), found.value(S), self.gamma)
+
+    def _program(self) -> tuple[SemidefiniteProgram, Affine, Affine, Affine]:
+        """Begin a program with R, S and a scalar."""
+        program = SemidefiniteProgram(prescaled=True)
+        n = self.plant.nx
+        R, S, scalar = program.symmetric(n), program.symmetric(n), program.scalar()
+        left, right = self.control, self.estimate
+        program.positive(-(left.T @ _control(self.plant, R, self.gamma) @ left))
+        program.positive(-(right.T @ _estimate(self.plant, S, self.gamma) @ right))
+        return program, R, S, scalar
+
+
+def _with_identity(basis: Matrix, size: int) -> Matrix:
+    return np.asarray(linalg.block_diag(basis, np.eye(size)))
+
+
+def _control(plant: PlantMatrices, R: Affine, gamma: float) -> Affine:
+    P = plant
+    return symmetric_block(
+        [
+            [P.A @ R + R @ P.A.T, R @ P.C1.T, P.B1],
+            [-gamma * np.eye(P.nz), P.D11],
+            [-gamma * np.eye(P.nw)],
+        ]
+    )
+
+
+def _estimate(plant: PlantMatrices, S: Affine, gamma: float) -> Affine:
+    P = plant
+    return symmetric_block(
+        [
+            [S @ P.A + P.A.T @ S, S @ P.B1, P.C1.T],
+            [-gamma * np.eye(P.nw), P.D11.T],
+            [-gamma * np.eye(P.nz)],
+        ]
+    )
+
+
+def _evened(basis: Matrix, blocks: Matrix) -> Matrix:
+    """Return a basis in which the sizes of rows are alike."""
+    size = np.abs(blocks).sum(axis=1)
+    size = np.maximum(size, 1e-12 * size.max(initial=0.0))
+    L = np.linalg.cholesky(basis.T @ (size[:, None] * basis))
+    return np.linalg.solve(L, basis.T).T
+
+
+def _stretched(basis: Matrix, blocks: Matrix) -> Matrix:
+    """Return a basis in which the slack of a point is the identity, where it has any."""
+    slack = -basis.T @ blocks @ basis
+    slack = (slack + slack.T) / 2
+    unit = np.sqrt(np.maximum(np.abs(np.diag(slack)), 1e-14 * np.abs(slack).max(initial=0.0)))
+    values, vectors = np.linalg.eigh(slack / unit[:, None] / unit)
+    values = np.maximum(values, _SLACK * values.max(initial=0.0))
+    return basis @ ((vectors / np.sqrt(values)) / unit[:, None])
+
+
+def rebalanced(plant: PlantMatrices, R: Matrix, S: Matrix) -> tuple[PlantMatrices, Matrix] | None:
+    """Return the plant in states in which R and S are equal and diagonal, if they are definite.
+
+    Returns
+    -------
+    plant : PlantMatrices
+    sizes : ndarray
+        The diagonal, the largest entry first.
+    """
+    try:
+        left, right = np.linalg.cholesky(R), np.linalg.cholesky(S)
+    except np.linalg.LinAlgError:
+        return None
+    U, s, Vt = np.linalg.svd(right.T @ left)
+    if s[-1] <= 0:
+        return None
+    into = (U / np.sqrt(s)).T @ right.T  # x_new = into x
+    back = left @ (Vt.T / np.sqrt(s))
+    return plant.in_states(into, back), s
+
+
+# Controllers from the solutions of matrix inequalities, kept well conditioned near the optimum.
+
+_RECONSTRUCTION_ROOM = 1.5
+
+
+def conditioned(
+    plant: PlantMatrices,
+    norm: Norm,
+    impose: Callable[[SemidefiniteProgram, Unknowns], None],
+    solver: ProgramSolver,
+) -> Iterator[Controller]:
+    """Yield controllers for a bound that has been backed off from the optimum.
+
+    First the size of all variables is minimised. Then I - XY is pushed away from singularity by
+    maximising beta in [X beta I; beta I Y] >= 0, with a little more size. The second
+    controller is as a rule the better one by orders of magnitude of gain.
+
+    Parameters
+    ----------
+    plant : PlantMatrices
+        In states in which X and Y are balanced.
+    norm : {"hinf", "h2"}
+    impose : callable
+        (program, unknowns): adds the inequalities of the norm.
+    solver : ProgramSolver
+    """
+    small = _solve(plant, norm, impose, solver, None)
+    if small is None:
+        return
+    parts = (small.X, small.Y, np.block([[small.A, small.B], [small.C, small.D]]))
+    size = max(float(np.linalg.norm(M, 2)) for M in parts)
+    apart = _solve(plant, norm, impose, solver, _RECONSTRUCTION_ROOM * size)
+    for found in (apart, small):
+        K = None if found is None else reconstruct(plant, found)
+        if K is not None:
+            yield K
+
+
+def _solve(
+    plant: PlantMatrices,
+    norm: Norm,
+    impose: Callable[[SemidefiniteProgram, Unknowns], None],
+    solver: ProgramSolver,
+    largest: float | None,
+) -> Variables | None:
+    program = SemidefiniteProgram()
+    v = Unknowns.of(program, plant, norm)
+    impose(program, v)
+    size = size_of(program, v)
+    if largest is None:
+        coupling(program, v)
+        program.minimise(size)
+    else:
+        beta: Affine = program.scalar()
+        coupling(program, v, beta)
+        program.nonnegative(largest - size)
+        program.minimise(-beta)
+    found = solver.solve(program)
+    return None if found.x is None else v.at(found)
+
+
+def reconstruct(plant: PlantMatrices, found: Variables) -> Controller | None:
+    """Undo the change of variables, with a balanced factorisation M N' = I - XY."""
+    P, (X, Y, Ah, Bh, Ch, D) = plant, found
+    U, s, Vt = np.linalg.svd(np.eye(len(X)) - X @ Y)
+    if s[-1] <= np.finfo(float).eps * s[0]:
+        return None
+    root = np.sqrt(s)
+    M, N = U * root, Vt.T * root
+    try:
+        C = np.linalg.solve(M, (Ch - D @ P.C2 @ X).T).T
+        B = np.linalg.solve(N, Bh - Y @ P.B2 @ D)
+        inner = Ah - N @ B @ P.C2 @ X - Y @ P.B2 @ C @ M.T - Y @ (P.A + P.B2 @ D @ P.C2) @ X
+        A = np.linalg.solve(M, np.linalg.solve(N, inner).T).T
+    except np.linalg.LinAlgError:
+        return None
+    return Controller(A, B, C, D)
+
+
+# A controller from R and S of the projected inequalities, by formulas.
+#
+# Gahinet, "Explicit controller formulas for LMI-based H-infinity synthesis", Automatica 32 (1996)
+# 1007-1014: with R and S given, the inequality in the changed controller variables is solved by
+# least squares, one half after the other.
+
+# A feedthrough above this share of gamma has to be lowered by that of the controller.
+_CLOSE = 0.999
+# R S = I would need a controller with a state less; so close to it, it is moved away.
+_LEAST = 1 + 1e-9
+
+
+def explicit_controller(plant: PlantMatrices, gamma: float, sizes: Matrix) -> Controller | None:
+    """Return a controller with a norm below gamma.
+
+    Parameters
+    ----------
+    plant : PlantMatrices
+        D12 and D21 of full rank, in states in which R = S = diag(sizes).
+    gamma : float
+    sizes : ndarray, shape (n,)
+
+    Returns
+    -------
+    Controller or None
+        None where the numbers do not allow it.
+    """
+    P, nw, nz = plant, plant.nw, plant.nz
+    try:
+        D = _direct(P, gamma)
+        through = P.D11 + P.D12 @ D @ P.D21
+        X = np.diag(np.maximum(sizes, _LEAST))
+        W = np.linalg.inv(
+            np.block([[gamma * np.eye(nw), -through.T], [-through, gamma * np.eye(nz)]])
+        )
+        price = np.hstack([np.zeros((P.nu, nw)), P.D12.T])
+        noise = np.hstack([P.D21, np.zeros((P.ny, nz))])
+        A = P.A + P.B2 @ D @ P.C2
+        known = np.hstack([P.B1 + P.B2 @ D @ P.D21, (P.C1 @ X).T])
+        seen = np.hstack([X @ P.B1, (P.C1 + P.D12 @ D @ P.C2).T])
+        C = -np.linalg.solve(price @ W @ price.T, P.B2.T + price @ W @ known.T)
+        B = -np.linalg.solve(noise @ W @ noise.T, P.C2 + noise @ W @ seen.T).T
+        inner = -(A + (known + C.T @ price) @ W @ (seen + B @ noise).T).T
+        return reconstruct(P, Variables(X, X, inner, B, C, D))
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _direct(plant: PlantMatrices, gamma: float) -> Matrix:
+    """Return the controller's feedthrough: none, unless the norm of D11 asks for some."""
+    P = plant
+    if not P.D11.size or np.linalg.norm(P.D11, 2) < _CLOSE * gamma:
+        return np.zeros((P.nu, P.ny))
+    normal = normalise(P)
+    D, free, seen = normal.plant.D11, P.nz - P.nu, P.nw - P.ny
+    corner = D[:free, :seen]
+    left = gamma**2 * np.eye(free) - corner @ corner.T
+    centre = -D[free:, :seen] @ corner.T @ np.linalg.solve(left, D[:free, seen:]) - D[free:, seen:]
+    return normal.control @ centre @ normal.measurement

@@ -1,0 +1,661 @@
+"""A stabilising static gain by cone complementarity, for starts that descent does not find.
+
+El Ghaoui, Oustry and AitRami, "A cone complementarity linearization algorithm for static
+output-feedback and related problems", IEEE TAC 42 (1997): find P and Q with P Q = I such
+that the two projected Lyapunov inequalities hold; trace(P Q) is minimised by solving a
+sequence of semidefinite programs, and K follows from P by one more.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import select
+import signal
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import linalg, sparse
+
+from robustpolish.base.arrays import AnyMatrix, Matrix
+from robustpolish.base.budget import Budget
+from robustpolish.base.checks import one_of
+from robustpolish.errors import RobustPolishError
+from robustpolish.synthesis.backends.parent_watch import end_with
+from robustpolish.synthesis.problem.matrices import PlantMatrices
+
+# Matrices that are affine in the decision variables of a semidefinite program.
+
+# SciPy's stubs make nothing of the shape of a sparse array.
+Sparse = Any
+_csr: Any = sparse.csr_array
+
+
+class Affine:
+    """A matrix whose entries are affine functions of a vector of variables.
+
+    ``vec(value) = constant + linear @ x``, with the columns stacked. It supports ``+``, ``-``,
+    ``*`` and ``/`` by numbers, products with constant matrices from either side and ``.T``, which
+    is all that a linear matrix inequality needs; every backend then receives the same numbers.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns.
+    constant : ndarray, shape (rows * columns,)
+    linear : sparse array, shape (rows * columns, number of variables)
+    """
+
+    # Makes NumPy leave ``array @ affine`` and ``array + affine`` to this class.
+    __array_ufunc__ = None
+
+    def __init__(self, shape: tuple[int, int], constant: Matrix, linear: Sparse) -> None:
+        self.shape = shape
+        self.constant = constant
+        self.linear = linear
+
+    @classmethod
+    def of(cls, value: Affine | ArrayLike) -> Affine:
+        """Return `value` itself, or a constant with the value of an array."""
+        if isinstance(value, Affine):
+            return value
+        array = np.atleast_2d(np.asarray(value, dtype=float))
+        rows, columns = array.shape
+        nothing = _csr((array.size, 0))
+        return cls((rows, columns), array.ravel(order="F"), nothing)
+
+    def widened(self, variables: int) -> Sparse:
+        """Return `linear` with zero columns for variables declared later."""
+        rows, known = self.linear.shape
+        if known == variables:
+            return self.linear
+        csr = self.linear.tocsr()
+        return _csr((csr.data, csr.indices, csr.indptr), shape=(rows, variables))
+
+    def at(self, x: Matrix) -> Matrix:
+        """Return the value for the variables `x`."""
+        known = self.linear.shape[1]
+        return np.reshape(self.constant + self.linear @ x[:known], self.shape, order="F")
+
+    @property
+    def T(self) -> Affine:
+        """The transpose."""
+        rows, columns = self.shape
+        order = np.arange(rows * columns).reshape(rows, columns, order="F").ravel()
+        return Affine((columns, rows), self.constant[order], self.linear.tocsr()[order])
+
+    def __add__(self, other: Affine | ArrayLike) -> Affine:
+        other = Affine.of(other)
+        if other.shape != self.shape:
+            raise ValueError(f"shapes {self.shape} and {other.shape} do not add")
+        n = max(self.linear.shape[1], other.linear.shape[1])
+        linear = _csr(self.widened(n) + other.widened(n))
+        return Affine(self.shape, self.constant + other.constant, linear)
+
+    __radd__ = __add__
+
+    def __neg__(self) -> Affine:
+        return Affine(self.shape, -self.constant, _csr(-self.linear))
+
+    def __sub__(self, other: Affine | ArrayLike) -> Affine:
+        return self + (-Affine.of(other))
+
+    def __rsub__(self, other: Affine | ArrayLike) -> Affine:
+        return Affine.of(other) + (-self)
+
+    def __mul__(self, factor: float) -> Affine:
+        return Affine(self.shape, self.constant * factor, _csr(self.linear * factor))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, divisor: float) -> Affine:
+        return self * (1.0 / divisor)
+
+    def __rmatmul__(self, left: ArrayLike) -> Affine:
+        left = np.atleast_2d(np.asarray(left, dtype=float))
+        if left.shape[1] != self.shape[0]:
+            raise ValueError(f"shapes {left.shape} and {self.shape} do not multiply")
+        product = sparse.kron(sparse.eye_array(self.shape[1]), left, format="csr")
+        return self._mapped((left.shape[0], self.shape[1]), _csr(product))
+
+    def __matmul__(self, right: ArrayLike) -> Affine:
+        right = np.atleast_2d(np.asarray(right, dtype=float))
+        if right.shape[0] != self.shape[1]:
+            raise ValueError(f"shapes {self.shape} and {right.shape} do not multiply")
+        product = sparse.kron(right.T, sparse.eye_array(self.shape[0]), format="csr")
+        return self._mapped((self.shape[0], right.shape[1]), _csr(product))
+
+    def times(self, matrix: ArrayLike) -> Affine:
+        """Return this scalar (a 1 x 1 expression) times a constant matrix."""
+        array = np.atleast_2d(np.asarray(matrix, dtype=float))
+        column = _csr(array.reshape(-1, 1, order="F"))
+        rows, columns = array.shape
+        return self._mapped((rows, columns), column)
+
+    @property
+    def trace(self) -> Affine:
+        """The sum of the diagonal, a 1 x 1 expression."""
+        rows = self.shape[0]
+        pick = _csr(np.eye(rows).reshape(1, -1))
+        return self._mapped((1, 1), pick)
+
+    def _mapped(self, shape: tuple[int, int], by: Sparse) -> Affine:
+        return Affine(shape, by @ self.constant, _csr(by @ self.linear))
+
+
+def symmetric_block(upper: Sequence[Sequence[Affine | ArrayLike | None]]) -> Affine:
+    """Assemble a symmetric block matrix from its upper triangle.
+
+    Parameters
+    ----------
+    upper : sequence of sequences
+        Row i lists the blocks (i, i), (i, i + 1), ...; None is a zero block.
+        The diagonal blocks have to be given and symmetric.
+
+    Returns
+    -------
+    Affine
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> symmetric_block([[np.eye(1), [[2.0]]], [[[5.0]]]]).at(np.zeros(0))
+    array([[1., 2.],
+           [2., 5.]])
+    """
+    blocks = [[None if b is None else Affine.of(b) for b in row] for row in upper]
+    sizes = []
+    for row in blocks:
+        if row[0] is None:
+            raise ValueError("a diagonal block is missing")
+        sizes.append(row[0].shape[0])
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    total = int(starts[-1])
+    result = Affine.of(np.zeros((total, total)))
+    for i, row in enumerate(blocks):
+        for j, block in enumerate(row, start=i):
+            if block is None:
+                continue
+            up = _placed(block, starts[i], starts[j], total)
+            result = result + (up if i == j else up + up.T)
+    return result
+
+
+def _placed(block: Affine, top: int, left: int, total: int) -> Affine:
+    rows, columns = block.shape
+    r, c = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
+    target = ((left + c) * total + top + r).ravel(order="F")
+    size = rows * columns
+    by = _csr((np.ones(size), (target, np.arange(size))), shape=(total**2, size))
+    return block._mapped((total, total), by)
+
+
+# Calls that end in time even if the code they call does not.
+
+# Longer waits may exceed what the system's clock can hold.
+_A_DAY = 86400.0
+
+
+def run_limited(call: Callable[[], Any], seconds: float) -> Any:
+    """Run `call` in a process of its own and end it after some seconds.
+
+    Solvers look at the clock between iterations at best, and one iteration on a large
+    problem can take minutes. The process ends with this one, too, whatever ends it.
+
+    Parameters
+    ----------
+    call : callable
+        Without arguments; what it returns has to be picklable.
+    seconds : float
+        Where processes cannot be forked (Windows), `call` runs here and without this limit.
+
+    Returns
+    -------
+    object or None
+        What it returned; None if it was ended or failed.
+
+    Raises
+    ------
+    RobustPolishError
+        If `call` raised it.
+
+    Examples
+    --------
+    >>> run_limited(lambda: 6 * 7, 10.0)
+    42
+    """
+    if not hasattr(os, "fork"):
+        return call()
+    reader, writer = os.pipe()
+    watched, life = os.pipe()
+    parent = os.getpid()
+    with warnings.catch_warnings():
+        # Python warns of threads that hold locks; the child computes, answers and ends.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        os.close(reader)
+        os.close(life)
+        os.setpgid(0, 0)
+
+        def watched_call() -> Any:
+            end_with(parent, watched)
+            return call()
+
+        _answer(watched_call, writer)
+    os.close(writer)
+    os.close(watched)
+    try:
+        answer = _read(reader, time.monotonic() + seconds)
+    finally:
+        os.close(reader)
+        _end(child)
+        os.close(life)
+    if isinstance(answer, RobustPolishError):
+        raise answer
+    return answer
+
+
+def _end(child: int) -> None:
+    """End the child and the processes that it started, which are of its group."""
+    for kill in (os.killpg, os.kill):  # a child ended at once has no group of its own yet
+        with contextlib.suppress(ProcessLookupError):
+            kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+
+
+def _answer(call: Callable[[], Any], writer: int) -> None:
+    """Compute in the child, write the answer and end without any clean-up of the parent's."""
+    try:
+        try:
+            data = pickle.dumps(call())
+        except RobustPolishError as error:
+            data = pickle.dumps(error)
+        while data:
+            data = data[os.write(writer, data) :]
+    finally:
+        os._exit(0)
+
+
+def _read(reader: int, until: float) -> Any:
+    data = b""
+    while True:
+        left = until - time.monotonic()
+        if not select.select([reader], [], [], min(max(0.0, left), _A_DAY))[0]:
+            return None
+        piece = os.read(reader, 1 << 20)
+        if not piece:
+            break
+        data += piece
+    return pickle.loads(data) if data else None
+
+
+# Semidefinite programs, stated once and solved by any backend.
+
+Integers = NDArray[np.integer]
+
+BACKENDS = ("cvxpy", "picos")
+# An interior-point iteration on more unknowns takes too long for the clock to be looked at.
+_QUICK_UNKNOWNS = 500
+# Work of a program in steps: a fixed share, and the cube of its unknowns over those that cost as
+# much; iterations number about the same for all.
+_WORK = 20.0
+_ALL_OVERHEAD = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class ConicForm:
+    """What a backend receives: minimise ``objective @ x``.
+
+    Attributes
+    ----------
+    objective : ndarray, shape (n,)
+    psd : tuple of (int, sparse array, ndarray)
+        Size m, G of shape (m * m, n) and h of length m * m: the symmetric matrix whose stacked
+        columns are ``G @ x + h`` has to be positive semidefinite.
+    nonnegative, zero : tuple of (sparse array, ndarray)
+        G and h: ``G @ x + h`` has to be nonnegative, or zero, entry by entry.
+    prescaled : bool
+        The cones have been scaled by who states the program: solvers should not do it again.
+    """
+
+    objective: Matrix
+    psd: tuple[tuple[int, sparse.csr_array, Matrix], ...]
+    nonnegative: tuple[tuple[sparse.csr_array, Matrix], ...] = ()
+    zero: tuple[tuple[sparse.csr_array, Matrix], ...] = ()
+    prescaled: bool = False
+
+    @property
+    def finite(self) -> bool:
+        """Whether no number has left the range of doubles."""
+        blocks = [block[-2:] for block in (*self.psd, *self.nonnegative, *self.zero)]
+        numbers = [self.objective, *(part for G, h in blocks for part in (G.data, h))]
+        return all(bool(np.isfinite(values).all()) for values in numbers)
+
+
+@dataclass(frozen=True, eq=False)
+class SemidefiniteSolution:
+    """What a backend returned; nothing in it has been verified.
+
+    Attributes
+    ----------
+    x : ndarray or None
+        The variables; None if the solver gave none.
+    status : str
+        The solver's own word ("optimal", "infeasible", ...): a hint, no proof.
+    elapsed : float
+        Seconds.
+    """
+
+    x: Matrix | None
+    status: str
+    elapsed: float
+
+    def value(self, expression: Affine) -> Matrix:
+        """Return the value of an expression; not a number where there is no solution."""
+        if self.x is None:
+            return np.full(expression.shape, np.nan)
+        return expression.at(self.x)
+
+
+class SemidefiniteProgram:
+    """Variables, linear matrix inequalities and an objective.
+
+    Inequalities are not strict; a caller that needs strictness asks for a margin,
+    and verifies the answer in any case.
+
+    Parameters
+    ----------
+    prescaled : bool
+        Whether the caller has scaled the inequalities; the solver's own scaling would spoil that.
+
+    Examples
+    --------
+    The largest eigenvalue of a matrix:
+
+    >>> import numpy as np
+    >>> program = SemidefiniteProgram()
+    >>> t = program.scalar()
+    >>> program.positive(t.times(np.eye(2)) - [[1.0, 2.0], [2.0, 1.0]])
+    >>> program.minimise(t)
+    >>> print(round(program.solve("cvxpy").value(t).item(), 6))
+    3.0
+    """
+
+    def __init__(self, prescaled: bool = False) -> None:
+        self._prescaled = prescaled
+        self._count = 0
+        self._psd: list[Affine] = []
+        self._nonnegative: list[Affine] = []
+        self._zero: list[Affine] = []
+        self._objective: Affine = Affine.of(0.0)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of scalar variables declared so far."""
+        return self._count
+
+    def matrix(self, rows: int, columns: int, pattern: ArrayLike | None = None) -> Affine:
+        """Declare a matrix variable, zero wherever `pattern` is given and false."""
+        free = np.ones((rows, columns), bool) if pattern is None else np.asarray(pattern, bool)
+        entries = np.flatnonzero(free.ravel(order="F"))
+        return self._declared((rows, columns), entries, np.arange(entries.size))
+
+    def scalar(self) -> Affine:
+        """Declare a scalar variable, a 1 x 1 expression."""
+        return self.matrix(1, 1)
+
+    def symmetric(self, size: int) -> Affine:
+        """Declare a symmetric matrix variable."""
+        rows, columns = np.tril_indices(size)
+        number = np.arange(rows.size)
+        off = rows != columns
+        entries = np.concatenate([columns * size + rows, (rows * size + columns)[off]])
+        return self._declared((size, size), entries, np.concatenate([number, number[off]]))
+
+    def positive(self, expression: Affine) -> None:
+        """Require a symmetric expression to be positive semidefinite."""
+        self._psd.append((expression + expression.T) * 0.5)
+
+    def nonnegative(self, expression: Affine) -> None:
+        """Require every entry to be at least zero."""
+        self._nonnegative.append(expression)
+
+    def zero(self, expression: Affine) -> None:
+        """Require every entry to be zero."""
+        self._zero.append(expression)
+
+    def minimise(self, expression: Affine) -> None:
+        """Set the objective, a 1 x 1 expression."""
+        self._objective = expression
+
+    def conic_form(self) -> ConicForm:
+        """Return the numbers that backends work with."""
+        n = self._count
+        return ConicForm(
+            objective=self._objective.widened(n).toarray().ravel(),
+            psd=tuple((e.shape[0], e.widened(n), e.constant) for e in self._psd),
+            nonnegative=tuple((e.widened(n), e.constant) for e in self._nonnegative),
+            zero=tuple((e.widened(n), e.constant) for e in self._zero),
+            prescaled=self._prescaled,
+        )
+
+    def solve(
+        self,
+        backend: str = "cvxpy",
+        *,
+        solver: str | None = None,
+        tolerance: float = 1e-9,
+        time_limit: float | None = None,
+    ) -> SemidefiniteSolution:
+        """Solve the program.
+
+        Parameters
+        ----------
+        backend : {"cvxpy", "picos"}
+            Library that talks to the solver.
+        solver : str, optional
+            A solver of that library; by default Clarabel for cvxpy, CVXOPT for picos.
+        tolerance : float, optional
+            Relative tolerance passed to the solver.
+        time_limit : float, optional
+            Seconds. Solvers look at the clock between iterations at best, so that larger programs
+            run in a process of their own, which is ended in time.
+
+        Returns
+        -------
+        SemidefiniteSolution
+            Not verified. A solver that fails gives ``x = None``, never an exception.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such backend.
+        MissingDependencyError
+            If the backend is not installed.
+        """
+        run = _backend(backend)
+        form = self.conic_form()
+        if not form.finite:
+            return SemidefiniteSolution(None, "numbers beyond doubles", 0.0)
+
+        def call() -> tuple[Matrix | None, str]:
+            return run(form, solver, tolerance, time_limit)
+
+        clock = Budget()
+        quick = backend == "cvxpy" and solver is None and form.objective.size <= _QUICK_UNKNOWNS
+        if time_limit is None or quick:
+            x, status = call()
+        else:
+            x, status = run_limited(call, time_limit) or (None, "time limit")
+        if x is not None and not np.isfinite(x).all():
+            x = None
+        return SemidefiniteSolution(x, status, clock.elapsed)
+
+    def _declared(self, shape: tuple[int, int], entries: Integers, numbers: Integers) -> Affine:
+        size = shape[0] * shape[1]
+        columns = self._count + numbers
+        self._count += int(numbers.max(initial=-1)) + 1
+        linear = sparse.csr_array(
+            (np.ones(entries.size), (entries, columns)), shape=(size, self._count)
+        )
+        return Affine(shape, np.zeros(size), linear)
+
+
+@dataclass(frozen=True)
+class ProgramSolver:
+    """Who solves the programs of one search, and how much work they may be.
+
+    Attributes
+    ----------
+    backend : {"cvxpy", "picos"}
+    solver : str or None
+    budget : Budget
+    accuracy : float
+        Relative tolerance handed to the solver.
+    """
+
+    backend: str
+    solver: str | None
+    budget: Budget
+    accuracy: float = 1e-9
+
+    def solve(self, program: SemidefiniteProgram) -> SemidefiniteSolution:
+        """Solve a program if work is left; without an answer its x is None."""
+        if self.budget.over:
+            return SemidefiniteSolution(None, "no work left", 0.0)
+        self.budget.spend(_WORK * (1 + (program.unknowns / _ALL_OVERHEAD) ** 3))
+        found = program.solve(
+            self.backend,
+            solver=self.solver,
+            tolerance=self.accuracy,
+            time_limit=self.budget.seconds_left,
+        )
+        self.budget.look()
+        return found
+
+
+Run = Callable[[ConicForm, str | None, float, float | None], tuple[Matrix | None, str]]
+
+
+def _backend(name: str) -> Run:
+    # Imported late: picos is optional and GPL, and cvxpy takes a second to load.
+    one_of("backend", name, BACKENDS)
+    return import_module(f"robustpolish.synthesis.backends.{name}_backend").solve
+
+
+def stabilising_gain(
+    loop: PlantMatrices,
+    mask: NDArray[np.bool_],
+    solver: ProgramSolver,
+    decay: float = 1e-3,
+    iterations: int = 15,
+) -> AnyMatrix | None:
+    """Look for a gain that stabilises a scaled plant.
+
+    Parameters
+    ----------
+    loop : PlantMatrices
+        Scaled.
+    mask : ndarray of bool, shape (nu, ny)
+        Entries of K that are free; the last program alone respects it.
+    solver : ProgramSolver
+    decay : float
+        Decay rate asked for, relative to the unit of time; in discrete time the poles are
+        asked into a disk of radius 1 - decay.
+    iterations : int
+        Largest number of linearisations.
+
+    Returns
+    -------
+    ndarray of shape (nu, ny) or None
+        The last gain that a program proposed, stabilising or not: a start for a
+        descent. None if the programs failed.
+    """
+    A, B, C, D = _continuous(loop, decay)
+    n = len(A)
+    left, right = linalg.null_space(B.T), linalg.null_space(C)
+    P0 = Q0 = np.eye(n)
+    gain = None
+    for _ in range(iterations):
+        program = SemidefiniteProgram()
+        P, Q = program.symmetric(n), program.symmetric(n)
+        program.positive(symmetric_block([[P, np.eye(n)], [Q]]))
+        if left.size:
+            S = left.T @ (A @ Q) @ left
+            program.positive(-(S + S.T) - np.eye(left.shape[1]) * 1e-3)
+        if right.size:
+            S = right.T @ (P @ A) @ right
+            program.positive(-(S + S.T) - np.eye(right.shape[1]) * 1e-3)
+        program.minimise((P @ Q0).trace + (Q @ P0).trace)
+        solution = solver.solve(program)
+        if solution.x is None:
+            break
+        P0, Q0 = solution.value(P), solution.value(Q)
+        gain = _gain(A, B, C, P0, mask, solver)
+        if gain is not None and np.linalg.eigvals(A + B @ gain @ C).real.max() < 0:
+            break
+    return None if gain is None else _behind(gain, D, mask)
+
+
+def _gain(
+    A: AnyMatrix,
+    B: AnyMatrix,
+    C: AnyMatrix,
+    P: AnyMatrix,
+    mask: NDArray[np.bool_],
+    solver: ProgramSolver,
+) -> AnyMatrix | None:
+    """Return the K that makes A'P + PA + PBKC + (PBKC)' as negative as it can be."""
+    size = float(np.linalg.norm(P, 2))
+    if not np.isfinite(size) or size == 0:
+        return None
+    P = P / size
+    program = SemidefiniteProgram()
+    K, t = program.matrix(*mask.shape, pattern=mask), program.scalar()
+    S = (P @ B) @ K @ C + P @ A
+    eye = np.eye(len(A))
+    program.positive(t.times(eye) - (S + S.T))
+    program.nonnegative(t + 1.0)
+    # Keeps K finite where its direction is free.
+    bound = program.scalar()
+    rows, columns = mask.shape
+    eyes = np.eye(rows), np.eye(columns)
+    program.positive(symmetric_block([[bound.times(eyes[0]), K], [bound.times(eyes[1])]]))
+    program.minimise(t + bound * 1e-4)
+    solution = solver.solve(program)
+    return None if solution.x is None else solution.value(K)
+
+
+def _continuous(
+    loop: PlantMatrices, decay: float
+) -> tuple[AnyMatrix, AnyMatrix, AnyMatrix, AnyMatrix]:
+    """Return A, B, C, D from u to y whose stability implies that of the loop with its decay.
+
+    A discrete loop is mapped by z = (1 + s)/(1 - s), which leaves u and y as they are.
+    """
+    A, B, C, D = loop.A, loop.B2, loop.C2, loop.D22
+    eye = np.eye(len(A))
+    if not loop.discrete:
+        size = float(np.linalg.norm(A, 2)) or 1.0
+        return A + decay * size * eye, B, C, D
+    A, B = A / (1 - decay), B / (1 - decay)
+    shifted = A + eye
+    moved = np.linalg.solve(shifted, B)
+    seen = np.linalg.solve(shifted.T, C.T).T
+    return np.linalg.solve(shifted, A - eye), np.sqrt(2) * moved, np.sqrt(2) * seen, D - C @ moved
+
+
+def _behind(gain: AnyMatrix, D: AnyMatrix, mask: NDArray[np.bool_]) -> AnyMatrix:
+    """Return the gain that acts on y = y0 + D u as `gain` does on y0; a start only, with a mask."""
+    if not D.any() or not mask.all():
+        return gain
+    inner = np.eye(len(gain)) + gain @ D
+    return np.linalg.solve(inner, gain) if np.linalg.cond(inner) < 1e12 else gain

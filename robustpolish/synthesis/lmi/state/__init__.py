@@ -1,1 +1,0 @@
-"""Inequalities of state feedback."""

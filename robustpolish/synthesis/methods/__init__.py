@@ -1,1 +1,0 @@
-"""The public synthesis methods: one signature and driver per file."""

@@ -1,0 +1,619 @@
+"""Descent on the true norms of a loop with a structured controller.
+
+Everything here works on plain matrices: a :class:`PlantMatrices` closes a plant with a
+constant matrix K, the measures (norms, spectral abscissa, gain, regions) return values
+with gradients over K, a parametrisation maps free numbers to K, and two descents use
+them: BFGS for functions that are smooth almost everywhere, and a bundle method that
+sees all active peaks at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
+from typing import Any, Protocol
+
+import numpy as np
+from scipy import sparse
+
+from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.base.arrays import AnyVector, Array, Vector
+from robustpolish.base.budget import Budget, step_cost
+from robustpolish.synthesis.nonsmooth.parametrisations import Parametrisation
+
+# BFGS with a weak Wolfe line search for functions with kinks (Lewis and Overton, 2013).
+
+Function = Callable[[AnyVector], tuple[float, AnyVector]]
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """Where a descent ended.
+
+    Attributes
+    ----------
+    point, value : ndarray, float
+    iterations : int
+    reason : str
+        "stationary", "stalled", "target", "iterations", "work" or "time".
+    """
+
+    point: AnyVector
+    value: float
+    iterations: int
+    reason: str
+
+
+def bfgs(
+    function: Function,
+    start: AnyVector,
+    budget: Budget,
+    work: float = 1.0,
+    iterations: int = 300,
+    target: float = -np.inf,
+    tolerance: float = 1e-7,
+) -> Descent:
+    """Minimise a function that is smooth almost everywhere.
+
+    Parameters
+    ----------
+    function : callable
+        theta -> (value, gradient); the value may be infinite.
+    start : ndarray
+        A point with a finite value.
+    budget : Budget
+    work : float
+        What one evaluation of the function takes of it.
+    iterations : int
+        Largest number of steps.
+    target : float
+        Stop as soon as the value is below it.
+    tolerance : float
+        Stop when twenty steps together gain less than this.
+
+    Returns
+    -------
+    Descent
+    """
+
+    def counted(point: AnyVector) -> tuple[float, AnyVector]:
+        budget.spend(work)
+        return function(point)
+
+    x = np.array(start, dtype=float)
+    f, g = counted(x)
+    H = np.eye(len(x)) / max(1.0, float(np.linalg.norm(g)))
+    past = [f]
+    fresh = True
+    for count in range(1, iterations + 1):
+        if f < target:
+            return Descent(x, f, count, "target")
+        if budget.over:
+            return Descent(x, f, count, ended_by(budget))
+        direction = -H @ g
+        slope = float(g @ direction)
+        downhill = np.isfinite(slope) and slope < 0
+        step = _weak_wolfe(counted, x, f, g, direction, slope, budget) if downhill else None
+        if step is None:
+            if fresh:
+                return Descent(x, f, count, "stalled" if downhill else "stationary")
+            H, fresh = np.eye(len(x)) / max(1.0, float(np.linalg.norm(g))), True
+            continue
+        x_new, f_new, g_new = step
+        H = _update(H, x_new - x, g_new - g, fresh)
+        x, f, g, fresh = x_new, f_new, g_new, False
+        past.append(f)
+        if len(past) > 20 and past[-21] - f < tolerance:
+            return Descent(x, f, count, "stalled")
+    return Descent(x, f, iterations, "iterations")
+
+
+def ended_by(budget: Budget) -> str:
+    """Return what ended a search whose budget is over: "work" or "time"."""
+    return "work" if budget.exhausted else "time"
+
+
+def _weak_wolfe(
+    function: Function,
+    x: AnyVector,
+    f: float,
+    g: AnyVector,
+    direction: AnyVector,
+    slope: float,
+    budget: Budget,
+) -> tuple[AnyVector, float, AnyVector] | None:
+    """Bisect for a step that descends and lets the slope rise; the best descent if none."""
+    low, high, t = 0.0, np.inf, 1.0
+    best: tuple[AnyVector, float, AnyVector] | None = None
+    for _ in range(40):
+        x_new = x + t * direction
+        f_new, g_new = function(x_new)
+        if not f_new <= f + 1e-4 * t * slope:
+            high = t
+        else:
+            best = (x_new, f_new, g_new)
+            if g_new @ direction >= 0.5 * slope:
+                return best
+            low = t
+        t = 0.5 * (low + high) if np.isfinite(high) else 2 * low
+        if budget.over:
+            break
+    return best if best is not None and best[1] < f else None
+
+
+def _update(H: Array, s: AnyVector, y: AnyVector, first: bool) -> Array:
+    """Return the BFGS update of the inverse Hessian, unchanged where curvature is lost."""
+    curvature = float(s @ y)
+    if not np.isfinite(curvature) or curvature <= 1e-14 * np.linalg.norm(s) * np.linalg.norm(y):
+        return H
+    if first:
+        H = np.eye(len(s)) * curvature / float(y @ y)
+    rho = 1 / curvature
+    Hy = H @ y
+    mixed = np.outer(s, Hy)
+    return H - rho * (mixed + mixed.T) + rho * (1 + rho * float(y @ Hy)) * np.outer(s, s)
+
+
+# Free numbers within bounds for descents that know of none: the line of numbers is folded.
+
+Bounds = tuple[AnyVector, AnyVector]
+
+
+@dataclass(frozen=True, eq=False)
+class Folded:
+    """A parametrisation whose free numbers turn back at their bounds.
+
+    A minimum at a bound becomes one at a kink, which BFGS with a weak Wolfe search finds; a smooth
+    change of variables would make every bound stationary instead.
+
+    Attributes
+    ----------
+    inner : Parametrisation
+    bounds : pair of ndarray
+        Infinite for none; the lower below the upper.
+    """
+
+    inner: Parametrisation
+    bounds: Bounds
+
+    @property
+    def size(self) -> int:
+        """Number of free numbers."""
+        return self.inner.size
+
+    def point(self, theta: AnyVector) -> AnyVector:
+        """Return where `theta` is folded to."""
+        return self._folded(theta)[0]
+
+    def gain(self, theta: AnyVector) -> Matrix:
+        """Return K(theta)."""
+        return self.inner.gain(self._folded(theta)[0])
+
+    def back(self, theta: AnyVector, gradient: Matrix) -> AnyVector:
+        """Turn a gradient over K into one over theta."""
+        point, slope = self._folded(theta)
+        return slope * self.inner.back(point, gradient)
+
+    def _folded(self, theta: AnyVector) -> tuple[AnyVector, AnyVector]:
+        low, high = self.bounds
+        point, slope = np.array(theta, dtype=float), np.ones(len(theta))
+        both = np.isfinite(low) & np.isfinite(high)
+        if both.any():
+            width = (high - low)[both]
+            along = np.mod(point[both] - low[both], 2 * width)
+            slope[both] = np.where(along <= width, 1.0, -1.0)
+            point[both] = low[both] + np.minimum(along, 2 * width - along)
+        for bound, sign in ((low, 1.0), (high, -1.0)):
+            # Below a lower bound, or above an upper one, where it is the only one.
+            out = ~both & np.isfinite(bound) & (sign * (point - bound) < 0)
+            point[out], slope[out] = 2 * bound[out] - point[out], -1.0
+        return np.clip(point, low, high), slope
+
+
+# What is minimised, under which requirements, over which free numbers.
+
+
+@dataclass(frozen=True, eq=False)
+class ActivePiece:
+    """One smooth piece of a measure: its value and its gradient over K.
+
+    Attributes
+    ----------
+    value : float
+    gradient : ndarray, shape of K
+    frequency : float or None
+        Where the piece is active, for a norm: rad/s, or rad per sample.
+    """
+
+    value: float
+    gradient: Matrix
+    frequency: float | None = None
+
+
+class Measure(Protocol):
+    """A function of K as the maximum of smooth pieces; no pieces means infinite."""
+
+    @property
+    def work(self) -> float:
+        """Work of one evaluation: 1 for the H-infinity norm of a small loop."""
+        ...
+
+    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[ActivePiece]:
+        """Return the pieces within `width` (relative) of the largest, the largest first."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Requirement:
+    """measure(K) <= bound as a function that has to be at most 0.
+
+    With r = measure / bound that function is r - 1 up to the bound and log(r) beyond, which is
+    smooth, finite at 0 and grows slowly where a start is far off.
+
+    Attributes
+    ----------
+    measure : Measure
+    bound : float or None
+        Positive bound of a positive measure; None for a measure that has to be negative.
+    """
+
+    measure: Measure
+    bound: float | None
+
+    def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[ActivePiece]:
+        """Return the pieces of the scaled function, which has to be at most 0."""
+        found = self.measure.pieces(K, width, frequencies)
+        if self.bound is None:
+            return found
+        return [_bounded(piece, self.bound) for piece in found]
+
+
+def _bounded(piece: ActivePiece, bound: float) -> ActivePiece:
+    ratio = piece.value / bound
+    value, slope = (ratio - 1, 1.0) if ratio <= 1 else (float(np.log(ratio)), 1 / ratio)
+    return ActivePiece(value, piece.gradient * (slope / bound), piece.frequency)
+
+
+def _logarithm(piece: ActivePiece) -> ActivePiece:
+    if piece.value <= np.finfo(float).tiny * max(1.0, np.abs(piece.gradient).max(initial=0.0)):
+        return ActivePiece(float(np.log(np.finfo(float).tiny)), 0 * piece.gradient, piece.frequency)
+    return ActivePiece(float(np.log(piece.value)), piece.gradient / piece.value, piece.frequency)
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Values and gradients over the free numbers at one point.
+
+    Attributes
+    ----------
+    values, slopes : ndarray, shapes (m,), (m, n)
+        Pieces of the objective's logarithm; the largest is the objective.
+    frequencies : tuple of float or None
+    excess, excess_slopes : ndarray, shapes (p,), (p, n)
+        Pieces of the requirements; all have to be at most 0.
+    """
+
+    values: Vector
+    slopes: Matrix
+    frequencies: tuple[float | None, ...]
+    excess: Vector
+    excess_slopes: Matrix
+
+    @property
+    def objective(self) -> float:
+        """Logarithm of the objective."""
+        return float(self.values.max())
+
+    @property
+    def violation(self) -> float:
+        """How far the worst requirement is missed; 0 if none is."""
+        return float(max(0.0, self.excess.max(initial=0.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Minimise the logarithm of a measure of K(theta) under requirements.
+
+    The logarithm makes every tolerance relative and leaves the minimiser where it is.
+
+    Attributes
+    ----------
+    parametrisation : Parametrisation
+    objective : Measure
+    requirements : tuple of Requirement
+    ceiling : float
+        Gains with a larger entry count as infinitely bad: what they would promise
+        could not be verified in double precision.
+    """
+
+    parametrisation: Parametrisation
+    objective: Measure
+    requirements: tuple[Requirement, ...] = ()
+    ceiling: float = np.inf
+
+    @cached_property
+    def work(self) -> float:
+        """Work of one evaluation."""
+        return self.objective.work + sum(r.measure.work for r in self.requirements)
+
+    def model(
+        self, theta: Vector, width: float = 0.0, frequencies: Sequence[float] = ()
+    ) -> Model | None:
+        """Evaluate all pieces at `theta`; None where the objective is infinite."""
+        K = self.parametrisation.gain(theta)
+        if not np.abs(K).max(initial=0.0) <= self.ceiling:
+            return None
+        found = [_logarithm(p) for p in self.objective.pieces(K, width, frequencies)]
+        if not found:
+            return None
+        excess: list[ActivePiece] = []
+        for requirement in self.requirements:
+            pieces = requirement.pieces(K, width, frequencies)
+            if not pieces:
+                return None
+            excess.extend(pieces)
+        back = self.parametrisation.back
+        n = len(theta)
+        return Model(
+            np.array([p.value for p in found]),
+            np.array([back(theta, p.gradient) for p in found]).reshape(len(found), n),
+            tuple(p.frequency for p in found),
+            np.array([p.value for p in excess]),
+            np.array([back(theta, p.gradient) for p in excess]).reshape(len(excess), n),
+        )
+
+    def penalised(self, theta: Vector, weight: float) -> tuple[float, Vector]:
+        """Objective plus `weight` times the worst violation, with one subgradient."""
+        model = self.model(theta)
+        if model is None:
+            return np.inf, np.zeros_like(theta)
+        best = int(np.argmax(model.values))
+        value, slope = float(model.values[best]), model.slopes[best]
+        if model.violation > 0:
+            worst = int(np.argmax(model.excess))
+            value += weight * model.violation
+            slope = slope + weight * model.excess_slopes[worst]
+        return value, slope
+
+
+# A bundle method that sees all active peaks at once.
+#
+# Each step solves a quadratic programme over all pieces near the maximum, after Apkarian and
+# Noll, "Nonsmooth H-infinity synthesis" (2006): the model is max_i (f_i + g_i d) + d'Hd/2 with
+# H a quasi-Newton matrix of the Lagrangian, in a trust region. A rejected step leaves the
+# frequency that spoiled it in the model.
+
+# Its type stubs know nothing of what it exports.
+clarabel: Any = import_module("clarabel")
+
+
+def minimax(
+    problem: Problem,
+    start: AnyVector,
+    budget: Budget,
+    iterations: int = 200,
+    target: float = -np.inf,
+    tolerance: float = 1e-8,
+    width: float = 0.05,
+    bounds: Bounds | None = None,
+    weight: float = 10.0,
+) -> Descent:
+    """Minimise the largest piece of a problem under its requirements.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : ndarray
+        A point with a finite objective; it may violate requirements.
+    budget : Budget
+        Of evaluations and quadratic programmes.
+    iterations : int
+        Largest number of quadratic programmes.
+    target : float
+        Stop when the objective (a logarithm) is below it and nothing is violated.
+    tolerance : float
+        Stop when the model promises less than this.
+    width : float
+        Pieces within this share of the largest enter the model.
+    bounds : pair of ndarray, optional
+        Lower and upper bounds of theta.
+    weight : float
+        First price of a violated requirement.
+
+    Returns
+    -------
+    Descent
+        Its value is the logarithm of the objective; infinite if a requirement is violated.
+    """
+
+    def evaluated(point: AnyVector, known: Sequence[float] = ()) -> Model | None:
+        # Looking for all peaks takes twice as long as for the highest.
+        budget.spend(2 * problem.work)
+        return problem.model(point, width, known)
+
+    x = np.array(start, dtype=float)
+    model = evaluated(x)
+    if model is None:
+        return Descent(x, np.inf, 0, "stalled")
+    if len(x) > _MOST_NUMBERS:
+        iterations = 0
+    H = np.eye(len(x)) * 1e-3 * max(1e-6, float(np.abs(model.slopes).max()))
+    radius = 0.3 * max(1.0, float(np.abs(x).max(initial=0.0)))
+    extra: list[float] = []
+    kept = (x, model.objective if model.violation == 0 else np.inf)
+    reason, steps = "iterations", 0
+    while steps < iterations:
+        steps += 1
+        if budget.over:
+            reason = ended_by(budget)
+            break
+        if model.objective < target and model.violation == 0:
+            reason = "target"
+            break
+        # An interior-point method factorises matrices of this size some ten times.
+        budget.spend(step_cost(len(x) // 2))
+        step = _quadratic_step(model, x, H, radius, weight, bounds, budget.seconds_left)
+        if step is None or step.promise < tolerance:
+            if model.violation > 1e-6 and weight < 1e6 and step is not None:
+                weight *= 10
+                continue
+            if step is not None and step.inside:
+                reason = "stationary"
+                break
+            radius *= 0.1 if step is None else 3.0
+            if not 1e-12 < radius < 1e12:
+                reason = "stalled"
+                break
+            continue
+        trial_point = x + step.d
+        marked = [w for w in model.frequencies if w is not None]
+        trial = evaluated(trial_point, marked[:10])
+        if trial is None:
+            radius = 0.25 * float(np.abs(step.d).max())
+        else:
+            y = _lagrangian_change(model, trial, step)
+            gain = _merit(model, weight) - _merit(trial, weight)
+            H = _damped(H, step.d, y)
+            radius = _next_radius(radius, step, gain)
+            if gain > 0.05 * step.promise:
+                x, extra = trial_point, []
+                model = evaluated(x) or trial
+                if model.violation == 0 and model.objective < kept[1]:
+                    kept = (x, model.objective)
+                continue
+            extra = [*extra, *_frequencies(trial)][-12:]
+            model = evaluated(x, extra) or model
+        if radius < 1e-10 * max(1.0, float(np.abs(x).max())):
+            reason = "stalled"
+            break
+    value = model.objective if model.violation <= 1e-9 else np.inf
+    if kept[1] <= value:
+        x, value = kept
+    return Descent(x, value, steps, reason)
+
+
+# Beyond this many free numbers one quadratic programme takes longer than many steps of BFGS.
+_MOST_NUMBERS = 800
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    d: AnyVector
+    promise: float
+    weights: AnyVector
+    excess_weights: AnyVector
+    inside: bool
+
+
+def _merit(model: Model, weight: float) -> float:
+    return model.objective + weight * model.violation
+
+
+def _frequencies(model: Model) -> list[float]:
+    return [w for w in model.frequencies if w is not None][:3]
+
+
+def _next_radius(radius: float, step: _Step, gain: float) -> float:
+    size = float(np.abs(step.d).max())
+    if gain < 0.25 * step.promise:
+        return 0.3 * size
+    if gain > 0.6 * step.promise and size > 0.9 * radius:
+        return 2.5 * radius
+    return radius
+
+
+def _quadratic_step(
+    model: Model,
+    x: AnyVector,
+    H: Matrix,
+    radius: float,
+    weight: float,
+    bounds: Bounds | None,
+    seconds: float,
+) -> _Step | None:
+    """Solve min t + weight s + d'Hd/2 over the linearised pieces in the trust region."""
+    n, m, p = len(x), len(model.values), len(model.excess)
+    low, high = np.full(n, -radius), np.full(n, radius)
+    if bounds is not None:
+        low, high = np.maximum(low, bounds[0] - x), np.minimum(high, bounds[1] - x)
+    rows = np.zeros((m + p + 1 + 2 * n, n + 2))
+    rows[:m, :n], rows[:m, n] = model.slopes, -1
+    rows[m : m + p, :n], rows[m : m + p + 1, n + 1] = model.excess_slopes, -1
+    rows[m + p + 1 :, :n] = np.vstack([np.eye(n), -np.eye(n)])
+    right = np.concatenate(
+        [model.objective - model.values, -model.excess, [0.0], high, -low],
+    )
+    P = np.zeros((n + 2, n + 2))
+    P[:n, :n] = np.triu(H)
+    q = np.concatenate([np.zeros(n), [1.0, weight]])
+    solution = _solve(P, q, rows, right, seconds)
+    if solution is None:
+        return None
+    d, duals = np.clip(solution[0][:n], low, high), np.maximum(solution[1], 0.0)
+    predicted = float((model.values + model.slopes @ d).max())
+    missed = float(max(0.0, (model.excess + model.excess_slopes @ d).max(initial=0.0)))
+    curve = 0.5 * float(d @ H @ d)
+    promise = _merit(model, weight) - (predicted + weight * missed + curve)
+    # Bounds of theta may stay active at a minimum; only the trust region may not.
+    inside = bool(np.abs(d).max(initial=0.0) < 0.99 * radius)
+    return _Step(d, promise, duals[:m], duals[m : m + p], inside)
+
+
+def _solve(
+    P: Matrix, q: AnyVector, rows: Matrix, right: AnyVector, seconds: float
+) -> tuple[AnyVector, AnyVector] | None:
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_iter = 60
+    settings.time_limit = max(seconds, 1e-3)
+    cones = [clarabel.NonnegativeConeT(len(right))]
+    matrices = sparse.csc_matrix(P), sparse.csc_matrix(rows)
+    solution = clarabel.DefaultSolver(matrices[0], q, matrices[1], right, cones, settings).solve()
+    d, duals = np.array(solution.x), np.array(solution.z)
+    return (d, duals) if np.isfinite(d).all() and np.isfinite(duals).all() else None
+
+
+def _lagrangian_change(old: Model, new: Model, step: _Step) -> AnyVector:
+    """Return the change of the weighted gradient, each peak followed as it moves."""
+    change = np.zeros_like(step.d)
+    for i in np.flatnonzero(step.weights > 1e-6):
+        j = _follow(old, new, int(i))
+        change += step.weights[i] * (new.slopes[j] - old.slopes[i])
+    if len(new.excess):
+        for i in np.flatnonzero(step.excess_weights > 1e-6):
+            apart = np.linalg.norm(new.excess_slopes - old.excess_slopes[i], axis=1)
+            j = int(np.argmin(apart))
+            change += step.excess_weights[i] * (new.excess_slopes[j] - old.excess_slopes[i])
+    return change
+
+
+def _follow(old: Model, new: Model, i: int) -> int:
+    """Find the new piece that continues an old one: near in frequency, then in gradient."""
+    place = old.frequencies[i]
+    candidates = np.arange(len(new.values))
+    if place is not None:
+        spots = np.array([np.nan if w is None else w for w in new.frequencies])
+        same = np.isinf(spots) if np.isinf(place) else np.abs(spots - place) <= 0.1 * abs(place)
+        moved = same & (spots != place)
+        pick = moved if moved.any() else same
+        if pick.any():
+            candidates = candidates[pick]
+    apart = np.linalg.norm(new.slopes[candidates] - old.slopes[i], axis=1)
+    return int(candidates[np.argmin(apart)])
+
+
+def _damped(H: Matrix, s: AnyVector, y: AnyVector) -> Matrix:
+    """Return Powell's damped BFGS update of the Hessian, which stays positive definite."""
+    Hs = H @ s
+    sHs = float(s @ Hs)
+    if sHs <= 0 or not np.isfinite(y).all():
+        return H
+    sy = float(s @ y)
+    if sy < 0.1 * sHs:
+        share = 0.9 * sHs / (sHs - sy)
+        y = share * y + (1 - share) * Hs
+        sy = float(s @ y)
+    updated = H - np.outer(Hs, Hs) / sHs + np.outer(y, y) / sy
+    return 0.5 * (updated + updated.T)

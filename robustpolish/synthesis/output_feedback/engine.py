@@ -1,0 +1,337 @@
+"""What every engine of output feedback is given and returns: one problem, one kind of findings."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import control
+import numpy as np
+
+from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.base.budget import Budget, step_cost
+from robustpolish.linear.norms.h2 import h2_norm
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.synthesis.certificate import ANY_NORM, Norm, WantedNorm
+from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, balanced, close
+from robustpolish.synthesis.proofs.achieved_norm import quick_norm
+from robustpolish.synthesis.riccati.gamma import LowerBound
+
+# The thresholds of output feedback in one place, each with its reason.
+
+
+@dataclass(frozen=True)
+class SearchPolicy:
+    """What the search for an output feedback decides by.
+
+    Attributes
+    ----------
+    work : float
+        Steps that one call may spend before `effort` is applied: about ten times what the
+        slowest of 24 COMPleib plants needs, and a few seconds.
+    attempts : float
+        Steps on the size of the plant that a call may spend at least: a search over gamma of a
+        plant of 120 states takes 40, where `work` would leave one of 250 states seven.
+    search_share : float
+        Share of the work that engines may spend; the rest shortens controllers.
+    bound_accuracy : float
+        How finely the lower bound is searched, as a share of the tolerance.
+    spoilt : float
+        A norm this much, relative, below an estimate of the infimum shows that rounding spoilt it.
+    near : float
+        The ladder ends within this share of the tolerance above the lower bound. The rest of the
+        tolerance buys smaller gains and fewer states.
+    epsilons : tuple of float
+        Rungs of the ladder: half decades, for gamma falls by at most a third from one to the next
+        where it settles. Below 3e-9 rounding decides (AC12, ROC10).
+    shifts : tuple of float
+        By how much the axis is moved, over the plant's unit of frequency, where D12 and D21 have
+        full rank and zeros lie on it: as much as the norm allows, for the poles keep this distance.
+        It has to be less than that of the slowest weight, whose poles nothing moves.
+    back_offs : tuple of float
+        How far above the optimal gamma central controllers are made, the most wanted first; nearer
+        than 5e-4 they break their promise, and hard plants (NN9, HE1) need 1.01 or 1.03.
+    refinements : tuple of float
+        Further distances from the optimum, tried on rungs that came close.
+    settled : float
+        A relative fall of the norm that is none.
+    nearby : float
+        How far the optimal gamma is expected to move with the axis; looked at first.
+    quiet : int
+        Rungs without a fall after which a ladder without a lower bound to aim at ends.
+    falling : float
+        A norm that two decades of the ladder have lowered to less than this share falls on.
+    largest_gain : float
+        Entries of a controller above it cannot be verified in double precision.
+    costly_states : int
+        More states than this make every check of a loop take long, so that fewer are made.
+    refined_states : int
+        Beyond so many states of a plant the first controller that keeps the tolerance ends the
+        search, and none at further distances from the optimum is tried: each takes as long as all
+        the rest of a rung.
+    quick_drop : float
+        Where checks are costly, none is made on rungs where gamma falls by more than this.
+    lmi_states : int
+        Inequalities for more states take longer than a call of "auto" is expected to.
+    modal_loop_states : int
+        Beyond so many states of a loop its norm comes from its modes, at the expense of a step on
+        the plant.
+    exact_loop_states : int
+        Up to so many states of a loop an exact norm is quick where doubles cannot tell.
+    zero_states : int
+        Up to so many states of a plant its zeros on the axis are looked for, to explain a result.
+    truncated_states : int
+        With more states than this the equations take so long that fewer are tried first.
+    harmless : float
+        A relative change of the norm by states that were left out which is none.
+    as_good_as_zero : float
+        An infimum that is approached without end counts as zero below this share of the norm at
+        the start of the descent; smaller norms would cost gain for nothing (AC1, UWV).
+    enough : float
+        No part has to be better than this share of the norm of the whole.
+    h2_epsilons : tuple of float
+        Rungs for singular H2 problems, whose equations bear half a decade less regularisation.
+    h2_settled : float
+        A relative fall of the H2 norm that is none.
+    h2_tolerance : float
+        How much of the H2 norm may be given away: the optimum is known exactly, so little.
+    certificate_work : float
+        Work of one certificate, in steps on the loop's size.
+    first_proof : float
+        Share of the time left that a certificate may take while a gentler controller could follow.
+    slycot_epsilon : float
+        Regularisation for SLICOT's routines, which refuse singular plants.
+    """
+
+    work: float = 20_000.0
+    attempts: float = 80.0
+    search_share: float = 0.7
+    bound_accuracy: float = 0.03
+    spoilt: float = 1e-5
+    near: float = 0.25
+    epsilons: tuple[float, ...] = tuple(10.0 ** (-k / 2) for k in range(2, 18))
+    shifts: tuple[float, ...] = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+    back_offs: tuple[float, ...] = (1.003, 1.0005, 1.01, 1.03)
+    refinements: tuple[float, ...] = (1.0005, 1.001, 1.006)
+    settled: float = 3e-4
+    nearby: float = 0.02
+    quiet: int = 3
+    falling: float = 0.9
+    largest_gain: float = 1e10
+    costly_states: int = 24
+    refined_states: int = 100
+    quick_drop: float = 0.03
+    lmi_states: int = 14
+    modal_loop_states: int = 100
+    exact_loop_states: int = 16
+    zero_states: int = 30
+    truncated_states: int = 100
+    harmless: float = 3e-4
+    as_good_as_zero: float = 1e-6
+    enough: float = 0.01
+    h2_epsilons: tuple[float, ...] = tuple(10.0 ** (-k / 2) for k in range(2, 19))
+    h2_settled: float = 1e-6
+    h2_tolerance: float = 2e-5
+    certificate_work: float = 20.0
+    first_proof: float = 2 / 3
+    slycot_epsilon: float = 1e-4
+
+
+POLICY = SearchPolicy()
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the user asks of the engines."""
+
+    norm: Norm
+    method: str
+    backend: str
+    solver: str | None
+    tolerance: float
+    wanted: WantedNorm = ANY_NORM
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One part of a plant as the engines see it.
+
+    Attributes
+    ----------
+    plant : PlantMatrices
+        Scaled, without D22; without D11 for the H2 norm.
+    norm : {"hinf", "h2"}
+    regular : bool
+        Whether D12 and D21 have full rank.
+    tolerance : float
+        How far above the infimum, relative, is good enough.
+    bound : LowerBound or None
+        A norm below which no controller comes, in scaled units; None if none is known.
+    wanted : WantedNorm
+        What was asked for, in scaled units.
+    """
+
+    plant: PlantMatrices
+    norm: Norm
+    regular: bool
+    tolerance: float
+    bound: LowerBound | None
+    wanted: WantedNorm = ANY_NORM
+
+    @property
+    def goal(self) -> float:
+        """The norm below which smaller ones are worth nothing; zero if the infimum is unknown."""
+        return self.wanted.limited(self._above_bound(0.99))
+
+    @property
+    def near(self) -> float:
+        """The norm at which a search may end; zero if the infimum is unknown."""
+        return self.wanted.limited(self._above_bound(POLICY.near))
+
+    @property
+    def asked(self) -> float:
+        """A norm above the infimum that was asked for and will do; zero if none was."""
+        asked = self.wanted.enough
+        return asked if asked > self._above_bound(1.0) else 0.0
+
+    def _above_bound(self, share: float) -> float:
+        """Return the norm that lies by a share of the tolerance above the lower bound."""
+        return 0.0 if self.bound is None else self.bound.value * (1 + share * self.tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A controller that stabilises the scaled plant.
+
+    Attributes
+    ----------
+    controller : Controller
+        For the plant without D22, its states balanced.
+    achieved : float
+        The norm of its loop, computed from the loop.
+    claimed : float
+        The bound that its method promised.
+    origin : str
+        The method, and the setting that made it.
+    """
+
+    controller: Controller
+    achieved: float
+    claimed: float
+    origin: str
+
+    @property
+    def gain(self) -> float:
+        """Largest entry of the controller's matrices, in scaled units."""
+        return self.controller.gain
+
+    @property
+    def order(self) -> int:
+        """Number of the controller's states."""
+        return len(self.controller.A)
+
+    @property
+    def honest(self) -> bool:
+        """Whether the loop keeps the promise."""
+        return self.achieved <= self.claimed * (1 + 1e-3)
+
+    @property
+    def promise(self) -> float:
+        """What the method claimed; LQG promises no number, so that its norm is its claim."""
+        return self.claimed if np.isfinite(self.claimed) else self.achieved
+
+    def beside(self, feedback: Matrix) -> Candidate:
+        """Return the candidate together with a static controller that was closed before."""
+        K = self.controller
+        return replace(self, controller=K._replace(D=K.D + feedback))
+
+
+@dataclass
+class Found:
+    """What an engine has found on one part.
+
+    Attributes
+    ----------
+    method, backend : str
+    candidates : list of Candidate
+        Every controller whose loop was checked and stable.
+    history : list of dict
+        One entry for every step.
+    falling : bool
+        Whether the norm was still falling when the search met a limit of gain or accuracy.
+    remarks : list of str
+        What the user should know, such as a solver's false claim.
+    """
+
+    method: str
+    backend: str
+    candidates: list[Candidate] = field(default_factory=list)
+    history: list[dict[str, Any]] = field(default_factory=list)
+    falling: bool = False
+    remarks: list[str] = field(default_factory=list)
+
+    @property
+    def best(self) -> float:
+        """The smallest norm of a checked loop; infinite if there is none."""
+        return min((c.achieved for c in self.candidates), default=np.inf)
+
+
+class Engine(ABC):
+    """A way to find controllers.
+
+    Parameters
+    ----------
+    settings : Settings
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+
+    def adds(self, problem: Task, earlier: Sequence[Found]) -> bool:
+        """Tell whether a search is of use after those of other engines that missed the goal."""
+        return True
+
+    @abstractmethod
+    def search(self, problem: Task, budget: Budget) -> Found:
+        """Look for controllers with a small norm."""
+
+
+def examine(
+    problem: Task, K: Controller, claimed: float, origin: str, budget: Budget
+) -> Candidate | None:
+    """Balance a controller and check its loop; None if it does not stabilise."""
+    if not all(np.isfinite(M).all() for M in K):
+        return None
+    K = balanced(K)
+    states = problem.plant.nx + len(K.A)
+    modal = states > POLICY.modal_loop_states and problem.norm == "hinf"
+    budget.spend(step_cost(problem.plant.nx if modal else states))
+    achieved = _loop_norm(problem.plant, K, problem.norm)
+    return Candidate(K, achieved, claimed, origin) if np.isfinite(achieved) else None
+
+
+def _loop_norm(plant: PlantMatrices, K: Controller, norm: Norm) -> float:
+    """Return the norm from w to z; infinite if the loop is not stable.
+
+    The result guides a search. It is certified once the search is over.
+    """
+    loop = close(plant, K)
+    if not all(np.isfinite(M).all() for M in loop):
+        return np.inf
+    poles: Any = np.linalg.eigvals(loop.A) if loop.A.size else np.zeros(0)
+    margin = 1 - np.abs(poles) if plant.discrete else -poles.real
+    if margin.min(initial=1.0) <= 0:
+        return np.inf
+    if 0 in loop.D.shape:
+        return 0.0
+    if norm == "hinf" and not plant.discrete:
+        found = quick_norm(*loop)
+        if found.settled or len(loop.A) > POLICY.exact_loop_states:
+            return found.value
+    system = control.StateSpace(*loop, plant.discrete)
+    if norm == "h2":
+        return float(h2_norm(system, tolerance=1e-3).value)
+    proven = hinf_norm(system, tolerance=1e-6)
+    return float(proven.value) if proven.stable else np.inf

@@ -1,1 +1,0 @@
-"""Engines of dynamic output feedback, and the choice among their controllers."""

@@ -1,1 +1,0 @@
-"""The plant as the searches see it: matrices, scaling, parts, prices, regions."""

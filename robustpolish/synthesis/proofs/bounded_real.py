@@ -1,0 +1,710 @@
+"""What is proven of a closed loop: its poles, its norm, and the matrices that show both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Literal, NamedTuple
+
+import control
+import flint
+import numpy as np
+from scipy.linalg import lapack as _lapack
+
+from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.base.budget import look_at_the_clock
+from robustpolish.linear.arithmetic import balls
+from robustpolish.linear.arithmetic.balls import Ball
+from robustpolish.linear.arithmetic.realisation import size
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.proofs.achieved_norm import quick_norm, state_scale
+from robustpolish.synthesis.riccati.equations import solve_lyapunov, solve_riccati
+
+# The closed loop of a plant and any controller, in ball arithmetic: an enclosure of the exact one.
+#
+# It offers what proofs ask of a loop: its gain at a frequency, the terms of its bounded-real
+# Riccati equation, its image in continuous time.
+
+lapack: Any = _lapack
+BITS = 240
+"""Precision of the balls; more where that does not suffice for a proof."""
+# More states than this are solved for in doubles and refined: at most so often, as long as each
+# step is that much smaller than the one before, until one is so small beside the solution.
+_REFINED, _REFINEMENTS, _PROGRESS, _EXACT = 60, 12, 1e-3, 1e-30
+
+
+@dataclass(frozen=True, eq=False)
+class LoopBalls:
+    """The closed loop in balls, in scaled states: an enclosure of the exact interconnection."""
+
+    A: Ball
+    B: Ball
+    C: Ball
+    D: Ball
+    scale: Matrix
+
+    @property
+    def doubles(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+        """The centres as doubles."""
+        centre = balls.midpoint
+        return centre(self.A), centre(self.B), centre(self.C), centre(self.D)
+
+    def gain_at(self, frequency: float) -> float:
+        """Return the largest singular value at a frequency in rad/s, with the bits in force."""
+        A, B, C, D = (flint.acb_mat(M) for M in (self.A, self.B, self.C, self.D))
+        response = D
+        if math.isfinite(frequency) and A.nrows():
+            resolvent = -A
+            for i in range(A.nrows()):
+                resolvent[i, i] += flint.acb(0, frequency)
+            try:
+                states = _refined_solution(resolvent, B)
+                states = resolvent.solve(B) if states is None else states
+            except ZeroDivisionError:
+                return math.inf
+            response = D + C * states
+        return float(np.linalg.norm(balls.midpoint(response), 2))
+
+    def riccati_terms(self, alpha: float = 0.0, output: float = 1.0) -> tuple[Ball, Ball, Ball]:
+        """Return A, R and Q of the bounded-real equation A'P + PA + PRP + Q = 0 at gamma = 1.
+
+        The poles are shifted by `alpha` to the right and a little output is added.
+        """
+        A, B, C, D = self.A, self.B, self.C, self.D
+        n = A.nrows()
+        shift = balls.identity(n) * flint.arb(float(alpha))
+        extra = shift * flint.arb(float(0.1 * output))
+        if B.ncols() == 0:
+            return A + shift, balls.zeros(n, n), C.transpose() * C + extra
+        inner = (balls.identity(B.ncols()) - D.transpose() * D).inv()
+        outer = balls.identity(C.nrows()) + D * inner * D.transpose()
+        return (
+            A + B * inner * D.transpose() * C + shift,
+            B * inner * B.transpose(),
+            C.transpose() * outer * C + extra,
+        )
+
+    @property
+    def output_size(self) -> float:
+        """How large C'C is beside A, which P is likely to be."""
+        A, _, C, _ = self.doubles
+        return float(np.linalg.norm(C) ** 2 / np.linalg.norm(A)) or 1.0
+
+
+def enclosed(system: control.StateSpace) -> LoopBalls:
+    """Enclose a system, which has been connected before, as it is."""
+    A, B, C, D = (balls.ball(np.asarray(M)) for M in (system.A, system.B, system.C, system.D))
+    return LoopBalls(A, B, C, D, np.ones(A.nrows()))
+
+
+def enclose_loop(plant: GeneralizedPlant, controller: Any, bits: int = BITS) -> LoopBalls:
+    """Connect u = K y without rounding errors and scale the loop's states by powers of two.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+    controller : control.StateSpace
+    bits : int
+        Precision of the enclosure.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If I - Dk D22 cannot be shown to be nonsingular.
+    """
+    with balls.precision(bits):
+        A, B1, B2 = (balls.ball(M) for M in (plant.A, plant.B1, plant.B2))
+        C1, C2, D11 = (balls.ball(M) for M in (plant.C1, plant.C2, plant.D11))
+        D12, D21, D22 = (balls.ball(M) for M in (plant.D12, plant.D21, plant.D22))
+        nk = controller.nstates or 0
+        shapes = (nk, nk), (nk, plant.ny), (plant.nu, nk), (plant.nu, plant.ny)
+        Ak, Bk, Ck, Dk = (
+            balls.ball(np.reshape(M, shape)) if 0 not in shape else balls.zeros(*shape)
+            for M, shape in zip(
+                (controller.A, controller.B, controller.C, controller.D), shapes, strict=True
+            )
+        )
+        inverse = (balls.identity(plant.nu) - Dk * D22).inv()
+        on_x, on_k, on_w = inverse * Dk * C2, inverse * Ck, inverse * Dk * D21
+        Al = balls.block(
+            [
+                [A + B2 * on_x, B2 * on_k],
+                [Bk * (C2 + D22 * on_x), Ak + Bk * D22 * on_k],
+            ]
+        )
+        Bl = balls.block([[B1 + B2 * on_w], [Bk * (D21 + D22 * on_w)]])
+        Cl = balls.block([[C1 + D12 * on_x, D12 * on_k]])
+        Dl = D11 + D12 * on_w
+        scale = state_scale(*(balls.midpoint(M) for M in (Al, Bl, Cl)))
+        into, given, shown = 1 / scale, np.ones(Bl.ncols()), np.ones(Cl.nrows())
+        return LoopBalls(
+            balls.scaled(Al, into, scale),
+            balls.scaled(Bl, into, given),
+            balls.scaled(Cl, shown, scale),
+            Dl,
+            scale,
+        )
+
+
+def cayley(loop: LoopBalls, bits: int = BITS) -> LoopBalls:
+    """Map a discrete-time loop to a continuous one of the same stability and H-infinity norm.
+
+    With z = (1 + s)/(1 - s).
+
+    Raises
+    ------
+    ZeroDivisionError
+        If A + I is singular, in which case the loop is not stable.
+    """
+    with balls.precision(bits):
+        n = loop.A.nrows()
+        inverse = (loop.A + balls.identity(n)).inv()
+        root = flint.arb(2).sqrt()
+        return LoopBalls(
+            inverse * (loop.A - balls.identity(n)),
+            inverse * loop.B * root,
+            loop.C * inverse * root,
+            loop.D - loop.C * inverse * loop.B,
+            loop.scale,
+        )
+
+
+def angle(frequency: float, step: float | None) -> float:
+    """Return where a frequency in rad/s lies on the axis of the loop that :func:`cayley` gives."""
+    return frequency if step is None else math.tan(min(frequency * step, math.pi) / 2)
+
+
+def rate(angle: float, step: float | None) -> float:
+    """Return the frequency in rad/s that lies there."""
+    return angle if step is None else 2 * math.atan(angle) / step
+
+
+def rounding_level(loop: LoopBalls) -> float:
+    """Return the size of a norm that rounding errors in doubles can feign.
+
+    That is the unit roundoff times the gain that the loop would have if nothing cancelled;
+    an exactly vanishing transfer matrix computes to something below it.
+    """
+    A, B, C, D = loop.doubles
+    poles = np.abs(np.linalg.eigvals(A)) if A.size else np.zeros(0)
+    slowest = poles.min() if poles.size else 0.0
+    gain = np.linalg.norm(B) * np.linalg.norm(C) / slowest if slowest > 0 else 0.0
+    return float(10 * np.finfo(float).eps * max(A.shape[0], 1) * (gain + np.linalg.norm(D)))
+
+
+def _refined_solution(M: Ball, B: Ball) -> Ball | None:
+    """Solve M X = B in doubles and refine X with the bits in force; None where that stalls.
+
+    On many states it takes a small part of the time of a solution in balls.
+    """
+    if M.nrows() <= _REFINED or not B.ncols():
+        return None
+    factors, pivots, singular = lapack.zgetrf(balls.midpoint(M))
+    X, rest, before = flint.acb_mat(B.nrows(), B.ncols()), B, math.inf
+    for _ in range(_REFINEMENTS):
+        step = lapack.zgetrs(factors, pivots, balls.midpoint(rest))[0]
+        size = float(np.linalg.norm(step))
+        if singular or not size <= _PROGRESS * before:
+            return None
+        X = (X + flint.acb_mat(X.nrows(), X.ncols(), step.ravel().tolist())).mid()
+        if size <= _EXACT * float(np.linalg.norm(balls.midpoint(X))):
+            return X
+        rest, before = B - M * X, size
+    return None
+
+
+# The peak of a loop's gain and a matrix that proves it, in long arithmetic where doubles fail.
+
+_STEPS = 12
+_TOLERANCE = 1e-5
+# Eigenvalues of the Hamiltonian nearer to the axis than this, relative, count as crossings: the
+# bits resolve far less, and a peak as narrow as double precision can hold keeps farther away.
+_ON_AXIS = 1e-28
+# Seconds that eigenvalues of a matrix with one row take; they grow with the cube.
+_EIGENVALUES = 2e-6
+# Each step of the doubling algorithm looks twice as far ahead: it takes as many as the ratio of
+# fastest and slowest rate has bits, and more where the bound is near the norm and for the accuracy.
+_MORE_STEPS = 20
+
+
+def precise_peak(loop: LoopBalls, start: float) -> tuple[float, float]:
+    """Climb to the largest gain of a stable continuous-time loop, without rounding it.
+
+    The two-step iteration of Bruinsma and Steinbuch (Systems & Control Letters 14, 1990, 287-293).
+
+    Parameters
+    ----------
+    loop : LoopBalls
+    start : float
+        A frequency to start from, rad/s; may be infinite.
+
+    Returns
+    -------
+    gain, frequency : float
+        The gain that the loop has at this frequency, a lower bound of its norm and as a rule
+        within 1e-5 of it. An upper bound takes a proof.
+    """
+    with balls.precision(BITS):
+        gain, where = _highest(loop, {0.0, math.inf, start})
+        for _ in range(_STEPS):
+            if not 0 < gain < math.inf:
+                break
+            found = _crossings(loop, gain * (1 + _TOLERANCE))
+            higher, there = _highest(loop, {(a + b) / 2 for a, b in pairwise(found)} | set(found))
+            if higher <= gain * (1 + _TOLERANCE):
+                break
+            gain, where = higher, there
+    return gain, where
+
+
+def _highest(loop: LoopBalls, frequencies: Iterable[float]) -> tuple[float, float]:
+    return max(((loop.gain_at(x), x) for x in frequencies), default=(0.0, 0.0))
+
+
+def _crossings(loop: LoopBalls, gamma: float) -> list[float]:
+    """Return the frequencies at which a singular value equals gamma, ascending."""
+    g = flint.arb(gamma)
+    A, R, Q = replace(loop, B=loop.B / g, D=loop.D / g).riccati_terms()
+    hamiltonian = balls.block([[A, R], [-Q, -A.transpose()]])
+    look_at_the_clock(_EIGENVALUES * hamiltonian.nrows() ** 3)
+    values = flint.acb_mat(hamiltonian.mid()).eig(algorithm="approx")
+    near = [value for value in values if abs(value.real.mid()) <= abs(value).mid() * _ON_AXIS]
+    return sorted({abs(float(value.imag.mid())) for value in near})
+
+
+def precise_candidate(loop: LoopBalls) -> Ball | None:
+    """Solve the bounded-real Riccati equation, where a tiny shift of the poles will do.
+
+    Midpoints of balls serve as long floating-point numbers in the structure-preserving doubling
+    algorithm (Chu, Fan, Lin, Linear Algebra Appl. 396, 2005, 55-80).
+
+    Returns
+    -------
+    flint.arb_mat or None
+        None where it does not converge: the norm is not below one, or the bits are too few.
+    """
+    n = loop.A.nrows()
+    poles: Any = np.linalg.eigvals(balls.midpoint(loop.A))
+    slowest, fastest = float(np.abs(poles).min()), float(np.abs(poles).max())
+    if not slowest > 0:
+        return None
+    damping = max(-float(poles.real.max()), 1e-15 * slowest)
+    shift = slowest * 2.0 ** (-flint.ctx.prec // 3)
+    A, R, Q = (M.mid() for M in loop.riccati_terms(shift, loop.output_size))
+    one, rate = balls.identity(n), flint.arb(math.sqrt(slowest * fastest))
+    try:
+        resolvent = (A - one * rate).inv().mid()
+        core = (A - one * rate - R * resolvent.transpose() * Q).mid().inv().mid()
+        E = one + core * (rate * 2)
+        R = (resolvent * R * core.transpose() * (rate * 2)).mid()
+        Q = (core.transpose() * Q * resolvent * (rate * 2)).mid()
+        for _ in range(math.ceil(math.log2(fastest / damping)) + _MORE_STEPS):
+            look_at_the_clock()
+            W = (one - R * Q).mid().inv().mid()
+            EW = (E * W).mid()
+            more = (E.transpose() * Q * (W * E)).mid()
+            R, Q, E = (R + EW * R * E.transpose()).mid(), (Q + more).mid(), (EW * E).mid()
+            change, now = (size(balls.midpoint(M)) for M in (more, Q))
+            if not now < math.inf:
+                return None
+            if change <= 1e-60 * now:
+                return balls.symmetric(Q).mid()
+    except ZeroDivisionError:
+        pass
+    return None
+
+
+# Proofs of stability and of norm bounds, checked in ball arithmetic.
+#
+# A proof is a symmetric P > 0 that satisfies a strict matrix inequality, the bounded-real one for
+# the H-infinity norm (Boyd et al., "Linear Matrix Inequalities in System and Control Theory",
+# 1994, section 2.7.3), the Gramian one for the H2 norm (section 6.3.2). P is found in doubles, or
+# with more bits; nothing is assumed about how good it is, only the check counts. Discrete-time
+# loops are mapped by the Cayley transformation, which keeps stability, the H-infinity norm and P
+# itself.
+
+Kind = Literal["bounded_real", "gramian", "lyapunov"]
+SLACK = (1e-5, 2e-4, 9e-4)
+"""How far above a computed norm, relative, the bounds lie that are tried, in this order."""
+# From so many states on the tightest is left out, because a trial takes long.
+_LARGE = 60
+_PASSES = 3
+# How well, relative, what doubles find and what the enclosed loop has must agree to be believed.
+_AGREE = 1e-6
+_ACCURACY = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class NormProof:
+    """A matrix that proves stability and a bound on the norm.
+
+    Attributes
+    ----------
+    kind : {"bounded_real", "gramian", "lyapunov"}
+        The inequality that P satisfies strictly.
+    bound : float
+        The proven upper bound on the norm. A "lyapunov" proof tells stability only: infinite,
+        or zero if no disturbance reaches any output.
+    P : ndarray, shape (n, n)
+        The matrix, in the coordinates of `transformation`, rounded to doubles.
+    transformation : ndarray, shape (n, n)
+        T of T x, the coordinates in which P is near the identity; x are the loop's states.
+    bits : int
+        Least precision of the ball arithmetic of the check.
+    """
+
+    kind: Kind
+    bound: float
+    P: Matrix
+    transformation: Matrix
+    bits: int = BITS
+
+
+class Proven(NamedTuple):
+    """A proof, and the norm with the frequency of its peak in rad/s, computed again if need be."""
+
+    proof: NormProof | None
+    achieved: float
+    frequency: float | None
+
+
+def slacks(loop: LoopBalls) -> tuple[float, ...]:
+    """Return those of :data:`SLACK` that are worth a trial on a loop of this size."""
+    return SLACK[loop.A.nrows() > _LARGE :]
+
+
+def prove_computed_norm(
+    loop: LoopBalls, rounded: LoopBalls, level: float, step: float | None
+) -> Proven | None:
+    """Compute the H-infinity norm in doubles and bracket it by a gain and a proof in balls.
+
+    Parameters
+    ----------
+    loop : LoopBalls
+    rounded : LoopBalls
+        The same, connected in doubles. If rounding adds something to the norm, it counts; more
+        than 1e-6 of it, more or less, is left to a closer look.
+    level : float
+        Norms below it cannot be told from zero in doubles.
+    step : float or None
+        Sampling time; None for a continuous-time loop.
+
+    Returns
+    -------
+    Proven or None
+        A proof that the loop is stable with a norm between the one returned, but for 1e-6 of it,
+        and the bound. None where doubles do not settle it, or no such proof is found.
+    """
+    try:
+        loop, rounded = (M if step is None else cayley(M) for M in (loop, rounded))
+    except ZeroDivisionError:  # a pole at -1
+        return None
+    seen = []
+    for each in (loop, rounded):
+        matrices = each.doubles
+        if 0 in matrices[3].shape or not all(np.isfinite(M).all() for M in matrices):
+            return None
+        seen.append(quick_norm(*matrices, _ACCURACY))
+    exact, other = seen
+    if not (exact.settled and other.settled):
+        return None
+    with balls.precision(BITS):
+        gain = loop.gain_at(exact.frequency)
+    if not (level < gain < np.inf and abs(other.value - gain) <= _AGREE * gain):
+        return None
+    achieved, frequency = max((gain, exact.frequency), (other.value, other.frequency))
+    slack = slacks(loop)[0]
+    proof = prove_hinf(loop, achieved * (1 + slack), slack)
+    return proof and Proven(proof, achieved, rate(frequency, step))
+
+
+def prove_stability(loop: LoopBalls, bits: int | None = None) -> NormProof | None:
+    """Prove that a continuous-time loop is stable by a Lyapunov matrix.
+
+    Parameters
+    ----------
+    loop : LoopBalls
+    bits : int, optional
+        As for :func:`prove_hinf`.
+    """
+    n = loop.A.nrows()
+    silent = replace(loop, B=balls.zeros(n, 0), C=balls.zeros(0, n), D=balls.zeros(0, 0))
+    with balls.precision(bits or BITS):
+        found = _checked(silent, 0.5, bits)
+    return None if found is None else _proof("lyapunov", np.inf, found, loop)
+
+
+def prove_hinf(
+    loop: LoopBalls, bound: float, slack: float = 1e-4, bits: int | None = None
+) -> NormProof | None:
+    """Prove that a continuous-time loop is stable with an H-infinity norm below `bound`.
+
+    Parameters
+    ----------
+    loop : LoopBalls
+    bound : float
+    slack : float
+        By how much `bound` is expected to lie above the norm, relative; sets the margin
+        of strictness that is tried in doubles.
+    bits : int, optional
+        Find P with so many bits, which takes longer and proves what doubles leave open. In
+        doubles by default.
+    """
+    if not np.isfinite(bound):
+        return None
+    if bound <= 0:
+        return _prove_zero(loop)
+    with balls.precision(bits or BITS):
+        g = flint.arb(float(bound))
+        unit = replace(loop, B=loop.B / g, D=loop.D / g)
+        gap = balls.identity(loop.B.ncols()) - unit.D.transpose() * unit.D
+        found = _checked(unit, slack, bits) if balls.is_positive_definite(gap) else None
+    return None if found is None else _proof("bounded_real", bound, found, loop)
+
+
+def _checked(loop: LoopBalls, slack: float, bits: int | None) -> tuple[Matrix, Ball] | None:
+    """Return coordinates T and a P in them that proves the norm of `loop` to be below one."""
+    n = loop.A.nrows()
+    if n == 0:
+        return np.zeros((0, 0)), balls.zeros(0, 0)
+    if bits is None:
+        trials = _candidates(loop, slack)
+    else:
+        found = precise_candidate(loop)
+        trials = [] if found is None else [(np.eye(n), found, loop)]
+    for T, P, turned in trials:
+        if _is_bounded_real(P, turned):
+            return T, P
+    return None
+
+
+def _candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, LoopBalls]]:
+    """Yield coordinates T, a P in them that should be bounded real at gamma = 1, and the loop in T.
+
+    P solves the Riccati equation of the loop with all poles shifted to the right by a part
+    of the stability margin, which leaves -2 alpha P, a margin in proportion to P. The coordinates
+    are those in which the last P was the identity: solving again in them makes that margin visible
+    in doubles however ill-conditioned P is in the given ones.
+    """
+    A, _, C, _ = loop.doubles
+    n = A.shape[0]
+    margin = -float(np.linalg.eigvals(A).real.max(initial=-np.inf))
+    if n == 0 or margin <= 0:
+        return
+    output = loop.output_size
+    shares = (0.3,) if n > _LARGE else (0.3, 0.01)
+    for alpha in (share * slack * margin for share in shares):
+        extra = 1e-6 * alpha * output * np.eye(n)
+        start = solve_lyapunov(A + alpha * np.eye(n), C.T @ C + extra)
+        T = np.eye(n) if start is None else _identity_coordinates(start)
+        for _ in range(_PASSES):
+            try:
+                turned = _turned(loop, T)
+            except ZeroDivisionError:
+                break
+            X = _shifted_riccati(turned, alpha)
+            if X is None:
+                break
+            values = np.linalg.eigvalsh(X)
+            if values[0] > 1e-12 * values[-1]:
+                yield T, _refined(X, turned, alpha), turned
+            T = _identity_coordinates(X) @ T
+
+
+def _turned(loop: LoopBalls, T: Matrix) -> LoopBalls:
+    """Return the loop in the coordinates T x."""
+    into = balls.ball(T)
+    back = into.inv()
+    return replace(loop, A=into * loop.A * back, B=into * loop.B, C=loop.C * back)
+
+
+def _identity_coordinates(P: Matrix) -> Matrix:
+    """Return an upper triangular T with T'T = P, as far as P is positive definite in doubles."""
+    values, vectors = np.linalg.eigh(P)
+    values = np.maximum(values, max(values[-1], np.finfo(float).tiny) * 1e-14)
+    return np.linalg.qr(np.sqrt(values)[:, None] * vectors.T)[1]
+
+
+def _shifted_riccati(loop: LoopBalls, alpha: float) -> Matrix | None:
+    """Solve the bounded-real Riccati equation of A + alpha I, with a little extra output."""
+    A, R, Q = (balls.midpoint(M) for M in loop.riccati_terms(alpha))
+    found = solve_riccati(A, R, Q)
+    return None if found is None else found.X
+
+
+def _refined(X: Matrix, loop: LoopBalls, alpha: float) -> Ball:
+    """Remove the rounding errors of a Riccati solution by a step of Newton's method."""
+    A, R, Q = loop.riccati_terms(alpha)
+    P = balls.ball(X)
+    residual = balls.symmetric(P * A) * flint.arb(2) + P * R * P + Q
+    step = solve_lyapunov(balls.midpoint(A + R * P), balls.midpoint(residual))
+    return P if step is None else balls.symmetric(P + balls.ball(step)).mid()
+
+
+def _is_bounded_real(P: Ball, loop: LoopBalls) -> bool:
+    A, B, C, D = loop.A, loop.B, loop.C, loop.D
+    corner = P * B + C.transpose() * D
+    inequality = balls.block(
+        [
+            [balls.symmetric(P * A) * flint.arb(2) + C.transpose() * C, corner],
+            [corner.transpose(), D.transpose() * D - balls.identity(B.ncols())],
+        ]
+    ) * flint.arb(-1)
+    return balls.is_positive_definite(inequality) and balls.is_positive_definite(P)
+
+
+def _prove_zero(loop: LoopBalls) -> NormProof | None:
+    """Prove a norm of zero where D and all Markov parameters C A^k B vanish exactly."""
+    with balls.precision(BITS):
+        if balls.magnitude(loop.D).any():
+            return None
+        reached = loop.B
+        for _ in range(max(loop.A.nrows(), 1)):
+            if balls.magnitude(loop.C * reached).any():
+                return None
+            reached = loop.A * reached
+    proof = prove_stability(loop)
+    return None if proof is None else replace(proof, bound=0.0)
+
+
+def prove_h2(
+    loop: LoopBalls, discrete: bool, slack: float = 1e-4, bits: int | None = None
+) -> NormProof | None:
+    """Prove that a loop is stable and bound its H2 norm by its controllability Gramian.
+
+    Parameters
+    ----------
+    loop : LoopBalls
+    discrete : bool
+        Whether it is a discrete-time loop; it is mapped here, its Gramian stays the same.
+    slack : float
+        By how much the bound may lie above the norm, relative.
+    bits : int, optional
+        As for :func:`prove_hinf`.
+    """
+    n = loop.A.nrows()
+    with balls.precision(bits or BITS):
+        energy = loop.D * loop.D.transpose()
+        if not discrete and balls.magnitude(energy).any():
+            return None
+        flow = cayley(loop, bits or BITS) if discrete else loop
+        dual = LoopBalls(
+            flow.A.transpose(),
+            balls.zeros(n, 0),
+            flow.B.transpose(),
+            balls.zeros(flow.B.ncols(), 0),
+            1 / loop.scale,
+        )
+        found = _checked(dual, slack, bits)
+        if found is None:
+            return None
+        if n:
+            T, X = found
+            output = loop.C * balls.ball(T).transpose()
+            energy += output * X * output.transpose()
+        square = flint.arb(energy.trace() if energy.nrows() else 0)
+        return _proof("gramian", float(square.sqrt().upper()) * (1 + 1e-15), found, dual)
+
+
+def _proof(kind: Kind, bound: float, found: tuple[Matrix, Ball], loop: LoopBalls) -> NormProof:
+    """Note a proof in the loop's own states."""
+    T, P = found
+    return NormProof(kind, bound, balls.midpoint(P), T / loop.scale)
+
+
+# The tightest bound that can be proven for a loop, at the least expense.
+
+TIGHT = 1e-3
+"""How far above the computed norm, relative, the proven bound of a valid certificate may lie."""
+_MOST_BITS = 1920
+# The square of the bits times the third power of the states, which sets the time of a precise
+# proof: some seconds for 24 states with all the bits, 40 states with 480, or 100 with 240.
+_MOST_WORK = 240**2 * 100**3
+
+Enclose = Callable[[int], LoopBalls]
+
+
+def tightest_proof(
+    enclose: Enclose,
+    norm: Literal["hinf", "h2"],
+    achieved: float,
+    frequency: float | None,
+    claimed: float | None,
+    step: float | None,
+) -> Proven:
+    """Prove the smallest bound that can be proven; stability alone if no bound can.
+
+    P is sought in doubles first. Where that proves no bound near the norm, the H-infinity norm is
+    computed once more without rounding the loop, and P is sought with more and more bits.
+
+    Parameters
+    ----------
+    enclose : callable
+        Returns the loop, enclosed with a number of bits.
+    norm : {"hinf", "h2"}
+    achieved : float
+        The norm that was computed.
+    frequency : float or None
+        Where it peaks, in rad/s.
+    claimed : float or None
+        A bound that would do as well.
+    step : float or None
+        Sampling time; None for a continuous-time loop.
+    """
+
+    def flow(bits: int) -> LoopBalls:
+        return enclose(bits) if step is None else cayley(enclose(bits), bits)
+
+    try:
+        loop = flow(BITS)
+    except ZeroDivisionError:  # a pole at -1
+        return Proven(None, achieved, frequency)
+    states, discrete = loop.A.nrows(), step is not None
+    precisions = list(_precisions(states))
+    if norm == "h2":
+        # Where nothing comes through, both norms vanish; a Gramian would leave a little.
+        found = prove_hinf(loop, 0.0) if achieved == 0 else None
+        found = found or _first(prove_h2(enclose(BITS), discrete, slack) for slack in SLACK)
+        if found is None or found.bound > achieved * (1 + TIGHT):
+            found = _first(prove_h2(enclose(b), discrete, bits=b) for b in precisions) or found
+    else:
+        tried = slacks(loop)
+        found = _first(prove_hinf(loop, achieved * (1 + slack), slack) for slack in tried)
+        if found is None and precisions:
+            gain, where = precise_peak(loop, angle(frequency or 0.0, step))
+            if gain > achieved:
+                achieved, frequency = gain, rate(where, step)
+            bound = achieved * (1 + SLACK[-1])
+            found = _first(prove_hinf(flow(bits), bound, bits=bits) for bits in precisions)
+        found = found or _first(_looser(loop, achieved, claimed))
+    if found is None:
+        found = prove_stability(loop) or _first(prove_stability(flow(b), b) for b in precisions)
+    return Proven(found, achieved, frequency)
+
+
+def _first(proofs: Iterable[NormProof | None]) -> NormProof | None:
+    for proof in proofs:
+        if proof is not None:
+            return proof
+        look_at_the_clock()
+    return None
+
+
+def _precisions(states: int) -> Iterator[int]:
+    """Yield the numbers of bits that are worth a trial, each twice the one before."""
+    bits = BITS
+    while bits <= _MOST_BITS and bits**2 * states**3 <= _MOST_WORK:
+        yield bits
+        bits *= 2
+
+
+def _looser(loop: LoopBalls, achieved: float, claimed: float | None) -> Iterator[NormProof | None]:
+    """Try the bound that was claimed, and those below which doubles see nothing but rounding."""
+    if claimed is not None and claimed > achieved * (1 + SLACK[-1]):
+        yield prove_hinf(loop, claimed, min(0.1, claimed / achieved - 1) if achieved else 0.1)
+    level = rounding_level(loop)
+    if achieved <= level:
+        for factor in (1.0, 1e3):
+            yield prove_hinf(loop, level * factor, 0.1)

@@ -1,0 +1,644 @@
+"""The infimum of the H-infinity norm: the smallest gamma for which both Riccati equations hold.
+
+Where some control has no price or some measurement no noise they are those of
+:mod:`robustpolish.synthesis.riccati.gamma`. In double precision they say where the infimum may
+be; what is claimed of it is proven by :mod:`robustpolish.synthesis.riccati.lower_bound`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.base.budget import Budget, step_cost
+from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, regularise, shifted
+from robustpolish.synthesis.riccati.equations import solve_riccati
+from robustpolish.synthesis.riccati.lower_bound import PROVABLE_STATES, PROVEN, proven_bound
+
+# The central H-infinity controller from two Riccati equations.
+#
+# Zhou, Doyle and Glover, "Robust and Optimal Control" (1996), theorem 17.1, for plants with
+# D11. D12 must have full column rank, D21 full row rank and no zeros may lie on the axis;
+# :func:`robustpolish.synthesis.problem.matrices.regularise` provides for that.
+
+
+class Attempt(NamedTuple):
+    """The two Riccati solutions at one gamma.
+
+    Attributes
+    ----------
+    feasible : bool
+        X, Y >= 0 exist and rho(XY) < gamma^2.
+    coupling : float or None
+        The square root of rho(XY); None where X or Y does not exist.
+    """
+
+    feasible: bool
+    coupling: float | None
+    X: Matrix | None = None
+    Y: Matrix | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Half:
+    """What one of the two equations needs: that of the controls, or of the measurements transposed.
+
+    Attributes
+    ----------
+    A, B1, B2, C, D11, D12 : ndarray
+        In coordinates in which D12 = [0; I].
+    basis : ndarray or None
+        Where the states of a reduced half lie among those of the plant; None for all of them.
+    """
+
+    A: Matrix
+    B1: Matrix
+    B2: Matrix
+    C: Matrix
+    D11: Matrix
+    D12: Matrix
+    basis: Matrix | None = None
+
+    @property
+    def floor(self) -> float:
+        """The norm that the feedthrough alone forces."""
+        free = self.D11[: self.D11.shape[0] - self.B2.shape[1]]
+        return float(np.linalg.norm(free, 2)) if free.size else 0.0
+
+    def solve(self, gamma: float) -> Matrix | None:
+        """Solve the Riccati equation; None unless its solution exists and is semidefinite.
+
+        With an infinite gamma it is that of the H2 norm.
+        """
+        # Without a bound the disturbances play no part.
+        nw = self.B1.shape[1] if np.isfinite(gamma) else 0
+        A, B, C = self.A, np.hstack([self.B1[:, :nw], self.B2]), self.C
+        D = np.hstack([self.D11[:, :nw], self.D12])
+        n = len(A)
+        R = D.T @ D
+        R[:nw, :nw] -= gamma**2 * np.eye(nw)
+        try:
+            inverse = np.linalg.solve(R, np.hstack([D.T @ C, B.T]))
+        except np.linalg.LinAlgError:
+            return None
+        RDC, RB = inverse[:, :n], inverse[:, n:]
+        quadratic = -B @ RB
+        constant = C.T @ C - (C.T @ D) @ RDC
+        found = solve_riccati(
+            A - B @ RDC, (quadratic + quadratic.T) / 2, (constant + constant.T) / 2
+        )
+        if found is None:
+            return None
+        X = found.X
+        # X >= 0 if and only if the full-information controller stabilises with w = 0; unlike the
+        # eigenvalues of X, which may span many decades, this can be seen in doubles.
+        F = -(RDC + RB @ X)
+        direct = self.D11[len(C) - self.B2.shape[1] :, :nw]
+        feedback = F[nw:] + direct @ F[:nw]
+        if not np.linalg.eigvals(A + self.B2 @ feedback).real.max(initial=-np.inf) < 0:
+            return None
+        return X if self.basis is None else self.basis @ X @ self.basis.T
+
+
+@dataclass(frozen=True, eq=False)
+class TwoHalves:
+    """The pair of equations whose common solvability decides whether a gamma can be reached."""
+
+    control: Half
+    measurement: Half
+
+    @property
+    def states(self) -> int:
+        """Number of states, which the cost of an attempt follows from."""
+        return max(len(self.control.A), len(self.measurement.A))
+
+    @property
+    def floor(self) -> float:
+        """The norm that the feedthrough alone forces."""
+        return max(self.control.floor, self.measurement.floor)
+
+    def attempt(self, gamma: float) -> Attempt:
+        """Solve both equations at `gamma`."""
+        if gamma <= self.floor:
+            return Attempt(False, None)
+        # Overflow makes the equations unsolvable, which is an answer.
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            X = self.control.solve(gamma)
+            Y = None if X is None else self.measurement.solve(gamma)
+            if X is None or Y is None:
+                return Attempt(False, None)
+            coupling = float(np.sqrt(np.abs(np.linalg.eigvals(X @ Y)).max(initial=0.0)))
+        return Attempt(coupling < gamma, coupling, X, Y)
+
+
+@dataclass(frozen=True, eq=False)
+class NormalisedPlant:
+    """A plant in coordinates of w, u, z, y in which D12 = [0; I] and D21 = [0, I].
+
+    Attributes
+    ----------
+    plant : PlantMatrices
+    control, measurement : ndarray
+        u = control times the normalised u; normalised y = measurement times y.
+    """
+
+    plant: PlantMatrices
+    control: Matrix
+    measurement: Matrix
+
+    @cached_property
+    def halves(self) -> TwoHalves:
+        """Its two Riccati equations."""
+        P = self.plant
+        return TwoHalves(
+            Half(P.A, P.B1, P.B2, P.C1, P.D11, P.D12),
+            Half(P.A.T, P.C1.T, P.C2.T, P.B1.T, P.D11.T, P.D21.T),
+        )
+
+    def controller(self, K: Controller) -> Controller:
+        """Return the controller in the original u and y."""
+        U, Y = self.control, self.measurement
+        return Controller(K.A, K.B @ Y, U @ K.C, U @ K.D @ Y)
+
+
+def has_full_rank(plant: PlantMatrices) -> bool:
+    """Tell whether D12 and D21 have full column and row rank, whatever the sizes of signals."""
+    return _full_rank(plant.D12) and _full_rank(plant.D21.T)
+
+
+def _full_rank(D: Matrix) -> bool:
+    size = np.linalg.norm(D, axis=0)
+    if D.shape[0] < D.shape[1] or not size.all():
+        return False
+    return bool(np.linalg.svd(D / size, compute_uv=False)[-1] > 1e-8)
+
+
+def normalise(plant: PlantMatrices) -> NormalisedPlant:
+    """Rotate w and z and rescale u and y so that D12 and D21 are as the formulas want."""
+    nz, nu = plant.D12.shape
+    ny, nw = plant.D21.shape
+    U12, s12, V12 = np.linalg.svd(plant.D12)
+    U21, s21, V21 = np.linalg.svd(plant.D21)
+    z_turn = np.vstack([U12[:, nu:].T, U12[:, :nu].T])
+    w_turn = np.hstack([V21[ny:].T, V21[:ny].T])
+    control = V12.T / s12
+    measurement = (U21 / s21).T
+    D12 = np.vstack([np.zeros((nz - nu, nu)), np.eye(nu)])
+    D21 = np.hstack([np.zeros((ny, nw - ny)), np.eye(ny)])
+    turned = plant.replace(
+        B1=plant.B1 @ w_turn,
+        B2=plant.B2 @ control,
+        C1=z_turn @ plant.C1,
+        C2=measurement @ plant.C2,
+        D11=z_turn @ plant.D11 @ w_turn,
+        D12=D12,
+        D21=D21,
+    )
+    return NormalisedPlant(turned, control, measurement)
+
+
+def central_controller(normal: NormalisedPlant, gamma: float, X: Matrix, Y: Matrix) -> Controller:
+    """Return the central controller of theorem 17.1, in the original u and y."""
+    P = normal.plant
+    n, nw, nz = P.A.shape[0], P.B1.shape[1], P.C1.shape[0]
+    nu, ny = P.B2.shape[1], P.C2.shape[0]
+    w1, z1, g2 = nw - ny, nz - nu, gamma**2
+    B, C = np.hstack([P.B1, P.B2]), np.vstack([P.C1, P.C2])
+    D1, D_1 = np.hstack([P.D11, P.D12]), np.vstack([P.D11, P.D21])
+    R, S = D1.T @ D1, D_1 @ D_1.T
+    R[:nw, :nw] -= g2 * np.eye(nw)
+    S[:nz, :nz] -= g2 * np.eye(nz)
+    F = -np.linalg.solve(R, D1.T @ P.C1 + B.T @ X)
+    L = -np.linalg.solve(S, (P.B1 @ D_1.T + Y @ C.T).T).T
+    F12, F2 = F[w1:nw], F[nw:]
+    L12, L2 = L[:, z1:nz], L[:, nz:]
+    D = P.D11
+    D1111, D1112, D1121, D1122 = D[:z1, :w1], D[:z1, w1:], D[z1:, :w1], D[z1:, w1:]
+    left = g2 * np.eye(z1) - D1111 @ D1111.T
+    Dk = -D1121 @ D1111.T @ np.linalg.solve(left, D1112) - D1122
+    # The square roots D12^ and D21^ of the theorem cancel in the central controller.
+    Z = np.eye(n) - Y @ X / g2
+    C2F = P.C2 + F12
+    Bk = np.linalg.solve(Z, -L2 + (P.B2 + L12) @ Dk)
+    Ck = F2 - Dk @ C2F
+    Ak = P.A + B @ F - Bk @ C2F
+    return normal.controller(Controller(Ak, Bk, Ck, Dk))
+
+
+# The two Riccati equations of a plant with controls without price or measurements without noise.
+#
+# They do not exist as they stand. A measurement without noise tells a part of the state exactly,
+# and its derivative is a new measurement, of the other states and with the noise of the process.
+# Repeated until all that is left is noisy, this reduces the equation to the states that stay
+# uncertain, without changing the infimum; and likewise, transposed, for controls without price.
+#
+# What counts as no price decides which problem is solved: beside weights with poles at high
+# frequencies a price of 1e-7 is all that they are. So every reduction is compared with the plant.
+#
+# Stoorvogel, "The singular H-infinity control problem with dynamic measurement feedback", SIAM J.
+# Control and Optimization 29 (1991) 160-184.
+
+Gains = NDArray[Any]
+# Untyped on purpose: the matrices of the loop below hang on them, which checkers follow for long.
+_svd: Any = np.linalg.svd
+
+
+@dataclass(frozen=True)
+class ReductionPolicy:
+    """Thresholds of the reduction.
+
+    Attributes
+    ----------
+    noiseless : tuple of float
+        Relative sizes of noise on a measurement, or of a price on a control, that count as none.
+        Its inverse squared enters the equations, so the largest that keeps the plant is taken.
+    unseen : float
+        Relative size of what a measurement without noise sees that counts as nothing.
+    rounding : float
+        Size of an entry beside the largest one that is nothing but rounding (ROC6 in other units).
+    changed : float
+        What was dropped may change the gain from u to z, relative to itself, by so much: ten
+        times less than searches resolve.
+    points : int
+        Frequencies at which the gains are compared.
+    beyond : float
+        How far these reach beyond the slowest and the fastest mode.
+    """
+
+    noiseless: tuple[float, ...] = (1e-7, 1e-9, 1e-11)
+    unseen: float = 1e-9
+    rounding: float = 1e-12
+    changed: float = 3e-5
+    points: int = 12
+    beyond: float = 30.0
+
+
+_REDUCTION_POLICY = ReductionPolicy()
+
+
+def reduced_halves(plant: PlantMatrices) -> TwoHalves | None:
+    """Return the equations of a plant, reduced where D12 or D21 is rank-deficient.
+
+    Parameters
+    ----------
+    plant : PlantMatrices
+        Scaled, continuous, without D22.
+
+    Returns
+    -------
+    TwoHalves or None
+        None where double precision cannot tell what has a price or noise, so that the equations
+        would be those of another plant.
+    """
+    P = plant
+    control = _reduced(P.A, P.B1, P.B2, P.C1, P.D11, P.D12)
+    measurement = _reduced(P.A.T, P.C1.T, P.C2.T, P.B1.T, P.D11.T, P.D21.T)
+    return None if control is None or measurement is None else TwoHalves(control, measurement)
+
+
+def _reduced(A: Matrix, B1: Matrix, B2: Matrix, C: Matrix, D11: Matrix, D12: Matrix) -> Half | None:
+    """Reduce the half of the controls; measurements are their transpose."""
+    probe = _Probe.of(A, B2, C, D12)
+    for noiseless in _REDUCTION_POLICY.noiseless:
+        half, gain = _reduced_by(noiseless, A, B1, B2, C, D11, D12, probe)
+        if probe.is_kept_by(gain):
+            return half
+    return None
+
+
+def _reduced_by(
+    noiseless: float,
+    A: Matrix,
+    B1: Matrix,
+    B2: Matrix,
+    C: Matrix,
+    D11: Matrix,
+    D12: Matrix,
+    probe: _Probe,
+) -> tuple[Half, Gains]:
+    """Replace controls without price by the states that they set at will, until none is left.
+
+    Returns also what they do to z at the probe's frequencies, as gains of the old controls.
+    """
+    basis: Matrix | None = None
+    nothing = 0.0
+    controls = probe.unit
+    while True:
+        size = np.linalg.norm(np.vstack([B2, D12]), axis=0)
+        used = size > nothing
+        B2, D12 = B2[:, used] / size[used], D12[:, used] / size[used]
+        controls = controls[:, used] * size[used, None]
+        U, s, Vt = _svd(D12)
+        priced = int((s > noiseless).sum())
+        if priced == D12.shape[1]:
+            break
+        B2, D12 = B2 @ Vt.T, D12 @ Vt.T
+        controls = Vt @ controls
+        W, reach, _ = _svd(B2[:, priced:])
+        free = int((reach > _REDUCTION_POLICY.unseen).sum())
+        states = _states(probe.frequencies, A, B2 @ controls) if free else controls
+        B2, D12, controls = B2[:, :priced], D12[:, :priced], controls[:, :priced]
+        if free:
+            # The states that cost nothing become controls of the others, at the price of z.
+            at_will, left = W[:, :free], W[:, free:]
+            controls = np.concatenate([controls, at_will.T @ states], axis=1)
+            B2 = left.T @ np.hstack([B2, A @ at_will])
+            D12 = np.hstack([D12, C @ at_will])
+            A, B1, C = left.T @ A @ left, left.T @ B1, C @ left
+            basis = left if basis is None else basis @ left
+            nothing = _REDUCTION_POLICY.rounding * max(
+                np.abs(A).max(initial=0), np.abs(C).max(initial=0)
+            )
+    nu = D12.shape[1]
+    turn = np.vstack([U[:, nu:].T, U[:, :nu].T])
+    price = np.vstack([np.zeros((len(D12) - nu, nu)), np.eye(nu)])
+    half = Half(A, B1, B2 @ Vt.T / s[:nu], turn @ C, turn @ D11, price, basis)
+    return half, C @ _states(probe.frequencies, A, B2 @ controls) + D12 @ controls
+
+
+class _Probe(NamedTuple):
+    """What the controls do to z at complex frequencies in the right half plane.
+
+    Every reduction keeps it: the new controls follow from the old ones, and z from the new.
+    """
+
+    frequencies: Gains  # (points,)
+    gain: Gains  # (points, nz, nu)
+    unit: Gains  # (points, nu, nu), each control its own
+
+    @classmethod
+    def of(cls, A: Matrix, B2: Matrix, C: Matrix, D12: Matrix) -> _Probe:
+        """Take frequencies all over those of the plant, away from both axes."""
+        rates = np.abs(np.linalg.eigvals(A))
+        fastest = float(rates.max(initial=0.0)) or 1.0
+        slowest = float(rates[rates > _REDUCTION_POLICY.unseen * fastest].min(initial=fastest))
+        size = np.geomspace(
+            slowest / _REDUCTION_POLICY.beyond,
+            fastest * _REDUCTION_POLICY.beyond,
+            _REDUCTION_POLICY.points,
+        )
+        points = size * (0.6 + 0.8j)
+        unit = np.broadcast_to(
+            np.eye(B2.shape[1], dtype=complex), (len(points), *[B2.shape[1]] * 2)
+        )
+        return cls(points, C @ _states(points, A, B2 @ unit) + D12, unit)
+
+    def is_kept_by(self, gain: Gains) -> bool:
+        """Tell whether a gain from the same controls to the same z is this one."""
+        size = np.linalg.norm(self.gain, axis=1, keepdims=True)
+        unit = np.where(size > 0, size, 1.0)
+        change = (
+            (gain - self.gain) / unit @ np.linalg.pinv(self.gain / unit, _REDUCTION_POLICY.unseen)
+        )
+        return bool(np.linalg.norm(change, axis=(1, 2)).max() <= _REDUCTION_POLICY.changed)
+
+
+def _states(points: Gains, A: Matrix, into: Gains) -> Gains:
+    """Return (s I - A)^-1 `into` at all points s."""
+    return np.linalg.solve(points[:, None, None] * np.eye(len(A)) - A, into)
+
+
+@dataclass(frozen=True)
+class GammaPolicy:
+    """Thresholds of the search for gamma.
+
+    Attributes
+    ----------
+    growth, drop : float
+        How far gamma is raised until it is feasible, and lowered while nothing is known below.
+    most_steps : int
+        Attempts of one search; bisection from 1e12 to 1e-4 takes 50.
+    least : float
+        Relative size of a lower end that says nothing.
+    zero : float
+        An infimum so far below the first feasible gamma counts as zero: AC1, AC12 and UWV of
+        COMPleib reach 1e-14 before rounding ends the descent.
+    hardly : float
+        How little a plant with zeros on the axis is regularised for an estimate: less, and
+        rounding decides (the Riccati solutions hold 1 / hardly^2).
+    beside : float
+        By how much the axis is moved for another: less than the poles of weights, 1e-5, and more
+        than rounding moves double zeros, 1e-8.
+    """
+
+    growth: float = 8.0
+    drop: float = 1e-2
+    most_steps: int = 60
+    least: float = 1e-12
+    zero: float = 1e-10
+    hardly: float = 1e-6
+    beside: float = 1e-6
+
+
+_POLICY = GammaPolicy()
+
+
+class GammaBracket(NamedTuple):
+    """A feasible gamma and one below which nothing was feasible."""
+
+    upper: float
+    lower: float
+    solution: Attempt
+    attempts: int
+
+
+class LowerBound(NamedTuple):
+    """A norm below which no controller comes, and how that is known."""
+
+    value: float
+    how: str
+    proven: bool = True  # an estimate may lie above norms that are reached
+    bracket: GammaBracket | None = None  # of the equations of a regular plant, in doubles
+
+
+def lower_bound(plant: PlantMatrices, tolerance: float, budget: Budget) -> LowerBound | None:
+    """Bound the H-infinity norm of every stabilising controller's loop from below.
+
+    Equations in double precision say where the infimum may be, and those in long arithmetic prove
+    how much of it is true.
+
+    Parameters
+    ----------
+    plant : PlantMatrices
+        Scaled, continuous, without D22.
+    tolerance : float
+        How much of the infimum, relative, may be given away.
+    budget : Budget
+        For the search in double precision. Like a certificate, a proof is made in any case.
+
+    Returns
+    -------
+    LowerBound or None
+        Proven, or for a plant too large for that an estimate; None where the equations have no
+        solution in double precision for any gamma.
+    """
+    guess = estimated_bound(plant, tolerance, budget)
+    if plant.nx <= PROVABLE_STATES:
+        proven = proven_bound(plant, 1.0 if guess is None else guess.value, tolerance)
+        return LowerBound(proven, PROVEN, bracket=guess and guess.bracket)
+    return guess
+
+
+def estimated_bound(plant: PlantMatrices, tolerance: float, budget: Budget) -> LowerBound | None:
+    """Estimate the infimum in double precision, as :func:`lower_bound` without its proof."""
+    regular = has_full_rank(plant)
+    halves = _regular_halves if regular else reduced_halves
+    found = [_infimum(halves, plant, tolerance, budget)]
+    if not regular or found == [None]:
+        # Zeros on the axis are the commonest reason to fail; with it moved they lie beside it.
+        beside = shifted(plant, -_POLICY.beside)
+        found.append(_infimum(halves, beside, tolerance, budget))
+    known = [bracket.lower for bracket in found if bracket is not None]
+    how = "estimated by Riccati equations in double precision"
+    if known:
+        return LowerBound(min(known), how, False, found[0] if regular else None)
+    bracket = _infimum(reduced_halves, regularise(plant, _POLICY.hardly), tolerance, budget)
+    how += f" of a plant with a price and a noise of {_POLICY.hardly:.0e}"
+    return None if bracket is None else LowerBound(bracket.lower, how, False)
+
+
+def is_out_of_reach(plant: PlantMatrices, gamma: float) -> bool:
+    """Tell whether the equations of a plant have no solution in doubles for a norm."""
+    halves = (_regular_halves if has_full_rank(plant) else reduced_halves)(plant)
+    return halves is not None and not halves.attempt(gamma).feasible
+
+
+def _infimum(
+    halves: Callable[[PlantMatrices], TwoHalves | None],
+    plant: PlantMatrices,
+    tolerance: float,
+    budget: Budget,
+) -> GammaBracket | None:
+    found = halves(plant)
+    return None if found is None else search_gamma(found, 1.0, tolerance, budget)
+
+
+def _regular_halves(plant: PlantMatrices) -> TwoHalves:
+    """Return the equations of a plant whose D12 and D21 have full rank."""
+    return normalise(plant).halves
+
+
+def search_gamma(
+    halves: TwoHalves,
+    start: float,
+    tolerance: float,
+    budget: Budget,
+    shortcut: float = 0.0,
+    known: GammaBracket | None = None,
+) -> GammaBracket | None:
+    """Narrow the optimal gamma down to a relative `tolerance`.
+
+    rho(XY)^(1/2) falls as gamma rises and equals gamma at the optimum, unless X or Y ceases
+    to exist before. Hence it is a lower bound at every feasible gamma, and its secant
+    makes bisection rare.
+
+    Parameters
+    ----------
+    halves : TwoHalves
+    start : float
+        A gamma that is expected to be feasible; raised until it is.
+    tolerance : float
+        Relative width at which to stop; an optimum far below `start` is not told from zero.
+    budget : Budget
+        The bracket so far is returned when it is over.
+    shortcut : float
+        If a gamma lower than `start` by this share is infeasible, stop there.
+    known : GammaBracket, optional
+        The result of a coarser search, to go on from.
+
+    Returns
+    -------
+    GammaBracket or None
+        None if no feasible gamma was found.
+    """
+    bracket = known or _first_feasible(halves, start, budget)
+    if bracket is None:
+        return None
+    upper, lower, best, count = bracket
+    if shortcut and lower < upper * (1 - shortcut) and not budget.over:
+        found = _tried(halves, upper * (1 - shortcut), budget)
+        count += 1
+        if not found.feasible:
+            return GammaBracket(upper, max(lower, upper * (1 - shortcut)), best, count)
+        upper, best = upper * (1 - shortcut), found
+        lower = max(lower, best.coupling or 0.0)
+    points = [(upper, (best.coupling or 0.0) - upper)]
+    zero = upper * _POLICY.zero
+    halve = True
+    while (
+        upper > max(lower * (1 + tolerance), zero)
+        and count < _POLICY.most_steps
+        and not budget.over
+    ):
+        width = _width(lower, upper)
+        guess = None if halve else _secant(points, lower, upper, tolerance)
+        trial = _middle(lower, upper) if guess is None else guess
+        found = _tried(halves, trial, budget)
+        count += 1
+        if found.feasible:
+            upper, best = trial, found
+            lower = max(lower, found.coupling or 0.0)
+        else:
+            lower = max(lower, trial)
+        if found.coupling is not None:
+            points.append((trial, found.coupling - trial))
+        halve = _width(lower, upper) > 0.5 * width
+    return GammaBracket(upper, lower, best, count)
+
+
+def _first_feasible(halves: TwoHalves, start: float, budget: Budget) -> GammaBracket | None:
+    """Raise gamma until both equations can be solved."""
+    floor = halves.floor
+    lower, upper = floor, max(start, floor * (1 + 1e-6))
+    for count in range(1, _POLICY.most_steps):
+        found = _tried(halves, upper, budget)
+        if found.feasible:
+            return GammaBracket(upper, max(lower, found.coupling or 0.0), found, count)
+        if budget.over:
+            return None
+        lower = upper
+        # Above the optimum the coupling is smaller, so that it is an upper bound here.
+        upper *= (
+            _POLICY.growth
+            if found.coupling is None
+            else min(_POLICY.growth, found.coupling / upper * 1.05)
+        )
+        if not np.isfinite(upper):
+            return None
+    return None
+
+
+def _tried(halves: TwoHalves, gamma: float, budget: Budget) -> Attempt:
+    budget.spend(step_cost(halves.states))
+    return halves.attempt(gamma)
+
+
+def _width(lower: float, upper: float) -> float:
+    return float(np.log(upper / max(lower, upper * _POLICY.least)))
+
+
+def _middle(lower: float, upper: float) -> float:
+    """Halve the bracket on the logarithmic scale, or drop far if nothing is known below."""
+    return upper * max(np.sqrt(lower / upper), _POLICY.drop)
+
+
+def _secant(
+    points: list[tuple[float, float]], lower: float, upper: float, tolerance: float
+) -> float | None:
+    """Propose the zero of coupling - gamma, moved towards the unknown side by a little.
+
+    None where it lies outside of the bracket: there X or Y ceases to exist before.
+    """
+    if len(points) < 2:
+        return None
+    (a, fa), (b, fb) = points[-2:]
+    if fa == fb:
+        return None
+    root = (b - fb * (b - a) / (fb - fa)) * (1 + tolerance / 3)
+    return root if lower < root < upper * (1 - tolerance / 10) else None

@@ -1,0 +1,656 @@
+"""The vertices of what is uncertain: a list of plants, or the corners of a box of real numbers."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.base.checks import described, instance_of, invalid, is_whole
+from robustpolish.plants.blocks import Chosen, chosen_names
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.plants.uncertain.elements import RealElement
+from robustpolish.plants.uncertain.lft import Lft, block_slices
+from robustpolish.plants.uncertain.system import UncertainSystem
+from robustpolish.synthesis.lmi.program import Affine, SemidefiniteProgram, symmetric_block
+from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.preflight import priced
+from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
+
+# How Lyapunov matrices depend on the vertex: one for all, one for each, or affine in numbers.
+
+
+@dataclass(frozen=True, eq=False)
+class LyapunovFamily:
+    """P at vertex i is the sum of ``shares[i, k] P_k``; its derivatives are sums over ``drifts``.
+
+    Attributes
+    ----------
+    shares : ndarray, shape (vertices, K)
+        Affine functions of the point of the polytope, at its vertices.
+    drifts : ndarray, shape (m, K)
+        Extreme rates of change of the shares; of convex combinations of these the derivative is
+        made. A single row of zeros where nothing changes with time.
+    """
+
+    shares: Matrix
+    drifts: Matrix
+
+    @classmethod
+    def common(cls, vertices: int) -> LyapunovFamily:
+        """Return one matrix for all: it holds however fast the plant moves in the polytope."""
+        return cls(np.ones((vertices, 1)), np.zeros((1, 1)))
+
+    @classmethod
+    def one_each(cls, vertices: int) -> LyapunovFamily:
+        """Return a matrix for each vertex: for plants that do not change with time."""
+        return cls(np.eye(vertices), np.zeros((1, vertices)))
+
+    @classmethod
+    def affine(cls, positions: Matrix, rates: Sequence[float]) -> LyapunovFamily:
+        """Return matrices that are affine in numbers whose rates of change are bounded.
+
+        Parameters
+        ----------
+        positions : ndarray, shape (vertices, m)
+            The numbers at the vertices, as -1 and 1.
+        rates : sequence of float
+            Largest change per unit of time, in the same units; infinite for a number on which the
+            matrices must not depend.
+        """
+        slow = [i for i, rate in enumerate(rates) if math.isfinite(rate)]
+        shares = np.hstack([np.ones((len(positions), 1)), positions[:, slow]])
+        corners = itertools.product(*[sorted({-rates[i], rates[i]}) for i in slow])
+        drifts = np.array([[0.0, *corner] for corner in corners])
+        return cls(shares, drifts)
+
+    @property
+    def size(self) -> int:
+        """How many matrices there are."""
+        return self.shares.shape[1]
+
+    @property
+    def is_common(self) -> bool:
+        """Whether there is but one."""
+        return self.size == 1
+
+
+def combined(weights: Matrix, matrices: Sequence[Any]) -> Any:
+    """Return the sum of ``weights[k] * matrices[k]``, of any kind that adds and multiplies."""
+    terms = [matrix * float(w) for w, matrix in zip(weights, matrices, strict=True) if w]
+    if not terms:
+        return matrices[0] * 0.0
+    result = terms[0]
+    for term in terms[1:]:
+        result = result + term
+    return result
+
+
+# Matrix inequalities of a polytope of loops, with a slack in place of products of unknowns.
+#
+# Along the dual loop x' = A' x + C' w, z = B' x + D' w the rate of x' P x has to stay below
+# ``gamma^2 |w|^2 - |z|^2``. With the equation of motion written as
+# ``[-I, A', C'] (x', x, w) = 0`` any slack X of three rows of blocks may multiply it (Finsler):
+#
+#     Q(P) + X [-I, A', C'] + [-I, A', C']' X'  - gamma^2 on w + (0, B, D) (0, B, D)'  <  0,
+#
+# which no longer holds any product of P with A or C. So P may differ from vertex to vertex if X
+# does not, and the inequality at the vertices is that of all points between (de Oliveira,
+# Bernussou and Geromel, Systems & Control Letters 37, 1999; in continuous time Shaked, IEEE TAC
+# 46, 2001). With X = (a V', b V', 0) and L = F V it is linear in V and L: a gain F for all
+# vertices.
+
+Blocks = list[list[Any]]
+
+
+class Slack(NamedTuple):
+    """The three blocks of X: on the derivative of the state (or its next value), on it, on w."""
+
+    X1: Any
+    X2: Any
+    X3: Any
+
+
+def tied_weights(discrete: bool) -> tuple[float, float]:
+    """Return a and b with which X = (a P, b P, 0) is the inequality without slack."""
+    return (1.0, 0.0) if discrete else (0.0, 1.0)
+
+
+def with_slack(X: Slack, A: Any, C: Any) -> Blocks:
+    """Return X [-I, A', C'], where either X or A and C hold unknowns."""
+    return [[-Affine.of(row), Affine.of(row @ A.T), Affine.of(row @ C.T)] for row in X]
+
+
+def with_gain(V: Affine, AV: Affine, CV: Affine, a: float, b: float) -> Blocks:
+    """Return X [-I, A', C'] for X = (a V', b V', 0), from the loop's A V and C V."""
+    rows = [[-V.T * f, AV.T * f, CV.T * f] for f in (a, b)]
+    nz, n = CV.shape
+    return [*rows, [Affine.of(np.zeros((nz, k))) for k in (n, n, nz)]]
+
+
+def dissipation(
+    P: Affine, rate: Affine | None, terms: Terms, square: Affine | None, question: Question
+) -> Affine:
+    """Return the matrix that has to be negative definite at a vertex.
+
+    Parameters
+    ----------
+    P, rate : Affine
+        The Lyapunov matrix and its derivative; None is none.
+    terms : Terms
+    square : Affine or None
+        The square of gamma; None for the H2 norm, for which w is left out.
+    question : Question
+
+    Returns
+    -------
+    Affine
+        Where X is made of P its first row is nought in continuous time, and left out.
+    """
+    S, B, D, discrete = terms.S, terms.B, terms.D, question.discrete
+    none = P * 0.0
+    Q = ((P, none), (-P,)) if discrete else ((none, P), (none if rate is None else -rate,))
+    first: list[Any] = [Q[0][0] + S[0][0] + S[0][0].T, Q[0][1] + S[0][1] + S[1][0].T]
+    second: list[Any] = [Q[1][0] + S[1][1] + S[1][1].T]
+    last: list[Any] = [-np.eye(B.shape[1])]
+    if square is None:
+        rows = [[*first, None], [*second, B], last]
+    else:
+        level = S[2][2] + S[2][2].T - square.times(np.eye(len(D)))
+        rows = [
+            [*first, S[0][2] + S[2][0].T, None],
+            [*second, S[1][2] + S[2][1].T, B],
+            [level, D],
+            last,
+        ]
+    return symmetric_block(rows[1:] if question.tied and not discrete else rows)
+
+
+def energy(Z: Affine, CV: Any, V: Any, P: Affine, D: Any) -> Affine:
+    """Return the matrix that has to be positive for Z >= C P C' + D D', with V a slack."""
+    n = P.shape[0]
+    between = V + V.T - P if V is not None else P
+    return symmetric_block([[Z, CV, D], [between, np.zeros((n, D.shape[1]))], [np.eye(D.shape[1])]])
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is asked of all loops of a polytope.
+
+    Attributes
+    ----------
+    family : LyapunovFamily
+    norm : {"hinf", "h2"}
+    discrete : bool
+    """
+
+    family: LyapunovFamily
+    norm: str
+    discrete: bool
+
+    @property
+    def tied(self) -> bool:
+        """Whether the slack is made of the one Lyapunov matrix that there is."""
+        return self.family.is_common
+
+    def seen(self, C: Any) -> Any:
+        """Return the part of C that the first inequality needs: for the H2 norm none."""
+        return C if self.norm == "hinf" else np.zeros((0, C.shape[1]))
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """The unknown loop at a vertex: X [-I, A', C'], C times a slack, that slack, and B and D."""
+
+    S: Blocks
+    CV: Any
+    V: Any
+    B: Matrix
+    D: Matrix
+
+
+def impose(
+    program: SemidefiniteProgram,
+    question: Question,
+    vertex: int,
+    matrices: Sequence[Affine],
+    terms: Terms,
+    square: Affine,
+    margin: Affine | None = None,
+    rates: Sequence[Affine | None] | None = None,
+) -> Affine | None:
+    """Require a bound on the norm at a vertex; return the unknown Z of the H2 norm.
+
+    Parameters
+    ----------
+    program : SemidefiniteProgram
+    question : Question
+    vertex : int
+    matrices : sequence of Affine
+        The unknown Lyapunov matrices of the family.
+    terms : Terms
+    square : Affine
+        Of the bound.
+    margin : Affine, optional
+        By how much every inequality is to be strict, a scalar.
+    rates : sequence of Affine or None, optional
+        Derivatives of the Lyapunov matrix as of :func:`extreme_rates`; all by default.
+    """
+    hinf, family = question.norm == "hinf", question.family
+    margin = Affine.of(0.0) if margin is None else margin
+
+    def strictly(M: Affine) -> None:
+        program.positive(M - margin.times(np.eye(M.shape[0])))
+
+    P = combined(family.shares[vertex], matrices)
+    strictly(P)
+    level = square if hinf else None
+    for rate in _each_rate(family, matrices) if rates is None else rates:
+        strictly(-dissipation(P, rate, terms, level, question))
+    if hinf:
+        return None
+    Z = program.symmetric(terms.CV.shape[0])
+    strictly(energy(Z, terms.CV, terms.V, P, terms.D))
+    program.nonnegative(square - Z.trace)
+    return Z
+
+
+def extreme_rates(
+    program: SemidefiniteProgram, family: LyapunovFamily, matrices: Sequence[Affine]
+) -> list[Affine | None]:
+    """Return derivatives of the Lyapunov matrix that stand for all of them.
+
+    Of up to two slow numbers they are those at the corners of the rates. Corners of more make a
+    program of 4-fold size for each: there one unknown N_j above r_j P_j and -r_j P_j for each
+    number stands for them, -sum N_j. That asks for a little more; what is proven afterwards is
+    proven at the corners themselves.
+    """
+    if len(family.drifts) <= _CORNERS:
+        return _each_rate(family, matrices)
+    total = matrices[0] * 0.0
+    for rate, matrix in zip(np.abs(family.drifts).max(axis=0), matrices, strict=True):
+        if rate > 0:
+            N = program.symmetric(matrix.shape[0])
+            program.positive(N - matrix * float(rate))
+            program.positive(N + matrix * float(rate))
+            total = total - N
+    return [total]
+
+
+# Corners of rates that programs hold themselves: those of two slow numbers.
+_CORNERS = 4
+
+
+def _each_rate(family: LyapunovFamily, matrices: Sequence[Affine]) -> list[Affine | None]:
+    return [combined(drift, matrices) if drift.any() else None for drift in family.drifts]
+
+
+def mean(matrices: Sequence[Any]) -> Any:
+    """Return the mean of some matrices."""
+    return sum(matrices) / len(matrices)
+
+
+# The thresholds of designs for polytopes, each with its reason.
+
+
+@dataclass(frozen=True)
+class PolytopePolicy:
+    """When a search for a polytope steps and stops.
+
+    All numbers are relative or in scaled units, in which entries of the plant are about one.
+
+    Attributes
+    ----------
+    most_numbers : int
+        Each number doubles the vertices, and programs grow with them: 6 give 64.
+    tilts : tuple of float
+        Weights of the slack on the derivative of the state that are tried. Small ones come back to
+        a common Lyapunov matrix, large ones leave the matrices freer; which is best depends on how
+        fast the loop is in the plant's unit of time.
+    rounds : int
+        Programs solved again in the coordinates of the last answer.
+    turns : int
+        How often gain and slack are minimised in turn; each lowers the bound or leaves it.
+    turn_rooms : tuple of float
+        How far inside the inequalities the slack is taken between two turns. One far inside lets
+        the gain move far, one near the edge moves it where that did not help.
+    gain_of_turn : float
+        A turn that lowers the bound by less is the last with its room.
+    back_offs : tuple of float
+        How far the gain may move from the smallest bound to get smaller, one after the other until
+        a proof succeeds: it often grows without limit towards the optimum.
+    broken : float
+        A bound exceeded by more is broken: the smallest gains lie at the edge of inequalities whose
+        numbers span twenty decades, and on some processors rounding carries them over it by 1e-3.
+    room : float
+        The same where an answer only serves for coordinates.
+    slacks : tuple of float
+        How far above the smallest bound proofs are tried: near it no strict inequality is left.
+    shrinkings : int
+        Halvings of the polytope's size when it is told for which part of it there is a gain.
+    tolerance : float
+        Of the solver.
+    work : float
+        Steps that one design may take.
+    """
+
+    most_numbers: int = 6
+    tilts: tuple[float, ...] = (0.03, 0.1, 0.3, 1.0, 3.0)
+    rounds: int = 2
+    turns: int = 25
+    turn_rooms: tuple[float, ...] = (0.1, 0.01, 0.001)
+    gain_of_turn: float = 1e-3
+    back_offs: tuple[float, ...] = (0.01, 0.03, 0.1)
+    broken: float = 1e-6
+    room: float = 0.3
+    slacks: tuple[float, ...] = (3e-4, 3e-3, 3e-2)
+    shrinkings: int = 5
+    tolerance: float = 1e-9
+    work: float = 100_000.0
+
+
+POLICY = PolytopePolicy()
+
+
+# Entries below this beside the others are what rounding leaves of a zero.
+_ROUNDING = 1e-12
+_NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
+
+
+@dataclass(frozen=True, eq=False)
+class Polytope:
+    """Plants at the vertices of a polytope, all with the same signals.
+
+    Attributes
+    ----------
+    plants : tuple of GeneralizedPlant
+    points : tuple of mapping of str to float
+        Values of the numbers at each vertex; empty mappings for a list of plants.
+    system : UncertainSystem or None
+        The box from which the vertices are, disturbances before controls and outputs z before y.
+    bends : tuple of float or None
+        See :func:`bends_of`; None if some plants of the box are no mixtures of its corners.
+    """
+
+    plants: tuple[GeneralizedPlant, ...]
+    points: tuple[Mapping[str, float], ...]
+    system: UncertainSystem | None = None
+    bends: tuple[float, ...] | None = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What messages call the vertices."""
+        told = [", ".join(f"{k} = {v:.6g}" for k, v in point.items()) for point in self.points]
+        return tuple(text or f"plants[{i}]" for i, text in enumerate(told))
+
+    @property
+    def all_mixtures(self) -> bool:
+        """Whether all plants that are meant are mixtures of the vertices."""
+        return self.bends is not None
+
+    def weights(self, values: Mapping[str, float]) -> Matrix:
+        """Return the shares of the vertices in the plant at a point of the box.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            The numbers, in their own units.
+        """
+        ends = [np.array([1 - s, 1 + s]) / 2 for s in self.place(values)]
+        return functools.reduce(np.kron, ends, np.ones(1))
+
+    def place(self, values: Mapping[str, float]) -> list[float]:
+        """Return numbers as positions from -1 to 1, between which plants are mixed evenly."""
+        found = []
+        for element, bend in zip(self.numbers, self.bends or (), strict=True):
+            delta = element.delta(values[element.name])
+            # delta / (1 - bend delta) on the line between its values at the ends.
+            found.append(float((delta - bend) / (1 - bend * delta)))
+        return found
+
+    def speed(self, name: str) -> float:
+        """Return by how much the position of a number changes at most per unit of it."""
+        index = [element.name for element in self.numbers].index(name)
+        element, bend = self.numbers[index], (self.bends or ())[index]
+        # Position over value is a fraction without a pole in between: steepest at an end.
+        steep = []
+        for delta, value in ((-1.0, element.low), (1.0, element.high)):
+            below = element.slope + element.skew * (value - element.nominal)
+            slope = element.slope / below**2
+            steep.append(slope * (1 - bend**2) / (1 - bend * delta) ** 2)
+        return max(steep) * (1 + 1e-12)
+
+    @property
+    def numbers(self) -> tuple[RealElement, ...]:
+        """The real numbers of the system."""
+        return () if self.system is None else real_numbers(self.system)
+
+    @property
+    def positions(self) -> Matrix:
+        """The numbers at the vertices as -1 and 1, shape (vertices, numbers)."""
+        columns = np.array([list(point.values()) for point in self.points])
+        middle = (columns.max(axis=0) + columns.min(axis=0)) / 2
+        return np.sign(columns - middle)
+
+    def with_full_state(self) -> Polytope:
+        """Return the polytope with y = x at all vertices."""
+        return replace(self, plants=tuple(plant.with_full_state() for plant in self.plants))
+
+
+def scaled_vertices(whole: Polytope) -> tuple[ScaledPlant, tuple[PlantMatrices, ...]]:
+    """Return the units of the plant in the middle, and all vertices in these units."""
+    vertices = tuple(PlantMatrices.of(plant) for plant in whole.plants)
+    middle = shrunk_matrices(vertices, 0.0)[0]
+    like = {name: getattr(middle, name) for name in _NAMES}
+    scaled = scale_plant(whole.plants[0].replace(**like))
+    return scaled, tuple(scaled.in_units(p) for p in vertices)
+
+
+def shrunk_matrices(vertices: Sequence[PlantMatrices], factor: float) -> tuple[PlantMatrices, ...]:
+    """Return vertices moved towards their middle."""
+    middle = {name: sum(getattr(p, name) for p in vertices) / len(vertices) for name in _NAMES}
+    return tuple(
+        p.replace(**{n: m + factor * (getattr(p, n) - m) for n, m in middle.items()})
+        for p in vertices
+    )
+
+
+def polytope(
+    given: Any,
+    controls: Chosen | None,
+    measurements: Chosen | None,
+    control_weight: ArrayLike | None = None,
+) -> Polytope:
+    """Return the polytope that a user gave, as plants or as an uncertain system.
+
+    Parameters
+    ----------
+    given : sequence of GeneralizedPlant, or UncertainSystem
+    controls, measurements : int, str or sequence of str, or None
+        Which signals of an uncertain system are u and y; None where plants say it. Without
+        measurements all outputs are z.
+    control_weight : float or array_like, optional
+        Prices on u that join z.
+
+    Returns
+    -------
+    Polytope
+
+    Raises
+    ------
+    InvalidInputError
+        If plants differ in more than their numbers, or something else than real numbers is
+        uncertain.
+    """
+    if isinstance(given, UncertainSystem):
+        if controls is None:
+            raise invalid(
+                "controls", controls, "names or number of the inputs that are controls",
+                'Write controls=["F"].',
+            )  # fmt: skip
+        return _of_system(given, controls, measurements, control_weight)
+    for argument, value in (("controls", controls), ("measurements", measurements)):
+        if value is not None:
+            remedy = "Leave it out: the plants say what their signals are."
+            raise invalid(argument, value, "no choice of signals beside plants", remedy)
+    return _of_plants(given, control_weight)
+
+
+def _of_plants(given: Any, weight: ArrayLike | None) -> Polytope:
+    kind, remedy = "a list of GeneralizedPlant, or an UncertainSystem", "Pass [plant, plant]."
+    if isinstance(given, GeneralizedPlant) or not isinstance(given, Sequence) or not given:
+        raise invalid("plant", described(type(given).__name__), kind, remedy)
+    plants = tuple(instance_of(("plant", i), p, GeneralizedPlant, kind, remedy)
+                   for i, p in enumerate(given))  # fmt: skip
+    first = plants[0]
+    for i, p in enumerate(plants):
+        if p.delays:
+            shown = described("a plant with delays")
+            raise invalid(("plant", i), shown, "plants without", "Take plant.without_delays().")
+        for what in ("nx", "nw", "nu", "nz", "ny", "dt"):
+            mine, theirs = getattr(first, what), getattr(p, what)
+            if mine != theirs:
+                shown, want = described(f"{what} = {theirs}"), f"{mine} as of the first plant"
+                raise invalid(("plant", i), shown, want, "Vertices differ in numbers only.")
+    paid = tuple(priced(p, weight) for p in plants)
+    return Polytope(paid, tuple(MappingProxyType({}) for _ in plants))
+
+
+def _of_system(
+    system: UncertainSystem,
+    controls: Chosen,
+    measurements: Chosen | None,
+    weight: ArrayLike | None,
+) -> Polytope:
+    for element in system.elements.values():
+        if not isinstance(element, RealElement):
+            raise invalid(
+                "plant", described(f"{element.name}, {element}"), "real numbers only",
+                "Use robust_output_feedback for dynamics and complex numbers.",
+            )  # fmt: skip
+    count = len(system.elements)
+    if not 1 <= count <= POLICY.most_numbers:
+        want = f"1 to {POLICY.most_numbers}, which have {2**POLICY.most_numbers} vertices at most"
+        raise invalid("plant", described(f"{count} uncertain numbers"), want, "Fix some with .at.")
+    inputs = _last("controls", controls, system.input_labels, "inputs")
+    outputs = _last("measurements", measurements or 0, system.output_labels, "outputs")
+    nu, ny = len(inputs[1]), len(outputs[1])
+    if not system.nstates:
+        shown = described("a matrix without states")
+        raise invalid("plant", shown, "a system with states", "Make it with uncertain_system.")
+    ordered = system[[*outputs[0], *outputs[1]], [*inputs[0], *inputs[1]]]
+    ends = [[(one.name, one.low), (one.name, one.high)] for one in real_numbers(system)]
+    points = tuple(MappingProxyType(dict(corner)) for corner in itertools.product(*ends))
+    plants = tuple(
+        GeneralizedPlant(ordered.at(point), measurements=ny, controls=nu) for point in points
+    )
+    paid = tuple(priced(plant, weight) for plant in plants)
+    whole = _with_prices(ordered, paid[0], len(outputs[0]))
+    return Polytope(paid, points, whole, bends_of(ordered.matrices))
+
+
+def _with_prices(system: UncertainSystem, priced_plant: GeneralizedPlant, nz: int) -> Any:
+    """Return the system with the prices of a plant among its outputs, behind its first z."""
+    one, D = system.matrices, priced_plant.D12[nz:]
+    if not len(D):
+        return system
+    J = np.hstack([np.zeros((len(D), one.J.shape[1] - D.shape[1])), D])
+    outputs = system.output_labels
+    return UncertainSystem(
+        replace(
+            one,
+            H=np.vstack([one.H[:nz], np.zeros((len(D), one.H.shape[1])), one.H[nz:]]),
+            J=np.vstack([one.J[:nz], J, one.J[nz:]]),
+            outputs=(*outputs[:nz], *priced_plant.performance_names[nz:], *outputs[nz:]),
+        )
+    )
+
+
+def real_numbers(system: UncertainSystem) -> tuple[RealElement, ...]:
+    """Return the real numbers of a system, in the order of its blocks."""
+    return tuple(e for e in system.elements.values() if isinstance(e, RealElement))
+
+
+def _last(
+    argument: str, given: Chosen, labels: Sequence[str], what: str
+) -> tuple[list[str], list[str]]:
+    """Return the other signals and the chosen ones, each by name."""
+    if is_whole(given):
+        if not 0 <= given <= len(labels):
+            raise invalid(argument, given, f"0 to {len(labels)}", f"Count the last {what}.")
+        chosen = list(labels[len(labels) - int(given) :])
+    else:
+        chosen = chosen_names(argument, given, labels, what)
+    return [name for name in labels if name not in chosen], chosen
+
+
+def with_equal(whole: Polytope, names: Sequence[str]) -> Polytope:
+    """Refuse vertices whose matrices of these names differ, but for rounding, which is taken out.
+
+    Raises
+    ------
+    InvalidInputError
+        It tells how to put a filter between.
+    """
+    first = whole.plants[0]
+    equal = {name: getattr(first, name) for name in names}
+    for name, matrix in equal.items():
+        size = max(float(np.abs(getattr(p, name)).max(initial=0.0)) for p in whole.plants)
+        for p in whole.plants:
+            if np.abs(getattr(p, name) - matrix).max(initial=0.0) > _ROUNDING * size:
+                inputs = name in ("B2", "D12")
+                raise invalid(
+                    "plant",
+                    described(f"numbers that {name} depends on"),
+                    f"the same {name} at all corners",
+                    "Put a fast lag before the controls: plant * "
+                    "rp.uncertain.append(np.eye(nw), lag)."
+                    if inputs
+                    else "Put a fast lag behind the measurements: rp.uncertain.append(np.eye(nz), "
+                    "lag) * "
+                    "plant.",
+                )
+    return replace(whole, plants=tuple(p.replace(**equal) for p in whole.plants))
+
+
+def bends_of(system: Lft) -> tuple[float, ...] | None:
+    """Return how each number has to be bent for every entry to be affine in it, the others held.
+
+    With one number at a time on a line, every plant of the box is a mixture of its corners. It is
+    so if no number acts back on others through which it is reached, and on itself by a factor at
+    most: then v = delta / (1 - bend delta) stands for the number, as for k / m it is 1 / m.
+
+    Parameters
+    ----------
+    system : Lft
+
+    Returns
+    -------
+    tuple of float or None
+        One for each block, between -1 and 1; None if there is no such way.
+    """
+    n = len(system.states)
+    slices = block_slices(system)
+    size = max(1.0, float(np.abs(system.F[n:, n:]).max(initial=0.0)))
+    reaches = np.zeros((len(slices), len(slices)), bool)
+    bends = []
+    for i, (z, _) in enumerate(slices):
+        for j, (_, w) in enumerate(slices):
+            part = system.F[z][:, w]
+            if i == j:
+                bends.append(float(np.trace(part)) / len(z))
+                part = part - bends[-1] * np.eye(len(z))
+            reaches[i, j] = np.abs(part).max(initial=0.0) > _ROUNDING * size
+    # No path leads from a number back to it if powers of the pattern vanish.
+    power = np.linalg.matrix_power(reaches.astype(float), len(slices))
+    if power.any() or max(map(abs, bends), default=0.0) >= 1:
+        return None
+    return tuple(0.0 if abs(bend) <= _ROUNDING else bend for bend in bends)

@@ -1,0 +1,319 @@
+"""Proofs of a bound for all loops of a polytope: matrices found by a program, checked in balls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import flint
+import numpy as np
+
+from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.linear.arithmetic import balls
+from robustpolish.linear.arithmetic.balls import Ball, columns_of
+from robustpolish.plants.uncertain.system import UncertainSystem
+from robustpolish.synthesis.lmi.program import Affine, ProgramSolver, SemidefiniteProgram
+from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
+from robustpolish.synthesis.scheduled.polytope import (
+    POLICY,
+    Question,
+    Slack,
+    Terms,
+    combined,
+    extreme_rates,
+    impose,
+    mean,
+    tied_weights,
+    with_slack,
+)
+
+BITS = 240
+"""Precision of the balls in which loops are connected and proofs are checked."""
+
+
+class BallLoop(NamedTuple):
+    """A closed loop in balls: what its doubles enclose exactly, connected."""
+
+    A: Ball
+    B: Ball
+    C: Ball
+    D: Ball
+
+    @property
+    def doubles(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+        """The centres as doubles."""
+        A, B, C, D = (balls.midpoint(M) for M in self)
+        return A, B, C, D
+
+    def turned(self, T: Matrix, unit: float) -> BallLoop:
+        """Return the loop in states x = T x_new, with its gain over a power of four."""
+        into, root = balls.ball(T), flint.arb(math.sqrt(unit))
+        back = into.inv()
+        return BallLoop(
+            back * self.A * into, back * self.B * (1 / root), self.C * into * (1 / root),
+            self.D * (1 / flint.arb(unit)),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class PolytopeProof:
+    """Matrices that prove stability and a bound on the norm for a whole polytope.
+
+    Attributes
+    ----------
+    bound : float
+        Of the norm, in the units of the loops.
+    P : tuple of ndarray
+        The Lyapunov matrices of the family, in the states of `transformation`.
+    X : tuple of ndarray
+        The slack on the derivative, the state and w; empty where it is made of P.
+    transformation : ndarray
+        T of x = T x_new.
+    """
+
+    bound: float
+    P: tuple[Matrix, ...]
+    X: tuple[Matrix, ...]
+    transformation: Matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a program gave: doubles, not verified."""
+
+    square: float
+    P: list[Matrix]
+    X: Slack | None
+    V: Matrix | None
+    Z: list[Matrix]
+
+
+def prove(
+    loops: Sequence[BallLoop],
+    question: Question,
+    solver: ProgramSolver,
+    guess: float,
+) -> PolytopeProof | None:
+    """Prove that all mixtures of loops are stable, and find the smallest bound that is proven.
+
+    Parameters
+    ----------
+    loops : sequence of BallLoop
+        At the vertices, in scaled units.
+    question : Question
+        Of what changes with time the H-infinity norm is the largest ratio of energies of z and w.
+    solver : ProgramSolver
+    guess : float
+        About how large the norm is.
+
+    Returns
+    -------
+    PolytopeProof or None
+        None if there is none, or none was found.
+    """
+    unit = _power_of_four(guess)
+    T = np.eye(loops[0].A.nrows())
+    # Where all loops have the same C no slack is needed beside it.
+    first: Found | None = None
+    same = all(loop.C == loops[0].C for loop in loops)
+    with balls.precision(BITS):
+        for _ in range(2):
+            inside = [loop.turned(T, unit) for loop in loops]
+            first = analysed([x.doubles for x in inside], question, solver, same)
+            if first is None:
+                return None
+            better = _square_root(mean([combined(row, first.P) for row in question.family.shares]))
+            if better is None:
+                break
+            T = T @ better
+        inside = [loop.turned(T, unit) for loop in loops]
+        least = math.inf if first is None else first.square
+        for slack in POLICY.slacks:
+            if solver.budget.over:
+                return None
+            doubles = [x.doubles for x in inside]
+            limit = least * (1 + slack) ** 2
+            found = analysed(doubles, question, solver, same, limit)
+            if found is None:
+                continue
+            gamma = math.sqrt(limit)
+            bound = _checked(inside, question, found, gamma)
+            if bound is not None:
+                X = () if found.X is None else tuple(found.X)
+                up = math.nextafter(bound * unit, math.inf)
+                return PolytopeProof(up, tuple(found.P), X, T)
+    return None
+
+
+def analysed(
+    loops: Sequence[tuple[Matrix, Matrix, Matrix, Matrix]],
+    question: Question,
+    solver: ProgramSolver,
+    same: bool,
+    limit: float | None = None,
+) -> Found | None:
+    """Return matrices for the smallest norm; with a limit on its square, the most strict ones.
+
+    `same` says whether all loops have the same C.
+    """
+    n, nz = len(loops[0][0]), len(loops[0][3])
+    program = SemidefiniteProgram()
+    matrices = [program.symmetric(n) for _ in range(question.family.size)]
+    hinf = question.norm == "hinf"
+    X = None
+    if not question.tied:
+        X = Slack(*(program.matrix(rows, n) for rows in (n, n, nz if hinf else 0)))
+    V = None if same or question.tied or hinf else program.matrix(n, n)
+    square = program.scalar() if limit is None else Affine.of(limit)
+    margin = None if limit is None else program.scalar()
+    rates = extreme_rates(program, question.family, matrices)
+    energies = []
+    a, b = tied_weights(question.discrete)
+    for i, (A, B, C, D) in enumerate(loops):
+        P = combined(question.family.shares[i], matrices)
+        seen = question.seen(C)
+        slack = X or Slack(P * a, P * b, Affine.of(np.zeros((len(seen), n))))
+        terms = Terms(with_slack(slack, A, seen), C @ (P if V is None else V), V, B, D)
+        energies.append(impose(program, question, i, matrices, terms, square, margin, rates))
+    program.minimise(square if margin is None else -margin)
+    solution = solver.solve(program)
+    if solution.x is None:
+        return None
+    values = [solution.value(M) for M in matrices]
+    return Found(
+        solution.value(square).item(),
+        [(M + M.T) / 2 for M in values],
+        None if X is None else Slack(*(solution.value(M) for M in X)),
+        None if V is None else solution.value(V),
+        [(M + M.T) / 2 for M in (solution.value(Z) for Z in energies if Z is not None)],
+    )
+
+
+def _checked(
+    loops: Sequence[BallLoop],
+    question: Question,
+    found: Found,
+    gamma: float,
+) -> float | None:
+    """Return the bound that the matrices prove in ball arithmetic; None if they prove none."""
+    hinf, family = question.norm == "hinf", question.family
+    matrices = [balls.ball(M) for M in found.P]
+    largest = flint.arb(0)
+    for i, loop in enumerate(loops):
+        P = combined(family.shares[i], matrices)
+        if not balls.is_positive_definite(P):
+            return None
+        for drift in family.drifts:
+            rate = combined(drift, matrices) if drift.any() else P * 0
+            M = _dissipation(P, rate, found.X, loop, gamma if hinf else None, question)
+            if not balls.is_positive_definite(-M):
+                return None
+        if not hinf:
+            Z = balls.ball(found.Z[i])
+            if not balls.is_positive_definite(_energy(Z, loop, found.V, P)):
+                return None
+            trace = sum((Z[k, k] for k in range(Z.nrows())), flint.arb(0))
+            largest = max(largest, flint.arb(trace.upper()), key=lambda x: float(x.upper()))
+    if hinf:
+        return gamma
+    return math.nextafter(math.sqrt(math.nextafter(float(largest.upper()), math.inf)), math.inf)
+
+
+def _dissipation(
+    P: Ball,
+    rate: Ball,
+    slack: Slack | None,
+    loop: BallLoop,
+    gamma: float | None,
+    question: Question,
+) -> Ball:
+    """Return the matrix of :func:`inequalities.dissipation` in balls."""
+    n, nw = P.nrows(), loop.B.ncols()
+    # For the H2 norm nothing is seen, which leaves w and its rows out.
+    C = loop.C if gamma is not None else balls.zeros(0, n)
+    D = loop.D if gamma is not None else balls.zeros(0, nw)
+    nz = C.nrows()
+    if slack is None:
+        a, b = tied_weights(question.discrete)
+        X = balls.block([[P * a], [P * b], [balls.zeros(nz, n)]])
+    else:
+        X = balls.block([[balls.ball(M)] for M in slack])
+    none, side, low = balls.zeros(n, n), balls.zeros(n, nz), balls.zeros(nz, n)
+    Q = [[P, none], [none, -P]] if question.discrete else [[none, P], [P, -rate]]
+    level = balls.identity(nz) * (flint.arb(gamma or 0.0) ** 2)
+    whole = balls.block([[*Q[0], side], [*Q[1], side], [low, low, -level]])
+    S = X * balls.block([[-balls.identity(n), loop.A.transpose(), C.transpose()]])
+    whole = whole + S + S.transpose()
+    source = balls.block([[balls.zeros(n, nw)], [loop.B], [D]])
+    M = balls.block([[whole, source], [source.transpose(), -balls.identity(nw)]])
+    if question.tied and not question.discrete:
+        return columns_of(M, slice(n, None), slice(n, None))
+    return M
+
+
+def _energy(Z: Ball, loop: BallLoop, V: Matrix | None, P: Ball) -> Ball:
+    """Return the matrix of :func:`inequalities.energy` in balls."""
+    slack = P if V is None else balls.ball(V)
+    CV = loop.C * slack
+    between = P if V is None else slack + slack.transpose() - P
+    none = balls.zeros(P.nrows(), loop.D.ncols())
+    return balls.block(
+        [
+            [Z, CV, loop.D],
+            [CV.transpose(), between, none],
+            [loop.D.transpose(), none.transpose(), balls.identity(loop.D.ncols())],
+        ]
+    )
+
+
+def _power_of_four(size: float) -> float:
+    if not 0 < size < math.inf:
+        return 1.0
+    return float(4.0 ** round(math.log(size, 4)))
+
+
+def _square_root(P: Matrix) -> Matrix | None:
+    values, vectors = np.linalg.eigh((P + P.T) / 2)
+    if not (np.isfinite(values).all() and values[-1] > 0):
+        return None
+    return vectors * np.sqrt(np.maximum(values, 1e-10 * values[-1]))
+
+
+# Loops at the vertices, connected without rounding, and the loop of an uncertain system.
+
+
+def state_loop(p: PlantMatrices, F: Matrix) -> BallLoop:
+    """Return the loop of u = F x in balls."""
+    with balls.precision(BITS):
+        A, B1, B2, gain = (balls.ball(M) for M in (p.A, p.B1, p.B2, F))
+        C1, D11, D12 = (balls.ball(M) for M in (p.C1, p.D11, p.D12))
+        return BallLoop(A + B2 * gain, B1, C1 + D12 * gain, D11)
+
+
+def output_loop(p: PlantMatrices, K: Controller) -> BallLoop:
+    """Return the loop of a dynamic controller in balls, for a plant without D22."""
+    with balls.precision(BITS):
+        A, B1, B2, C1, C2 = (balls.ball(M) for M in (p.A, p.B1, p.B2, p.C1, p.C2))
+        D11, D12, D21 = (balls.ball(M) for M in (p.D11, p.D12, p.D21))
+        Ak, Bk, Ck, Dk = (balls.ball(M) for M in K)
+        return BallLoop(
+            balls.block([[A + B2 * Dk * C2, B2 * Ck], [Bk * C2, Ak]]),
+            balls.block([[B1 + B2 * Dk * D21], [Bk * D21]]),
+            balls.block([[C1 + D12 * Dk * C2, D12 * Ck]]),
+            D11 + D12 * Dk * D21,
+        )
+
+
+def uncertain_loop(system: UncertainSystem, nz: int, F: Matrix) -> UncertainSystem:
+    """Return an uncertain system, its last inputs closed by u = F x, with its first outputs."""
+    one = system.matrices
+    n, inside = len(one.states), one.F.shape[1]
+    seen = replace(
+        one,
+        H=np.vstack([one.H[:nz], np.eye(n, inside)]),
+        J=np.vstack([one.J[:nz], np.zeros((n, one.J.shape[1]))]),
+        outputs=(*system.output_labels[:nz], *(f"measured_{name}" for name in one.states)),
+    )
+    return UncertainSystem(seen).lft(F)

@@ -1,0 +1,585 @@
+"""Feedback whose gains follow numbers of the plant that are measured while it runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import control
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from numpy.typing import ArrayLike
+
+from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.base.budget import Budget, same_bits, working
+from robustpolish.base.checks import described, instance_of, invalid, known_keys, positive
+from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.errors import SolverError
+from robustpolish.linear.norms.singular_values import singular_values
+from robustpolish.linear.response import uniform_step, varying_response
+from robustpolish.plants.blocks import Chosen, matrices_of, named_system
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.plants.uncertain.system import UncertainSystem
+from robustpolish.plots.frequency import plot_gains
+from robustpolish.synthesis.lmi.output_feedback import (
+    Unknowns,
+    Variables,
+    coupling,
+    loop_terms,
+    reconstruct,
+    size_of,
+)
+from robustpolish.synthesis.lmi.program import (
+    Affine,
+    ProgramSolver,
+    SemidefiniteProgram,
+    symmetric_block,
+)
+from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
+from robustpolish.synthesis.problem.preflight import noisy
+from robustpolish.synthesis.problem.scaling import ScaledPlant
+from robustpolish.synthesis.scheduled.polytope import (
+    POLICY,
+    LyapunovFamily,
+    Polytope,
+    Question,
+    polytope,
+    scaled_vertices,
+    with_equal,
+)
+from robustpolish.synthesis.scheduled.proof import BallLoop, output_loop, prove, state_loop
+from robustpolish.synthesis.scheduled.robust_state_feedback import (
+    GainProblem,
+    candidates,
+    refused_vertices,
+)
+
+# `ScheduledDesign`: a controller that follows measured numbers, and what is proven of it.
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ScheduledDesign(Displayed):
+    """A controller whose matrices follow numbers of the plant that are measured while it runs.
+
+    Attributes
+    ----------
+    controllers : tuple of control.StateSpace
+        At the vertices; in between they are mixed as the plants are. u = K y with positive sign.
+    points : tuple of mapping of str to float
+        The numbers at the vertices.
+    bound : float
+        Proven: the largest ratio of energies of z and w, over all ways that the numbers may go
+        within their ranges and rates, in the plants' units, prices and noise included.
+    rates : mapping of str to float
+        Largest rates of change that the bound allows, in the numbers' units per s; infinite for
+        jumps.
+    status : {"proven", "time_limit"}
+        After "time_limit" the bound is proven too, but another machine may find a better one.
+    message : str
+        The status in words.
+    vertices : Polytope
+        The plants.
+
+    Examples
+    --------
+    A mass on a spring whose stiffness changes from 1 to 9, and is measured:
+
+    >>> import robustpolish as rp
+    >>> k = rp.uncertain.real("k", 5.0, range=(1.0, 9.0))
+    >>> mass = rp.uncertain.system([[0, 1], [-k, -0.1]], [[0, 0], [1, 1]], [[1, 0]], 0)
+    >>> design = rp.scheduled_feedback(mass, controls=1, control_weight=0.3)
+    >>> gains = [design.at({"k": value}).D[0, 0] for value in (1.0, 5.0, 9.0)]
+    >>> bool(abs(gains[1] - (gains[0] + gains[2]) / 2) < 1e-9)
+    True
+    >>> bool(design.closed_loop({"k": 3.0}).poles().real.max() < 0)
+    True
+    >>> design.plot().get_xlabel()
+    'frequency'
+    """
+
+    controllers: tuple[control.StateSpace, ...]
+    points: tuple[Mapping[str, float], ...]
+    bound: float
+    rates: Mapping[str, float]
+    status: Literal["proven", "time_limit"]
+    message: str
+    vertices: Polytope
+
+    @property
+    def plants(self) -> tuple[GeneralizedPlant, ...]:
+        """The plants at the vertices, prices and noise included."""
+        return self.vertices.plants
+
+    def at(self, values: Mapping[str, float]) -> control.StateSpace:
+        """Return the controller at measured numbers.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            All numbers by name, within their ranges, in their own units.
+
+        Returns
+        -------
+        control.StateSpace
+
+        Raises
+        ------
+        InvalidInputError
+            If a number is missing, unknown or outside its range.
+        """
+        share = self._shares(values)
+        first = self.controllers[0]
+        parts = [matrices_of(K) for K in self.controllers]
+        names = (first.input_labels, first.output_labels, first.state_labels)
+        return named_system(_mixed(share, parts), self.plants[0].dt, *names)
+
+    def closed_loop(self, values: Mapping[str, float]) -> control.StateSpace:
+        """Return the loop from w to z at numbers that rest.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+
+        Returns
+        -------
+        control.StateSpace
+        """
+        share = self._shares(values)
+        loops = self._loops()
+        first = loops[0]
+        names = (first.input_labels, first.output_labels, first.state_labels)
+        return named_system(
+            _mixed(share, [matrices_of(loop) for loop in loops]), self.plants[0].dt, *names
+        )
+
+    def simulate(self, disturbance: xr.Dataset, numbers: Mapping[str, ArrayLike]) -> xr.Dataset:
+        """Simulate the loop while its numbers change, and the controller with them.
+
+        Parameters
+        ----------
+        disturbance : xarray.Dataset
+            Over ``time`` in s, uniform; disturbances by name, those that are missing are zero.
+        numbers : mapping of str to array_like, shape (samples,), or xarray.Dataset
+            All numbers by name, at the same samples, within their ranges.
+
+        Returns
+        -------
+        xarray.Dataset
+            The performance outputs z over ``time``.
+
+        Raises
+        ------
+        InvalidInputError
+            If signals do not fit, or the plant is not continuous.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import xarray as xr
+        >>> import robustpolish as rp
+        >>> k = rp.uncertain.real("k", 2.0, range=(1.0, 3.0))
+        >>> lag = rp.uncertain.system([[-k]], [[1, 1]], [[1]], 0)
+        >>> design = rp.scheduled_feedback(lag, controls=1, control_weight=1.0)
+        >>> time = np.linspace(0, 5, 101)
+        >>> push = xr.Dataset({"u[0]": ("time", np.ones(101))}, coords={"time": time})
+        >>> z = design.simulate(push, {"k": 2 + np.sin(time)})
+        >>> bool(abs(z["y[0]"]).max() < design.bound)
+        True
+        """
+        plant = self.plants[0]
+        if plant.is_discrete:
+            remedy = "Step through design.closed_loop({...}) instead."
+            raise invalid("design", described("discrete time"), "continuous time", remedy)
+        instance_of("disturbance", disturbance, xr.Dataset, "an xarray.Dataset", "Name its signals")
+        known_keys((), {str(n): 0 for n in disturbance.data_vars}, plant.disturbance_names)
+        time = np.asarray(disturbance["time"], dtype=float)
+        inputs = np.stack(
+            [
+                np.asarray(disturbance[name], dtype=float)
+                if name in disturbance
+                else np.zeros(time.size)
+                for name in plant.disturbance_names
+            ],
+            axis=1,
+        )
+        names = tuple(self.points[0])
+        known_keys(("numbers",), {str(n): 0 for n in numbers}, names, names)
+        tracks = {name: np.asarray(numbers[name], dtype=float).ravel() for name in names}
+        for name, track in tracks.items():
+            if track.size != time.size:
+                shown = described(f"{track.size} samples")
+                raise invalid(("numbers", name), shown, f"{time.size} as of time", "Resample it.")
+        rows, places = np.unique(np.stack(list(tracks.values())), axis=1, return_inverse=True)
+        known = [self._shares(dict(zip(names, row, strict=True))) for row in rows.T.tolist()]
+        shares = np.array(known)[places.ravel()]
+        loops: list[Any] = [matrices_of(loop) for loop in self._loops()]
+        outputs = varying_response(loops, shares, uniform_step(time), inputs).outputs
+        units = plant.units
+        return xr.Dataset(
+            {
+                name: ("time", outputs[:, i], {"units": units.get(name, "")})
+                for i, name in enumerate(plant.performance_names)
+            },
+            coords={"time": disturbance["time"]},
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the largest gain of the loop over frequency at each corner, and the bound.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Numbers that move may cost more than any that rest: the bound counts them in.
+        """
+        gains = {
+            name: singular_values(loop).isel(singular_value=0)
+            for name, loop in zip(self.vertices.names, self._loops(), strict=True)
+        }
+        return plot_gains(gains, {"bound": (math.nan, self.bound)}, ax)
+
+    def _shares(self, values: Mapping[str, float]) -> Matrix:
+        elements = {element.name: element for element in self.vertices.numbers}
+        known_keys(("values",), values, elements, elements)
+        for name, element in elements.items():
+            slack = 1e-9 * (element.high - element.low)
+            if not element.low - slack <= values[name] <= element.high + slack:
+                want = f"a number from {element.low:.6g} to {element.high:.6g}"
+                remedy = "The controller is proven within its range only."
+                raise invalid(("values", name), values[name], want, remedy)
+        return self.vertices.weights(values)
+
+    def _loops(self) -> list[control.StateSpace]:
+        return [p.closed_loop(K) for p, K in zip(self.plants, self.controllers, strict=True)]
+
+    def _card(self) -> Card:
+        rows: list[tuple[str, Any]] = [("gain proven to be at most", self.bound)]
+        for element in self.vertices.numbers:
+            rate = self.rates[element.name]
+            told = "jumps" if np.isinf(rate) else f"{rate:.6g} per s"
+            rows.append((element.name, f"{element.low:.6g} to {element.high:.6g}, {told}"))
+        rows.append(("states of the controller", self.controllers[0].nstates))
+        return Card(f"Scheduled feedback: {self.status}", (quantities(*rows),), (self.message,))
+
+
+def _mixed(shares: Matrix, parts: list[Any]) -> list[Matrix]:
+    """Return the mixture of matrices, one of each kind."""
+    return [np.tensordot(shares, np.array(each), axes=1) for each in zip(*parts, strict=True)]
+
+
+# Output feedback for a polytope of plants whose numbers are measured: a controller per vertex.
+#
+# With one X and Y for all vertices the changed variables of the controller may differ, and where
+# the controls and the measurements see constant matrices everything is affine: the mixture of the
+# controllers belongs to the mixture of the plants (Apkarian, Gahinet and Becker 1995).
+
+_ROOM = 1.5
+
+
+def scheduled_controllers(
+    plants: Sequence[PlantMatrices], solver: ProgramSolver
+) -> Iterator[tuple[tuple[Controller, ...], float]]:
+    """Yield a controller for each vertex and the bound claimed for them, small bounds first.
+
+    Parameters
+    ----------
+    plants : sequence of PlantMatrices
+        Scaled, continuous, without D22, with the same B2, C2, D12 and D21.
+    solver : ProgramSolver
+    """
+    first = _solved(plants, solver, None, None)
+    if first is None:
+        return
+    for back_off in POLICY.back_offs:
+        limit = first[1] * (1 + back_off) ** 2
+        small = _solved(plants, solver, limit, None)
+        if small is None:
+            continue
+        size = max(float(np.linalg.norm(M, 2)) for v in small[0] for M in _parts(v))
+        # Then I - XY is pushed away from singularity, with a little more size.
+        apart = _solved(plants, solver, limit, _ROOM * size)
+        for found in (apart, small):
+            made = () if found is None else _reconstructed(plants, found[0])
+            if made:
+                yield made, float(np.sqrt(limit))
+
+
+def _parts(v: Variables) -> tuple[np.ndarray, ...]:
+    return v.X, v.Y, np.block([[v.A, v.B], [v.C, v.D]])
+
+
+def _reconstructed(
+    plants: Sequence[PlantMatrices], found: Sequence[Variables]
+) -> tuple[Controller, ...]:
+    made = [reconstruct(p, v) for p, v in zip(plants, found, strict=True)]
+    return tuple(K for K in made if K is not None) if all(K is not None for K in made) else ()
+
+
+def _solved(
+    plants: Sequence[PlantMatrices],
+    solver: ProgramSolver,
+    limit: float | None,
+    largest: float | None,
+) -> tuple[list[Variables], float] | None:
+    """Minimise the square of the bound; with a limit the size, with that the distance of XY."""
+    program = SemidefiniteProgram()
+    first = Unknowns.of(program, plants[0], "hinf")
+    unknowns = [first]
+    for _ in plants[1:]:
+        own = [program.matrix(*part.shape) for part in first[2:]]
+        unknowns.append(Unknowns(first.X, first.Y, *own))
+    square = program.scalar() if limit is None else Affine.of(limit)
+    for p, v in zip(plants, unknowns, strict=True):
+        program.positive(-_bounded_real(p, v, square))
+    if largest is None:
+        coupling(program, first)
+        program.minimise(square)
+        if limit is not None:
+            program.minimise(_largest_size(program, unknowns))
+    else:
+        beta = program.scalar()
+        coupling(program, first, beta)
+        program.nonnegative(largest - _largest_size(program, unknowns))
+        program.minimise(-beta)
+    solution = solver.solve(program)
+    if solution.x is None:
+        return None
+    return [v.at(solution) for v in unknowns], float(solution.value(square).item())
+
+
+def _largest_size(program: SemidefiniteProgram, unknowns: Sequence[Unknowns]) -> Affine:
+    largest = program.scalar()
+    for v in unknowns:
+        program.nonnegative(largest - size_of(program, v))
+    return largest
+
+
+def _bounded_real(p: PlantMatrices, v: Unknowns, square: Affine) -> Affine:
+    """Return the matrix that has to be negative, with the square of gamma on w."""
+    loop = loop_terms(p, v)
+    return symmetric_block(
+        [
+            [*loop.drift[0], loop.source[0], loop.output[0].T],
+            [*loop.drift[1], loop.source[1], loop.output[1].T],
+            [-square.times(np.eye(p.nw)), loop.direct.T],
+            [-np.eye(p.nz)],
+        ]
+    )
+
+
+Found = tuple[list[BallLoop], tuple[control.StateSpace, ...], float]
+
+
+@same_bits
+def scheduled_feedback(
+    plant: UncertainSystem,
+    *,
+    controls: Chosen,
+    measurements: Chosen | None = None,
+    rates: Mapping[str, float] | None = None,
+    control_weight: ArrayLike | None = None,
+    measurement_noise: ArrayLike | None = None,
+    backend: Literal["cvxpy", "picos"] = "cvxpy",
+    solver: str | None = None,
+    time_limit: float = 300.0,
+) -> ScheduledDesign:
+    r"""Design a controller that is scheduled by the numbers of a plant, for the smallest gain.
+
+    The numbers of a linear parameter-varying plant change with time and are measured. There is a
+    controller for each corner of their box, mixed as the plant is, and one Lyapunov matrix for all
+    corners proves the loop however fast the numbers move.
+
+    Parameters
+    ----------
+    plant : UncertainSystem
+        With real numbers, each of which is measured. Its matrices depend on a line on each (or on
+        a function of it, such as 1 / m).
+    controls : int, str or sequence of str
+        Which inputs are u, by name, or how many of the last ones.
+    measurements : int, str or sequence of str, optional
+        Which outputs are y. Without them u = F x, all states measured.
+    rates : mapping of str to float, optional
+        Largest rates of change of some numbers, in their units per s; what is not named may jump.
+        The Lyapunov matrix is then affine in them, which lowers the bound. For output feedback
+        rates enter the proof, not the search, and loops of eight and more states take minutes
+        there. In continuous time only.
+    control_weight : float or array_like, shape (nu,), optional
+        Price on u in units of z per unit of u: ``control_weight * u`` joins z.
+    measurement_noise : float or array_like, shape (ny,), optional
+        Noise on y in units of y per unit of w, which joins w.
+    backend, solver : str, optional
+        Who solves the inequalities; "cvxpy" (with Clarabel) or "picos".
+    time_limit : float, optional
+        Seconds: a safety net for the search, whose work is limited otherwise; the status says if it
+        was reached.
+
+    Returns
+    -------
+    ScheduledDesign
+
+    Raises
+    ------
+    InvalidInputError
+        If the numbers reach the controls or the measurements directly; the message tells how to
+        put a filter between. Output feedback in discrete time is refused too.
+    InfeasibleError
+        If a corner has an unstable mode that no control moves; it is named.
+    SolverError
+        If no controller was found and proven for the whole box.
+
+    Notes
+    -----
+    The proof is started again from the loops at the corners: the bounded-real inequality with one
+    P, or with P affine in slow numbers and a slack for all, is checked in ball arithmetic at
+    every corner and, for each of them, at every corner of the rates. All loops in between are
+    mixtures of these. For state feedback and numbers that may jump, scheduling does not lower the
+    bound, only the gains: with one Lyapunov matrix, C1 constant and D11 zero, some fixed gain
+    reaches as much. It does with bounded rates, and for output feedback.
+
+    References
+    ----------
+    P. Apkarian, P. Gahinet, G. Becker, "Self-scheduled H-infinity control of linear
+    parameter-varying systems: a design example", Automatica 31 (1995). P. Apkarian, R.J. Adams,
+    "Advanced gain-scheduling techniques for uncertain systems", IEEE Trans. Control Systems
+    Technology 6 (1998), for bounded rates.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> k = rp.uncertain.real("k", 5.0, range=(1.0, 9.0))
+    >>> plant = rp.uncertain.system([[0, k], [-1, 0.5]], [[1, 0], [0, 1]], [[1, 0]], 0)
+    >>> jumps = rp.scheduled_feedback(plant, controls=1, control_weight=1.0)
+    >>> slow = rp.scheduled_feedback(plant, controls=1, control_weight=1.0, rates={"k": 0.1})
+    >>> bool(slow.bound < 0.85 * jumps.bound)
+    True
+    """
+    remedy = "Make it with uncertain_real and uncertain_system."
+    instance_of("plant", plant, UncertainSystem, "an UncertainSystem", remedy)
+    positive("time_limit", time_limit)
+    whole = _checked(polytope(plant, controls, measurements, control_weight), measurements)
+    if measurements is not None:
+        whole = replace(whole, plants=tuple(noisy(p, measurement_noise) for p in whole.plants))
+    elif measurement_noise is not None:
+        remedy = "Name measurements=, or leave it out."
+        raise invalid("measurement_noise", measurement_noise, "none for state feedback", remedy)
+    limits = _rates(whole, rates)
+    refused_vertices(whole)
+    budget = Budget(POLICY.work, time_limit)
+    programs = ProgramSolver(backend, solver, budget, POLICY.tolerance)
+    with working("Designing for all corners"):
+        scaled, vertices = scaled_vertices(whole)
+        moving = [whole.speed(name) * rate * scaled.time for name, rate in limits.items()]
+        family = LyapunovFamily.affine(whole.positions, moving)
+        question = Question(family, "hinf", vertices[0].discrete)
+        problem = GainProblem(vertices, question, scheduled=True)
+        ways = (
+            _gains(problem, scaled, programs)
+            if measurements is None
+            else _dynamic(problem, scaled, programs)
+        )
+        found = _proven(ways, question, programs)
+    if found is None:
+        raise SolverError(_failure(budget.late))
+    controllers, bound = found
+    jump = all(map(math.isinf, limits.values()))
+    return ScheduledDesign(
+        controllers=controllers,
+        points=whole.points,
+        bound=scaled.norm(bound),
+        rates=limits,
+        status="time_limit" if budget.late else "proven",
+        message="The bound is proven for numbers that move within their ranges"
+        + (", however fast." if jump else " and rates.")
+        + (" The time limit was reached: a better one may exist." if budget.late else ""),
+        vertices=whole,
+    )
+
+
+def _proven(
+    ways: Iterator[Found], question: Question, solver: ProgramSolver
+) -> tuple[tuple[control.StateSpace, ...], float] | None:
+    """Return the first controllers that are proven, with their bound."""
+    for loops, controllers, claimed in ways:
+        proof = prove(loops, question, solver, claimed)
+        if proof is not None:
+            return controllers, proof.bound
+    return None
+
+
+def _gains(problem: GainProblem, scaled: ScaledPlant, solver: ProgramSolver) -> Iterator[Found]:
+    plant = scaled.original
+    for found in candidates(problem, solver):
+        loops = [state_loop(p, F) for p, F in zip(problem.plants, found.gains, strict=True)]
+        gains = (plant.static_controller(scaled.state_gain(F)) for F in found.gains)
+        yield loops, tuple(gains), found.claimed
+
+
+def _dynamic(problem: GainProblem, scaled: ScaledPlant, solver: ProgramSolver) -> Iterator[Found]:
+    for made, claimed in scheduled_controllers(problem.plants, solver):
+        loops = [output_loop(p, K) for p, K in zip(problem.plants, made, strict=True)]
+        yield loops, tuple(_named(scaled, K) for K in made), claimed
+
+
+def _named(scaled: ScaledPlant, K: Any) -> control.StateSpace:
+    """Return a controller in the plant's units; the factors are powers of two and round nothing."""
+    plant = scaled.original
+    own = scaled.controller(control.StateSpace(*K, remove_useless_states=False))
+    states = [f"controller_{i + 1}" for i in range(own.nstates)]
+    names = (plant.measurement_names, plant.control_names, states)
+    return named_system((own.A, own.B, own.C, own.D), plant.dt, *names)
+
+
+def _checked(whole: Polytope, measurements: Chosen | None) -> Polytope:
+    """Return a polytope whose mixtures the controllers follow, or say what to do."""
+    if not whole.all_mixtures:
+        raise invalid(
+            "plant",
+            described("a plant that is not on a line in each number, the others held"),
+            "one whose corners mix to all plants of the box",
+            'Take functions of its numbers for numbers of their own, such as "k_squared".',
+        )
+    if any(element.group for element in whole.numbers):
+        remedy = "Make each with uncertain_real: each is measured on its own."
+        raise invalid("plant", described("an ellipsoid"), "numbers of their own", remedy)
+    if measurements is None:
+        return with_equal(whole.with_full_state(), ("B2", "D12"))
+    plant = whole.plants[0]
+    if plant.is_discrete:
+        remedy = "Design in continuous time, or with state feedback."
+        raise invalid("plant", described("discrete time"), "continuous time", remedy)
+    if any(p.D22.any() for p in whole.plants):
+        remedy = "Put a lag before the controls or behind the measurements."
+        raise invalid("plant", described("a D22 that is not zero"), "none from u to y", remedy)
+    return with_equal(whole, ("B2", "C2", "D12", "D21"))
+
+
+def _rates(whole: Polytope, given: Mapping[str, float] | None) -> dict[str, float]:
+    names = [element.name for element in whole.numbers]
+    given = {} if given is None else given
+    instance_of("rates", given, Mapping, "a mapping of names to rates", 'Write {"k": 0.5}.')
+    known_keys(("rates",), given, names)
+    if given and whole.plants[0].is_discrete:
+        remedy = "Leave rates out: the bound then holds for jumps."
+        raise invalid("rates", given, "no rates in discrete time", remedy)
+    checked = {name: positive(("rates", name), rate, zero=True) for name, rate in given.items()}
+    return {name: checked.get(name, math.inf) for name in names}
+
+
+def _failure(late: bool) -> str:
+    text = "No controller was found and proven for the whole box. "
+    if late:
+        return text + (
+            "The time limit was reached. Raise time_limit, or leave numbers out of rates= (the "
+            "bound then holds for jumps of them, which is proven much faster)."
+        )
+    return text + (
+        "Make the ranges smaller, tell rates= of numbers that move slowly, or give the problem a "
+        "price (control_weight) and a noise (measurement_noise)."
+    )

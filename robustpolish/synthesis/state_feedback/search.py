@@ -1,0 +1,746 @@
+"""The search for a state feedback, part by part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy import linalg
+
+from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.base.budget import Budget
+from robustpolish.errors import SolverError
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.certificate import ANY_NORM, WantedNorm
+from robustpolish.synthesis.nonsmooth.descent import Problem, Requirement, minimax
+from robustpolish.synthesis.nonsmooth.measures import GainMeasure, H2Measure, HinfMeasure
+from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
+from robustpolish.synthesis.problem.matrices import (
+    PlantMatrices,
+    compressed,
+    in_states,
+    is_regular,
+    measuring_states,
+    only_effort,
+    stabilises,
+    state_gain_norm,
+    with_noise,
+    with_price,
+)
+from robustpolish.synthesis.problem.pole_regions import Disk
+from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
+from robustpolish.synthesis.problem.status import Status
+from robustpolish.synthesis.riccati.equations import solve_lyapunov
+from robustpolish.synthesis.state_feedback.engine import POLICY, StateEngine, StateGain
+from robustpolish.synthesis.state_feedback.lmi import (
+    Coordinates,
+    Demand,
+    SolvedProgram,
+    StatePrograms,
+)
+from robustpolish.synthesis.state_feedback.riccati import (
+    RiccatiStateEngine,
+    game_gain,
+    least_state_norm,
+    lqr_gain,
+)
+
+# State feedback under a bound on the largest singular value of the gain.
+#
+# No convex condition is both necessary and sufficient for it. Priced designs that keep the bound
+# are the starts. From there inequalities with a condition on the gain that is exact at the last
+# Lyapunov matrix are solved again and again, each answer no worse than the one before; a descent on
+# the true norm, with the bound as a requirement, ends the search.
+
+
+@dataclass(frozen=True, eq=False)
+class GainBound:
+    """sigma_max(left F right) <= bound, where left F right is the gain in the plant's units.
+
+    Attributes
+    ----------
+    left, right : ndarray
+    bound : float
+    """
+
+    left: Matrix
+    right: Matrix
+    bound: float
+
+    def size(self, F: Matrix) -> float:
+        """Return the largest singular value in the plant's units."""
+        return float(np.linalg.norm(self.left @ F @ self.right, 2)) if F.size else 0.0
+
+    def inside(self, F: Matrix) -> Matrix:
+        """Return F, shrunk to the bound if it is larger."""
+        size, limit = self.size(F), self.bound * (1 - POLICY.bound_margin)
+        return F * (limit / size) if size > limit else F
+
+
+def minimise_bounded(
+    engine: StateEngine, plant: PlantMatrices, bound: GainBound, budget: Budget
+) -> StateGain | None:
+    """Minimise the norm over the gains within a bound.
+
+    Parameters
+    ----------
+    engine : StateEngine
+    plant : PlantMatrices
+        Scaled.
+    bound : GainBound
+    budget : Budget
+
+    Returns
+    -------
+    StateGain or None
+        A local optimum, or the optimum without the bound if that is within it; None if no gain
+        within the bound was found that stabilises.
+    """
+    if is_regular(plant):
+        free = engine.search(plant, budget)
+        if free is not None and bound.size(free.F) <= bound.bound:
+            return free
+    return _BoundedSearch(engine, plant, bound, budget).run()
+
+
+class _BoundedSearch:
+    """The search from several starts, and its history."""
+
+    def __init__(
+        self, engine: StateEngine, plant: PlantMatrices, bound: GainBound, budget: Budget
+    ) -> None:
+        self.engine, self.plant, self.bound, self.budget = engine, plant, bound, budget
+        self.history: list[dict[str, Any]] = []
+
+    def run(self) -> StateGain | None:
+        """Search from the best starts, then from small ones, and descend from the best end."""
+        starts = self.starts()
+        best: Matrix | None = None
+        value = math.inf
+        for start in starts[: POLICY.bound_starts]:
+            F = self.by_inequalities(start)
+            achieved = self.norm(F)
+            if achieved < value:
+                best, value = F, achieved
+        # Small gains that cancel a disturbance are found from small gains only.
+        limit = POLICY.small_start * self.bound.bound
+        small = [F for F in starts if 0 < self.bound.size(F) < limit]
+        for start in small[: POLICY.bound_starts]:
+            F = self.descended(start, balanced=False)
+            achieved = self.norm(F)
+            if achieved < value * (1 - POLICY.worthwhile):
+                best, value = F, achieved
+        if best is None or not math.isfinite(value):
+            return None
+        best = self.descended(best)
+        value = self.norm(best)
+        return StateGain(best, value, value, history=tuple(self.history))
+
+    def norm(self, F: Matrix) -> float:
+        """Return the norm that a gain achieves."""
+        return state_gain_norm(self.plant, F, self.engine.norm)
+
+    def starts(self) -> list[Matrix]:
+        """Return stabilising gains within the bound, the best first.
+
+        They come from Riccati equations whatever the method: they are quick, and only starts.
+        """
+        tolerance = max(self.engine.tolerance, POLICY.coarse)
+        quick = RiccatiStateEngine(self.engine.norm, tolerance)
+        idle = np.zeros((self.plant.nu, self.plant.nx))
+        found: list[tuple[float, Matrix]] = [(self.norm(idle), idle)]
+        for price in POLICY.starting_prices:
+            if self.budget.over:
+                break
+            answer = quick.search(with_price(self.plant, price), self.budget)
+            if answer is None:
+                continue
+            F, size = self.bound.inside(answer.F), self.bound.size(answer.F)
+            achieved = self.norm(F)
+            told = {"step": "price", "price": price, "achieved": achieved, "gain": size}
+            self.history.append(told)
+            found.append((achieved, F))
+        ranked = sorted(found, key=lambda pair: pair[0])
+        return [F for value, F in ranked if math.isfinite(value)]
+
+    def by_inequalities(self, start: Matrix) -> Matrix:
+        """Solve the bounded inequalities about the Lyapunov matrix of the last gain, repeatedly."""
+        p = compressed(self.plant)
+        programs = StatePrograms(p, self.engine, self.budget, self.history)
+        held = (self.bound.left / self.bound.bound, self.bound.right)
+        F, value = start, programs.judged(start)
+        for _ in range(POLICY.bound_rounds):
+            if self.budget.over or not value > 0:
+                break
+            coordinates = Coordinates.plain(p, value)
+            for _ in range(2):
+                about = Demand(noise=POLICY.bound_noise, fixed=F)
+                solved = _solved_either(programs, coordinates, about, "Lyapunov matrix of a gain")
+                if solved is None:
+                    return F
+                coordinates = replace(solved.next, unit=value)
+            within = Demand(noise=POLICY.bound_noise, held=held)
+            solved = _solved_either(programs, coordinates, within, "inequalities with the bound")
+            if solved is None:
+                break
+            new = self.bound.inside(solved.gain.F)
+            achieved = programs.judged(new)
+            if not achieved < value:
+                break
+            gained = 1 - achieved / value
+            F, value = new, achieved
+            if gained < POLICY.gained:
+                break
+        return F
+
+    def descended(self, start: Matrix, balanced: bool = True) -> Matrix:
+        """Descend on the true norm, if asked in states in which the last loop is balanced."""
+        p, bound = self.plant, self.bound
+        F, value = start, self.norm(start)
+        for _ in range(POLICY.descents):
+            if self.budget.over:
+                break
+            T, V = _coordinates(p, F) if balanced else (np.eye(p.nx), np.eye(p.nu))
+            q = in_states(p, T)
+            loop = q.replace(B2=q.B2 @ V, D12=q.D12 @ V)
+            measure = HinfMeasure(loop) if self.engine.norm == "hinf" else H2Measure(loop)
+            back = np.linalg.inv(T)
+            held = Requirement(GainMeasure(bound.left @ V, back @ bound.right), bound.bound)
+            gains = MaskedGain(np.ones(F.shape, dtype=bool))
+            theta = gains.coordinates(np.linalg.solve(V, F @ T))
+            problem = Problem(gains, measure, (held,))
+            descent = minimax(problem, theta, self.budget, POLICY.iterations)
+            new = bound.inside(V @ gains.gain(descent.point) @ back)
+            achieved = self.norm(new)
+            ended = descent.reason
+            told = {"step": "descent on the true norm", "achieved": achieved, "ended": ended}
+            self.history.append(told)
+            if not achieved < value:
+                break
+            gained = 1 - achieved / value
+            F, value = new, achieved
+            if gained < POLICY.gained:
+                break
+        return F
+
+
+def _solved_either(
+    programs: StatePrograms, coordinates: Coordinates, demand: Demand, step: str
+) -> SolvedProgram | None:
+    solved = programs.solve(coordinates, demand, step)
+    if solved is None:
+        plain = coordinates.without_congruence()
+        solved = programs.solve(plain, demand, step, POLICY.eased_tolerance)
+    return solved
+
+
+def _coordinates(p: PlantMatrices, F: Matrix) -> tuple[Matrix, Matrix]:
+    """Return states of equal variance under white noise, and controls of order one."""
+    noisy = with_noise(p, POLICY.bound_noise)
+    W, closed = noisy.B1 @ noisy.B1.T, p.A + p.B2 @ F
+    X = linalg.solve_discrete_lyapunov(closed, W) if p.discrete else solve_lyapunov(closed.T, W)
+    if X is None:
+        return np.eye(p.nx), np.eye(p.nu)
+    values, vectors = np.linalg.eigh((X + X.T) / 2)
+    T = vectors * np.sqrt(np.maximum(values, values[-1] * 1e-14))
+    size = np.linalg.norm(F @ T, axis=1)
+    largest = float(size.max(initial=0.0)) or 1.0
+    return T, np.diag(np.maximum(size, 1e-3 * largest))
+
+
+# What a state feedback says about itself: status and message.
+
+
+def message(
+    status: Status,
+    achieved: float,
+    lower_bound: float,
+    gain: float,
+    tolerance: float,
+    gain_bound: float | None,
+    has_region: bool,
+    exhausted: bool,
+    history: Sequence[Mapping[str, Any]],
+    wanted: WantedNorm = ANY_NORM,
+) -> str:
+    """Say what happened and what to try next.
+
+    Parameters
+    ----------
+    status : str
+    achieved, lower_bound, gain : float
+        Norm of the loop, what none falls below, and largest singular value of F, in the plant's
+        units.
+    tolerance : float
+    gain_bound : float or None
+    has_region : bool
+    exhausted : bool
+        Whether the search ended with its work and not by itself.
+    history : sequence of mapping
+        The trade-off is read from the entries with a price.
+    wanted : WantedNorm, optional
+    """
+    found = f"Norm {achieved:.6g} with a gain of {gain:.4g} (largest singular value)."
+    if lower_bound > 0:
+        found += f" No state feedback has a norm below {lower_bound:.6g}."
+    if status == "optimal":
+        return f"{found} That is within {tolerance:.0e} of it: the design is optimal."
+    if status == "time_limit":
+        return (
+            f"{found} Time ran out before the search ended: another run may find another gain. "
+            "Raise time_limit for a better one."
+        )
+    if status == "infimum_not_attained":
+        return (
+            f"{found} The infimum is not attained: smaller norms need ever larger gains"
+            f"{_trade_off(history)}. Set control_weight, gain_bound or pole_region to ask for a "
+            "problem that has an optimum."
+        )
+    if exhausted:
+        return f"{found} The search ended with its work, because the plant is large."
+    if wanted.asks:
+        found += f" It was asked for {wanted.in_words()}."
+        if achieved <= wanted.enough:
+            return found + " What lies below that was given away for a smaller gain."
+    if gain_bound is not None:
+        return (
+            f"{found} The bound {gain_bound:.6g} on the gain is kept. It makes the problem "
+            "nonconvex: this is a local optimum, and a better gain is not ruled out."
+        )
+    if has_region:
+        return (
+            f"{found} The poles lie in the region. One Lyapunov matrix serves norm and region, "
+            "which is sufficient but not necessary: a better gain is not ruled out."
+        )
+    return (
+        f"{found} It could not be shown to be within {tolerance:.0e} of the optimum: gains next to "
+        "it are too large to compute with, or a control has no price. Try the other method, or set "
+        "control_weight."
+    )
+
+
+def _trade_off(history: Sequence[Mapping[str, Any]]) -> str:
+    rungs = [e for e in history if "price" in e and e.get("part") == 0]
+    shown = [f"{e['achieved']:.2g} at {e['gain']:.2g}" for e in rungs if "gain" in e]
+    return f" (norm at gain of the first part: {', '.join(shown[:12])})" if shown else ""
+
+
+# Problems in which control is free: a price on u and x shrinks until the norm stops falling.
+
+
+def almost_no_control(plant: PlantMatrices, norm: str) -> float:
+    """Return the norm without control or, if that is unstable, with the least that stabilises."""
+    idle = state_gain_norm(plant, np.zeros((plant.nu, plant.nx)), norm)
+    if math.isfinite(idle):
+        return idle
+    least = lqr_gain(only_effort(plant, POLICY.stabilising))
+    return state_gain_norm(plant, least, norm)
+
+
+def solve_singular(
+    engine: StateEngine,
+    plant: PlantMatrices,
+    target: float,
+    size: Callable[[np.ndarray], float],
+    budget: Budget,
+) -> StateGain | None:
+    """Lower the price until the norm settles or falls below `target`.
+
+    The first descent gives a tenth of the norm away on every rung, which keeps gains small;
+    it decides where the norm falls without limit. Where it does not, a second
+    descent looks for the infimum to the tolerance.
+
+    Parameters
+    ----------
+    engine : StateEngine
+    plant : PlantMatrices
+        Scaled; D12 may lack rank.
+    target : float
+        A norm small enough to stop at.
+    size : callable
+        Gain in the plant's units.
+    budget : Budget
+
+    Returns
+    -------
+    StateGain or None
+        The smallest gain within the tolerance of the best norm seen; None if nothing
+        stabilises. "infimum_not_attained" if norm or gain still moved; "suboptimal" if both
+        settled, or if the budget was over before that could be seen.
+    """
+    found, fell = _Descent(engine.coarser(POLICY.coarse), plant, target, size, budget).run()
+    if found is None or fell or engine.norm == "h2":
+        return found
+    return _Descent(engine, plant, target, size, budget).run()[0] or found
+
+
+@dataclass(frozen=True, eq=False)
+class _Descent:
+    """One descent of the price; every rung is a design with that price."""
+
+    engine: StateEngine
+    plant: PlantMatrices
+    target: float
+    size: Callable[[np.ndarray], float]
+    budget: Budget
+    history: list[dict[str, Any]] = field(default_factory=list)
+
+    def run(self) -> tuple[StateGain | None, bool]:
+        """Return the rung that was chosen, and whether the norm still fell at the target."""
+        rungs: list[StateGain] = []
+        settled = False
+        for price in POLICY.prices:
+            if self.budget.over:
+                break
+            rung = self.rung(price)
+            if rung is None or not math.isfinite(rung.achieved):
+                continue
+            rungs.append(rung)
+            if rung.achieved <= self.target:
+                return self.told(self.landed(rung, price), False), True
+            low = price <= POLICY.low_price and len(rungs) > 1
+            if low and self.at_rest(rungs[-2], rungs[-1]):
+                settled = True
+                break
+        if not rungs:
+            return None, False
+        least = min(rung.achieved for rung in rungs)
+        share = max(self.engine.tolerance, POLICY.converged)
+        near = [rung for rung in rungs if rung.achieved <= least * (1 + share)]
+        smallest = min(near, key=lambda rung: self.size(rung.F))
+        return self.told(smallest, settled or self.budget.over), False
+
+    def rung(self, price: float) -> StateGain | None:
+        """Design with a price; the norm is the one without."""
+        found = self.engine.search(with_price(self.plant, price), self.budget)
+        if found is None:
+            return None
+        achieved = state_gain_norm(self.plant, found.F, self.engine.norm)
+        told = {"step": "price", "price": price, "achieved": achieved, "gain": self.size(found.F)}
+        self.history.append(told)
+        return replace(found, achieved=achieved, claimed=achieved)
+
+    def landed(self, rung: StateGain, price: float) -> StateGain:
+        """Raise the price again as far as the norm stays below the target: gains shrink."""
+        low, high = math.log(price), math.log(price * POLICY.price_step)
+        if price == POLICY.prices[0]:
+            high += 3 * math.log(POLICY.price_step)
+        for _ in range(POLICY.landings):
+            if self.budget.over:
+                break
+            middle = (low + high) / 2
+            other = self.rung(math.exp(middle))
+            if other is not None and other.achieved <= self.target:
+                rung, low = other, middle
+            else:
+                high = middle
+        return rung
+
+    def at_rest(self, before: StateGain, after: StateGain) -> bool:
+        """Return whether neither norm nor gain still moved."""
+        same_norm = before.achieved < after.achieved * (1 + POLICY.converged)
+        return same_norm and self.size(after.F) < POLICY.gain_growth * self.size(before.F)
+
+    def told(self, rung: StateGain, settled: bool) -> StateGain:
+        """Return a rung with the history of all and its status."""
+        status = "suboptimal" if settled else "infimum_not_attained"
+        return replace(rung, status=status, history=tuple(self.history))
+
+
+# A norm that will do: the smallest gain that keeps it.
+
+
+@dataclass(frozen=True, eq=False)
+class SmallestGain:
+    """The search for the smallest gain whose norm stays below a target.
+
+    No control at all is tried, then the central gain of the target and the design with the highest
+    price on u that keeps it; from the smallest of these the largest singular value is lowered
+    further, the norm being held. That is a local optimum: a smaller gain is not ruled out.
+
+    Attributes
+    ----------
+    engine : StateEngine
+    plant : PlantMatrices
+        Scaled.
+    left, right : ndarray
+        left F right is a gain in the plant's units.
+    budget : Budget
+    """
+
+    engine: StateEngine
+    plant: PlantMatrices
+    left: Matrix
+    right: Matrix
+    budget: Budget
+
+    def size(self, F: Matrix) -> float:
+        """Return the largest singular value of a gain in the plant's units."""
+        return float(np.linalg.norm(self.left @ F @ self.right, 2)) if F.size else 0.0
+
+    def within(self, target: float, found: StateGain) -> StateGain:
+        """Give what lies between the norm of a gain and a target away for a smaller gain.
+
+        Parameters
+        ----------
+        target : float
+            A norm that will do.
+        found : StateGain
+            A gain that keeps it; it is returned if no other is smaller.
+
+        Returns
+        -------
+        StateGain
+        """
+        kept = [g for g in (found, *self._others(target)) if g.achieved <= target]
+        smallest = min(kept, key=lambda g: self.size(g.F))
+        history = found.history + smallest.history if smallest is not found else found.history
+        smallest = replace(smallest, status="suboptimal", history=history)
+        # A descent leaves poles where they need not be in a region, and a norm that is not zero.
+        if not (smallest.F.any() and target > 0) or self.engine.regions or self.budget.over:
+            return smallest
+        return self._lowered(target, smallest)
+
+    def _others(self, target: float) -> Iterator[StateGain]:
+        idle = self._kept(np.zeros((self.plant.nu, self.plant.nx)), target, "no control")
+        if idle is not None:
+            yield idle
+            return
+        if self.engine.norm == "hinf" and is_regular(self.plant):
+            central = self._kept(game_gain(self.plant, target), target, "central gain")
+            if central is not None:
+                yield central
+        priced = solve_singular(self.engine, self.plant, target, self.size, self.budget)
+        if priced is not None:
+            yield priced
+
+    def _kept(self, F: Matrix | None, target: float, step: str) -> StateGain | None:
+        """Return a gain that no region asks for more, if it keeps the target."""
+        achieved = state_gain_norm(self.plant, F, self.engine.norm)
+        if F is None or self.engine.regions or achieved > target:
+            return None
+        return StateGain(F, target, achieved, history=({"step": step, "achieved": achieved},))
+
+    def _lowered(self, target: float, start: StateGain) -> StateGain:
+        """Descend on the gain, with the norm as a requirement."""
+        p = self.plant
+        norm = HinfMeasure(p) if self.engine.norm == "hinf" else H2Measure(p)
+        gains = MaskedGain(np.ones(start.F.shape, dtype=bool))
+        measure = GainMeasure(self.left, self.right)
+        problem = Problem(gains, measure, (Requirement(norm, target * (1 - POLICY.bound_margin)),))
+        descent = minimax(problem, gains.coordinates(start.F), self.budget, POLICY.iterations)
+        F = gains.gain(descent.point)
+        achieved = state_gain_norm(p, F, self.engine.norm)
+        if achieved > target or self.size(F) >= self.size(start.F):
+            return start
+        told = {"step": "descent on the gain", "achieved": achieved, "ended": descent.reason}
+        return replace(
+            start, F=F, claimed=target, achieved=achieved, history=(*start.history, told)
+        )
+
+
+# The search on one decoupled part of a plant: scaled, solved, brought back to its own units.
+
+
+def solve_parts(
+    plants: Sequence[GeneralizedPlant],
+    engine: StateEngine,
+    tolerance: float,
+    gain_bound: float | None,
+    budget: Budget,
+    wanted: WantedNorm = ANY_NORM,
+) -> list[StateGain]:
+    """Minimise the norm of every part.
+
+    Parameters
+    ----------
+    plants : sequence of GeneralizedPlant
+    engine : StateEngine
+        With regions in the plants' unit of time.
+    tolerance : float
+        Distance from the lower bound within which a gain is "optimal"; the engine's own may
+        be relaxed.
+    gain_bound : float or None
+        Bound on the largest singular value of every gain in the plants' units.
+    budget : Budget
+    wanted : WantedNorm, optional
+        A norm that will do for every part, in the plants' units.
+
+    Returns
+    -------
+    list of StateGain
+        In the plants' units.
+
+    Raises
+    ------
+    SolverError
+        If no verified gain was found for one of them.
+    """
+    parts = [_Part.of(plant, engine, budget) for plant in plants]
+    references = [part.reference() for part in parts]
+    reference = max(references) if engine.norm == "hinf" else math.hypot(*references)
+    # Machines are symmetric: equal parts are solved once.
+    known: dict[tuple[bytes, ...], StateGain] = {}
+    for part in parts:
+        if part.fingerprint not in known:
+            known[part.fingerprint] = part.solve(reference, gain_bound, tolerance, wanted)
+    return [known[part.fingerprint] for part in parts]
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A part in its own and in scaled units, and who searches it.
+
+    Attributes
+    ----------
+    scaled : ScaledPlant
+    plant : PlantMatrices
+        Of the scaled plant.
+    engine : StateEngine
+        With regions in the scaled unit of time.
+    budget : Budget
+    """
+
+    scaled: ScaledPlant
+    plant: PlantMatrices
+    engine: StateEngine
+    budget: Budget
+
+    @classmethod
+    def of(cls, plant: GeneralizedPlant, engine: StateEngine, budget: Budget) -> _Part:
+        """Scale a plant and the regions of the engine."""
+        scaled = scale_plant(plant)
+        inside = engine.in_unit_of_time(scaled.time)
+        return cls(scaled, measuring_states(PlantMatrices.of(scaled.plant)), inside, budget)
+
+    @property
+    def fingerprint(self) -> tuple[bytes, ...]:
+        """What is the same for parts with the same matrices."""
+        return PlantMatrices.of(self.scaled.original).fingerprint
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing is to be minimised: no disturbance, or no performance output."""
+        p = self.plant
+        return not p.B1.any() or not (p.C1.any() or p.D12.any() or p.D11.any())
+
+    @property
+    def is_direct(self) -> bool:
+        """Whether the inequalities have an optimum without a price on u."""
+        bounded = any(isinstance(region, Disk) for region in self.engine.regions)
+        return is_regular(self.plant) or bounded
+
+    def reference(self) -> float:
+        """Return the norm with almost no control if the part has no optimum; 0 otherwise."""
+        if self.plant.nu == 0 or self.is_idle or self.is_direct:
+            return 0.0
+        value = almost_no_control(self.plant, self.engine.norm)
+        return self.scaled.norm(value, self.engine.norm) if math.isfinite(value) else 0.0
+
+    def solve(
+        self, reference: float, gain_bound: float | None, tolerance: float, wanted: WantedNorm
+    ) -> StateGain:
+        """Minimise the norm.
+
+        Parameters
+        ----------
+        reference : float
+            Norm of the whole with almost no control: what a vanishing norm is small against.
+        gain_bound : float or None
+        tolerance : float
+        wanted : WantedNorm
+        """
+        p = self.plant
+        if p.nu == 0 or self.is_idle:
+            return self.in_units(self.stabilised())
+        norm = self.engine.norm
+        enough = wanted.in_unit(self.scaled.norm(1.0, norm)).limited(0.0)
+        if gain_bound is not None:
+            found = self.bounded(gain_bound)
+        else:
+            found = self.engine.search(p, self.budget) if self.is_direct else None
+            found = self.singular(reference, enough) if found is None else found
+        if found.achieved <= enough:
+            left, right = np.diag(self.scaled.control), np.diag(1 / self.scaled.state)
+            found = SmallestGain(self.engine, p, left, right, self.budget).within(enough, found)
+        least = least_state_norm(p, norm, found.achieved, tolerance, self.budget)
+        # With regions it says no more than that the region costs nothing visible.
+        if found.achieved <= least * (1 + tolerance) and not self.engine.regions:
+            found = replace(found, status="optimal")
+        return self.in_units(replace(found, lower_bound=least))
+
+    def stabilised(self) -> StateGain:
+        """Stabilise a part whose norm no control changes, with little effort."""
+        p, engine = self.plant, self.engine
+        none = np.zeros((p.nu, p.nx))
+        if p.nu == 0 or (not engine.regions and stabilises(p, none)):
+            found = StateGain(none, 0.0, 0.0)
+        else:
+            effort = only_effort(p, 1.0)
+            found = replace(engine, norm="h2").search(effort, self.budget)
+        if found is None:
+            raise self.nothing_found()
+        norm = state_gain_norm(p, found.F, engine.norm)
+        return replace(found, claimed=norm, achieved=norm, lower_bound=norm, status="optimal")
+
+    def bounded(self, bound: float) -> StateGain:
+        """Minimise the norm under a bound on the gain."""
+        gain = GainBound(np.diag(self.scaled.control), np.diag(1 / self.scaled.state), bound)
+        found = minimise_bounded(self.engine, self.plant, gain, self.budget)
+        if found is None:
+            raise SolverError(
+                f"No stabilising gain with a largest singular value of at most {bound:.6g} was "
+                "found. That none exists is not proven. Raise gain_bound, or set control_weight "
+                "instead."
+            )
+        return found
+
+    def singular(self, reference: float, enough: float) -> StateGain:
+        """Follow the infimum of a norm for which control is free, down to `enough`."""
+        norm, regions = self.engine.norm, self.engine.regions
+        target = max(self.scaled.scaled_norm(POLICY.vanished * reference, norm), enough)
+        found = solve_singular(self.engine, self.plant, target, self.gain_size, self.budget)
+        if found is None:
+            raise self.nothing_found()
+        fell = found.achieved <= target
+        return replace(found, status="suboptimal") if regions and not fell else found
+
+    def gain_size(self, F: Matrix) -> float:
+        """Return the largest singular value of a scaled gain in the plant's units."""
+        return float(np.linalg.norm(self.scaled.state_gain(F), 2)) if F.size else 0.0
+
+    def in_units(self, found: StateGain) -> StateGain:
+        """Bring an answer back to the plant's units."""
+        unit = self.scaled.norm(1.0, self.engine.norm)
+        history = tuple(
+            entry | {key: entry[key] * unit for key in _NORMS if key in entry}
+            for entry in found.history
+        )
+        return replace(
+            found,
+            F=self.scaled.state_gain(found.F),
+            claimed=found.claimed * unit,
+            achieved=found.achieved * unit,
+            lower_bound=found.lower_bound * unit,
+            history=history,
+        )
+
+    def nothing_found(self) -> SolverError:
+        """Return the error for a part without an answer."""
+        states = ", ".join(self.scaled.original.states[:6])
+        return SolverError(
+            f"No verified state feedback was found for the part with the states {states}"
+            + (" before the time limit. Raise time_limit" if self.budget.late else "")
+            + (
+                ". Widen pole_region: the inequalities use one Lyapunov matrix for all demands"
+                if self.engine.regions
+                else ""
+            )
+            + ". Try the other method or backend."
+        )
+
+
+_NORMS = ("claimed", "achieved", "no_gain_found_at")

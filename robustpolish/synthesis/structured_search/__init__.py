@@ -1,1 +1,0 @@
-"""The search for a controller of prescribed structure, part by part."""

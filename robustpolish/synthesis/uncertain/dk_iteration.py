@@ -1,0 +1,464 @@
+"""Controllers of few states that come near one of many."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from robustpolish.base.arrays import AnyArray, Array, Matrix, Vector
+from robustpolish.base.budget import Budget, step_cost
+from robustpolish.errors import InfeasibleError, SolverError
+from robustpolish.implementation.reduction import Reducer
+from robustpolish.linear.arithmetic.realisation import state_scales
+from robustpolish.plants.blocks import matrices_of, named_system
+from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
+from robustpolish.synthesis.problem.matrices import (
+    Controller,
+    PlantMatrices,
+    augmented,
+    close_static,
+    regularise,
+)
+from robustpolish.synthesis.riccati.gamma import (
+    NormalisedPlant,
+    central_controller,
+    has_full_rank,
+    normalise,
+    search_gamma,
+)
+from robustpolish.synthesis.uncertain.scaled_gain import (
+    Levels,
+    LoopResponses,
+    RobustProblem,
+    ScaledGain,
+    Scalings,
+    grid,
+    stacked,
+)
+
+# The K step: an H-infinity controller of full order for a plant with scalings around it.
+
+
+@dataclass(frozen=True)
+class KStepPolicy:
+    """How a K step goes.
+
+    Attributes
+    ----------
+    tolerance : float
+        How near the infimum the search for gamma ends, relative.
+    back_offs : tuple of float
+        How far above it the controller is made: far enough for the equations to be well
+        conditioned. Gains fall fast with it.
+    honest : float
+        By how much the loop's norm may exceed the gamma that the equations promise.
+    epsilons : tuple of float
+        Prices on u and noises on y, where the plant has not enough of its own; the smallest
+        norm of the loop decides.
+    """
+
+    tolerance: float = 1e-3
+    back_offs: tuple[float, ...] = (1.01, 1.03, 1.1)
+    honest: float = 1.02
+    epsilons: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-5)
+
+
+POLICY = KStepPolicy()
+
+
+def k_step(plant: PlantMatrices, unit: float, budget: Budget) -> Controller:
+    """Return a controller of full order whose norm is near the infimum.
+
+    Full order matters: a shorter controller may reach the same norm, but is worse where the scaled
+    gain is below its peak, and there the next scalings would have nothing to gain.
+
+    Parameters
+    ----------
+    plant : PlantMatrices
+        Continuous, without D22.
+    unit : float
+        A norm that is expected.
+    budget : Budget
+
+    Raises
+    ------
+    SolverError
+        If no equation has a solution that stabilises.
+    """
+    even = _even(plant, unit)
+    found: list[tuple[float, Controller]] = []
+    epsilons = (0.0,) if has_full_rank(even) else ()
+    for epsilon in (*epsilons, *POLICY.epsilons):
+        normal = normalise(regularise(even, epsilon) if epsilon else even)
+        own = _central(even, normal, budget)
+        if own is not None:
+            found.append(own)
+            if not epsilon or (len(found) > 1 and found[-1][0] > 0.99 * found[-2][0]):
+                break
+        if budget.over:
+            break
+    if not found:
+        raise SolverError("The Riccati equations of the scaled plant have no solution in doubles.")
+    return min(found, key=lambda pair: pair[0])[1]
+
+
+def _central(
+    plant: PlantMatrices, normal: NormalisedPlant, budget: Budget
+) -> tuple[float, Controller] | None:
+    """Return the norm and the controller a little above the smallest gamma."""
+    bracket = search_gamma(normal.halves, 2.0, POLICY.tolerance, budget)
+    if bracket is None:
+        return None
+    best: tuple[float, Controller] | None = None
+    for factor in POLICY.back_offs:
+        gamma = bracket.upper * factor
+        budget.spend(2 * step_cost(plant.nx))
+        solution = normal.halves.attempt(gamma)
+        if not solution.feasible or solution.X is None or solution.Y is None:
+            continue
+        try:
+            K = central_controller(normal, gamma, solution.X, solution.Y)
+        except np.linalg.LinAlgError:
+            continue
+        norm = _norm(plant, K)
+        if best is None or norm < best[0]:
+            best = norm, K
+        if norm <= gamma * POLICY.honest:
+            break
+    return best if best is not None and np.isfinite(best[0]) else None
+
+
+def _norm(plant: PlantMatrices, K: Controller) -> float:
+    """Return the norm of a loop on a grid; infinite if it is not stable."""
+    if not all(np.isfinite(M).all() for M in K):
+        return float(np.inf)
+    loop = close_static(augmented(plant, len(K.A)), stacked(K))
+    if loop is None or not loop.stable:
+        return float(np.inf)
+    M = LoopResponses.of(loop, grid([loop.poles])).M
+    return float(np.linalg.norm(M, 2, axis=(1, 2)).max())
+
+
+def _even(plant: PlantMatrices, unit: float) -> PlantMatrices:
+    """Balance the states by powers of two, and give z the expected norm as its unit.
+
+    In the units of the search for one norm, the feedthrough of weights with a slow pole is next to
+    nothing, and rounding decides.
+    """
+    B, C = np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1 / unit, plant.C2])
+    scales, _ = state_scales(plant.A, B, C)
+    return plant.replace(
+        A=plant.A * scales / scales[:, None],
+        B1=plant.B1 / scales[:, None],
+        B2=plant.B2 / scales[:, None],
+        C1=plant.C1 * scales / unit,
+        C2=plant.C2 * scales,
+        D11=plant.D11 / unit,
+        D12=plant.D12 / unit,
+    )
+
+
+# Scalings as stable systems with stable inverses, fitted to their sizes over frequency.
+
+# Places per decade at which a new pole and zero are tried.
+_PLACES = 2.0
+# Largest ratio of a zero and its pole at the start of a fit.
+_FARTHEST = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class Filter:
+    """d(s) = gain prod (s / zero + 1) / (s / pole + 1), zeros and poles negative by their signs.
+
+    Attributes
+    ----------
+    gain : float
+    zeros, poles : ndarray
+        Rates, positive.
+    """
+
+    gain: float
+    zeros: Vector
+    poles: Vector
+
+    def sizes(self, omega: Vector) -> Vector:
+        """Return the logarithm of |d| at frequencies, infinity included."""
+        return _logs(self._numbers, omega)
+
+    @property
+    def _numbers(self) -> Vector:
+        return np.concatenate([[np.log(self.gain)], np.log(self.zeros), np.log(self.poles)])
+
+    @property
+    def matrices(self) -> Controller:
+        """The sections in series: A, B, C and D."""
+        A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1) * self.gain
+        for zero, pole in zip(self.zeros, self.poles, strict=True):
+            # (s/z + 1)/(s/p + 1) = p/z + (1 - p/z) p / (s + p)
+            ratio = pole / zero
+            c, b = np.array([[(1 - ratio) * np.sqrt(pole)]]), np.array([[np.sqrt(pole)]])
+            A = np.block([[A, np.zeros((len(A), 1))], [b @ C, -pole * np.eye(1)]])
+            B, C, D = np.vstack([B, b @ D]), np.hstack([ratio * C, c]), ratio * D
+        return Controller(A, B, C, D)
+
+    @property
+    def inverse(self) -> Filter:
+        """One over it."""
+        return Filter(1 / self.gain, self.poles, self.zeros)
+
+
+def _logs(numbers: Vector, omega: Vector) -> Vector:
+    order = (len(numbers) - 1) // 2
+    zeros, poles = numbers[1 : 1 + order], numbers[1 + order :]
+    total = np.full(len(omega), numbers[0])
+    for zero, pole in zip(zeros, poles, strict=True):
+        total += _section(omega, zero) - _section(omega, pole)
+    ends = np.isinf(omega)
+    total[ends] = numbers[0] - zeros.sum() + poles.sum()
+    return total
+
+
+def _section(omega: Vector, log_rate: float) -> Vector:
+    """Return log |j omega / rate + 1|; at infinity it is left to the caller."""
+    finite = np.where(np.isfinite(omega), omega, 0.0)
+    return 0.5 * np.log1p((finite * np.exp(-log_rate)) ** 2)
+
+
+def _slopes(numbers: Vector, omega: Vector) -> Array:
+    order = (len(numbers) - 1) // 2
+    columns = [np.ones(len(omega))]
+    for i, log_rate in enumerate(numbers[1:]):
+        finite = np.where(np.isfinite(omega), omega, 0.0)
+        square = (finite * np.exp(-log_rate)) ** 2
+        share = np.where(np.isfinite(omega), square / (1 + square), 1.0)
+        columns.append(-share if i < order else share)
+    return np.array(columns).T
+
+
+def fitted(omega: Vector, logs: Vector, weights: Vector, most: int) -> list[Filter]:
+    """Return filters of order 0, 1, ... whose sizes come near given ones.
+
+    Parameters
+    ----------
+    omega : ndarray
+        0 and infinity may be among them.
+    logs : ndarray
+        Logarithms of the sizes.
+    weights : ndarray
+        How much each matters.
+    most : int
+        Largest order.
+    """
+    inner = omega[np.isfinite(omega) & (omega > 0)]
+    places = np.geomspace(
+        inner[0], inner[-1], max(2, int(_PLACES * np.log10(inner[-1] / inner[0])))
+    )
+    numbers = np.array([np.average(logs, weights=weights**2)])
+    found = [_filter(numbers)]
+    limits = np.log(inner[0] / 10), np.log(inner[-1] * 10)
+    for _ in range(most):
+        rest = logs - _logs(numbers, omega)
+        tried: list[tuple[float, Vector]] = []
+        for place in places:
+            basis = _slopes(np.array([0.0, np.log(place)]), omega)
+            coefficients: Any = np.linalg.lstsq(
+                basis * weights[:, None], rest * weights, rcond=None
+            )[0]
+            left = float(np.linalg.norm((rest - basis @ coefficients) * weights))
+            ratio = float(np.clip(coefficients[1], -np.log(_FARTHEST), np.log(_FARTHEST)))
+            zero, pole = np.log(place) + ratio / 2, np.log(place) - ratio / 2
+            order = (len(numbers) - 1) // 2
+            start = np.concatenate(
+                [
+                    [numbers[0] + coefficients[0]],
+                    numbers[1 : 1 + order],
+                    [zero],
+                    numbers[1 + order :],
+                    [pole],
+                ]
+            )
+            tried.append((left, start))
+        tried.sort(key=lambda pair: pair[0])
+        results = [_adjusted(start, omega, logs, weights, limits) for _, start in tried[:3]]
+        numbers = min(results, key=lambda pair: pair[0])[1]
+        found.append(_filter(numbers))
+    return found
+
+
+def _weighted_slopes(numbers: Vector, omega: Vector, weights: Vector) -> Array:
+    return _slopes(numbers, omega) * weights[:, None]
+
+
+def _adjusted(
+    start: Vector, omega: Vector, logs: Vector, weights: Vector, limits: tuple[float, float]
+) -> tuple[float, Vector]:
+    low = np.concatenate([[-np.inf], np.full(len(start) - 1, limits[0])])
+    high = np.concatenate([[np.inf], np.full(len(start) - 1, limits[1])])
+    # The type stubs know only the names of finite differences here.
+    slopes: Any = functools.partial(_weighted_slopes, omega=omega, weights=weights)
+    found = least_squares(
+        lambda v: (_logs(v, omega) - logs) * weights,
+        np.clip(start, low + 1e-6, high - 1e-6),
+        jac=slopes,
+        bounds=(low, high),
+        max_nfev=100,
+    )
+    return float(found.cost), found.x
+
+
+def _filter(numbers: Vector) -> Filter:
+    order = (len(numbers) - 1) // 2
+    rates = np.exp(numbers[1:])
+    return Filter(float(np.exp(numbers[0])), rates[:order], rates[order:])
+
+
+def beside(filters: Sequence[Filter], times: Sequence[int]) -> Controller:
+    """Return filters side by side, each so many times."""
+    parts = [f.matrices for f, count in zip(filters, times, strict=True) for _ in range(count)]
+    n, m = sum(len(p.A) for p in parts), len(parts)
+    A, B, C, D = np.zeros((n, n)), np.zeros((n, m)), np.zeros((m, n)), np.zeros((m, m))
+    first = 0
+    for i, part in enumerate(parts):
+        own = slice(first, first + len(part.A))
+        A[own, own], B[own, i], C[i, own] = part.A, part.B[:, 0], part.C[0]
+        D[i, i] = part.D[0, 0]
+        first += len(part.A)
+    return Controller(A, B, C, D)
+
+
+def scaled_norms(M: AnyArray, left: Matrix, right: Matrix) -> Vector:
+    """Return the norms of diag(left) M diag(right)^-1 at frequencies."""
+    return np.linalg.norm(left[:, :, None] * M / right[:, None, :], 2, axis=(1, 2))
+
+
+# The D step: scalings of low order for a controller, and the plant with scalings around it.
+
+
+@dataclass(frozen=True)
+class DStepPolicy:
+    """How scalings are fitted.
+
+    Attributes
+    ----------
+    orders : int
+        Largest order of one.
+    near : float
+        A fit is good if it raises the level of no frequency by more than this share.
+    low : float
+        Levels below this share of the peak count as so much: there a fit matters little.
+    """
+
+    orders: int = 4
+    near: float = 0.01
+    low: float = 0.5
+
+
+D_STEP_POLICY = DStepPolicy()
+
+
+def unscaled(problem: RobustProblem) -> list[Filter]:
+    """Return the scalings to begin with: none."""
+    return [Filter(1.0, np.zeros(0), np.zeros(0))] * len(problem.as_complex.blocks)
+
+
+def scaled_plant(problem: RobustProblem, filters: Sequence[Filter]) -> PlantMatrices:
+    """Return the plant with D on the signals z and its inverse on the signals w."""
+    plant, blocks = problem.matrices, problem.as_complex.blocks
+    into = beside([f.inverse for f in filters], [b.rows for b in blocks])
+    out = beside(filters, [b.columns for b in blocks])
+    n, i, o = plant.nx, len(into.A), len(out.A)
+    zeros = np.zeros
+    A = np.block(
+        [
+            [plant.A, plant.B1 @ into.C, zeros((n, o))],
+            [zeros((i, n)), into.A, zeros((i, o))],
+            [out.B @ plant.C1, out.B @ plant.D11 @ into.C, out.A],
+        ]
+    )
+    return PlantMatrices(
+        A=A,
+        B1=np.vstack([plant.B1 @ into.D, into.B, out.B @ plant.D11 @ into.D]),
+        B2=np.vstack([plant.B2, zeros((i, plant.nu)), out.B @ plant.D12]),
+        C1=np.hstack([out.D @ plant.C1, out.D @ plant.D11 @ into.C, out.C]),
+        C2=np.hstack([plant.C2, plant.D21 @ into.C, zeros((plant.ny, o))]),
+        D11=out.D @ plant.D11 @ into.D,
+        D12=out.D @ plant.D12,
+        D21=plant.D21 @ into.D,
+        D22=plant.D22,
+    )
+
+
+def scalings_of(problem: RobustProblem, found: Levels, M: AnyArray) -> list[Filter]:
+    """Return the scalings of lowest order that raise the levels next to nothing."""
+    blocks = problem.as_complex.blocks
+    sizes = found.diagonals()
+    weights = (found.values / found.peak) ** 2 + 1e-3
+    offered = [
+        fitted(found.omega, np.log(sizes[:, k]), weights, D_STEP_POLICY.orders)
+        for k in range(len(blocks) - 1)
+    ]
+    last = Filter(1.0, np.zeros(0), np.zeros(0))
+    wanted = np.maximum(found.values, D_STEP_POLICY.low * found.peak)
+
+    def loss(orders: list[int]) -> float:
+        chosen = [one[order] for one, order in zip(offered, orders, strict=True)] + [last]
+        logs = np.array([f.sizes(found.omega) for f in chosen]).T
+        left = np.exp(np.repeat(logs, [b.columns for b in blocks], axis=1))
+        right = np.exp(np.repeat(logs, [b.rows for b in blocks], axis=1))
+        return float((scaled_norms(M, left, right) / wanted).max())
+
+    losses = [loss([order] * len(offered)) for order in range(D_STEP_POLICY.orders + 1)]
+    enough = max(min(losses), 1 + D_STEP_POLICY.near)
+    order = next(k for k, value in enumerate(losses) if value <= enough)
+    orders = [order] * len(offered)
+    for k in range(len(offered)):
+        while orders[k] and loss([*orders[:k], orders[k] - 1, *orders[k + 1 :]]) <= enough:
+            orders[k] -= 1
+    return [one[order] for one, order in zip(offered, orders, strict=True)] + [last]
+
+
+# The share of its usual work that a search for fixed order gets, and its safety net in seconds.
+_EFFORT = 0.1
+_SECONDS = 300.0
+
+
+def shorter(problem: RobustProblem, K: Controller, order: int) -> Iterator[Controller]:
+    """Yield stabilising controllers of an order that stand for a longer one, in scaled units."""
+    if len(K.A) <= order:
+        yield K
+        return
+    plant = problem.scaled
+    states = [f"xk{i}" for i in range(len(K.A))]
+    named = named_system(tuple(K), 0, plant.measurement_names, plant.control_names, states)
+    for candidate in Reducer(plant, named).of_order(order):
+        found = Controller(*matrices_of(candidate.controller))
+        loop = problem.loop(found)
+        if loop is not None and loop.stable:
+            yield found
+
+
+def of_order(problem: RobustProblem, order: int, budget: Budget) -> Controller | None:
+    """Return a controller of few states by the search for fixed order; None if it finds none."""
+    share = min(max(budget.seconds_left, 1.0), _SECONDS)
+    try:
+        design = output_feedback(problem.scaled, order=order, effort=_EFFORT, time_limit=share)
+    except (InfeasibleError, SolverError):
+        return None
+    return Controller(*matrices_of(design.controller))
+
+
+def level_with(problem: RobustProblem, K: Controller, known: Levels) -> float:
+    """Return the largest level of a controller at frequencies, by the scalings of another one."""
+    loop = problem.loop(K)
+    if loop is None or not loop.stable:
+        return float(np.inf)
+    M = LoopResponses.of(loop, known.omega).M
+    scalings = Scalings(known.space.structure)
+    weights = np.array([scalings.of_weights(f.x, known.space, 1.0) for f in known.found])
+    squares = np.linalg.eigvalsh(ScaledGain(scalings, weights, M).H)[:, -1]
+    return float(np.sqrt(max(squares.max(), 0.0)))

@@ -1,0 +1,655 @@
+"""Controllers by worst cases: descents on the machines that proofs and corners say are worst."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.base.arrays import AnyVector, Vector
+from robustpolish.base.budget import Budget, step_cost
+from robustpolish.errors import InfeasibleError, InvalidInputError, SolverError
+from robustpolish.implementation.reduction import Reducer
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.plants.uncertain.elements import RealElement
+from robustpolish.plants.uncertain.system import UncertainSystem
+from robustpolish.robust.questions import WorstCaseGain, machine_at, worst_case_gain
+from robustpolish.synthesis.nonsmooth.descent import Measure, Problem, bfgs, minimax
+from robustpolish.synthesis.nonsmooth.measures import HinfMeasure, StabilityMeasure, WorstMeasure
+from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
+from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented
+from robustpolish.synthesis.problem.scaling import ScaledPlant, undivided
+from robustpolish.synthesis.structured.search import POLICY as STRUCTURED
+from robustpolish.synthesis.structured.search import Effort, PartProblem, descend_from, stabilise
+from robustpolish.synthesis.structured.structures import StaticStructure, scaled_matrix
+from robustpolish.synthesis.uncertain.scaled_gain import ModalGain, unstacked
+
+# Descents on the largest norm of one controller with several machines.
+
+# Steps of a descent on a set that is still to grow, and on one that seems to be complete.
+_QUICK = 50
+_THOROUGH = 150
+# Price of a violated requirement, of which there are none here.
+_PRICE = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """The largest norm over a set of machines, as a function of the controller's free numbers.
+
+    Attributes
+    ----------
+    part : PartProblem
+        The nominal plant in scaled units, with the free numbers and where to start.
+    machines : tuple of PlantMatrices
+        In the same units.
+    """
+
+    part: PartProblem
+    machines: tuple[PlantMatrices, ...]
+
+    @cached_property
+    def problem(self) -> Problem:
+        """What is minimised."""
+        loops = (augmented(machine, self.part.order) for machine in self.machines)
+        worst = WorstMeasure(tuple(HinfMeasure(loop) for loop in loops))
+        return Problem(self.part.parametrisation, worst, (), STRUCTURED.ceilings[0])
+
+    @cached_property
+    def stability(self) -> Measure:
+        """Negative where all loops are stable."""
+        return WorstMeasure(tuple(self._stability(machine) for machine in self.machines))
+
+    def _stability(self, machine: PlantMatrices) -> Measure:
+        loop = augmented(machine, self.part.order)
+        return StabilityMeasure.of(loop, float(np.linalg.norm(loop.A, 2)) or 1.0)
+
+    def badness(self, K: Matrix, machine: PlantMatrices, budget: Budget) -> tuple[bool, float]:
+        """Return whether a loop is unstable, and how much so, or its norm: larger is worse."""
+        norm = HinfMeasure(augmented(machine, self.part.order))
+        budget.spend(norm.work)
+        pieces = norm.pieces(K, 0.0, ())
+        if pieces:
+            return False, pieces[0].value
+        pieces = self._stability(machine).pieces(K, 0.0, ())
+        return True, pieces[0].value if pieces else np.inf
+
+    def lower(self, theta: AnyVector, budget: Budget, thorough: bool) -> tuple[AnyVector, float]:
+        """Return better free numbers and their largest norm; infinite if some loop is unstable."""
+        # Line searches try gains so wild that numbers overflow; such gains count as infinite.
+        with np.errstate(over="ignore", invalid="ignore"):
+            if self.problem.model(theta) is None:
+                theta, _ = stabilise(self.problem, self.stability, theta, budget)
+                if self.problem.model(theta) is None:
+                    return theta, np.inf
+            ended = minimax(self.problem, theta, budget, _QUICK)
+            if thorough and ended.reason != "stationary":
+                steps = STRUCTURED.iterations(theta.size)
+                smooth = bfgs(
+                    lambda x: self.problem.penalised(x, _PRICE),
+                    ended.point, budget, self.problem.work, steps,
+                )  # fmt: skip
+                ended = minimax(self.problem, smooth.point, budget, _THOROUGH)
+        return ended.point, float(np.exp(ended.value))
+
+    def search(
+        self, starts: Iterable[AnyVector], effort: Effort, budget: Budget
+    ) -> tuple[AnyVector, float] | None:
+        """Return the best of several descents; None if none made all loops stable."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = descend_from(
+                starts, self.problem, self.stability, effort, budget, np.random.default_rng(0)
+            )
+        if found.point is None or not np.isfinite(found.value):
+            return None
+        return found.point, float(np.exp(found.value))
+
+
+# The machines of an uncertain plant: at given values, at the corners, and farther out.
+
+Values = Mapping[str, Any]
+
+# Real numbers of which all corners are looked at, and how many are drawn of more.
+_NUMBERS = 7
+_DRAWN = 2**_NUMBERS
+
+
+@dataclass(frozen=True, eq=False)
+class Machines:
+    """The machines within the bounds of an uncertain plant.
+
+    Attributes
+    ----------
+    system : UncertainSystem
+        Its last outputs are measurements, its last inputs controls.
+    ny, nu : int
+    """
+
+    system: UncertainSystem
+    ny: int
+    nu: int
+
+    @cached_property
+    def numbers(self) -> tuple[RealElement, ...]:
+        """The real numbers among what is uncertain."""
+        return tuple(e for e in self.system.elements.values() if isinstance(e, RealElement))
+
+    @cached_property
+    def nominal(self) -> GeneralizedPlant:
+        """The plant with every delta 0."""
+        return self._plant(self.system.nominal)
+
+    def at(self, values: Values, omega: float = math.nan) -> GeneralizedPlant | None:
+        """Return a machine; None where the plant is not well posed.
+
+        Parameters
+        ----------
+        values : mapping of str to float, complex or control.StateSpace
+            As a witness has them. What is not named is nominal.
+        omega : float, optional
+            In rad/s, where complex numbers have their values.
+        """
+        step = self.system.dt
+        own = 0.0 if not step else 1.0 if step is True else float(step)
+        try:
+            found = machine_at(self.system, values, omega, own)
+        except InvalidInputError:
+            return None
+        return self._plant(found.nominal if isinstance(found, UncertainSystem) else found)
+
+    def corners(self) -> list[dict[str, float]]:
+        """Return the values of the real numbers at the corners, or at some of very many.
+
+        Of an ellipsoid they are the points whose directions are all of one size.
+        """
+        n = len(self.numbers)
+        if not n:
+            return []
+        signs: list[Any] = list(itertools.product((-1.0, 1.0), repeat=n)) if n <= _NUMBERS else []
+        if not signs:
+            drawn = np.random.default_rng(0).choice([-1.0, 1.0], size=(_DRAWN, n))
+            signs = drawn.tolist()
+        members = [e.group for e in self.numbers]
+        sizes = [1 / math.sqrt(members.count(g)) if g else 1.0 for g in members]
+        return [self.values(np.array(one) * sizes) for one in signs]
+
+    def values(self, deltas: Vector) -> dict[str, float]:
+        """Return the real numbers at deltas."""
+        return {e.name: e.value(float(d)) for e, d in zip(self.numbers, deltas, strict=True)}
+
+    def deltas(self, values: Values) -> Vector:
+        """Return the deltas of the real numbers."""
+        return np.array([e.delta(values.get(e.name, e.nominal)) for e in self.numbers])
+
+    def outward(self, values: Values) -> dict[str, Any]:
+        """Return values with the real numbers moved outward to the bounds."""
+        deltas = self.deltas(values)
+        sizes = [abs(d) for d, e in zip(deltas, self.numbers, strict=True) if not e.group]
+        for group in {e.group for e in self.numbers if e.group}:
+            own = [d for d, e in zip(deltas, self.numbers, strict=True) if e.group == group]
+            sizes.append(math.hypot(*own))
+        largest = max(sizes, default=0.0)
+        return {**values, **self.values(deltas / largest)} if largest > 0 else dict(values)
+
+    def _plant(self, machine: Any) -> GeneralizedPlant:
+        if not isinstance(machine, control.StateSpace):
+            machine = control.StateSpace([], [], [], np.atleast_2d(machine), 0)
+        return GeneralizedPlant(machine, self.ny, self.nu)
+
+
+# The search over scenarios: descend on a set of machines, find a worse one, add it, prove.
+
+_FIRST = Effort(descents=16, fewest=4, patience=6)
+_AGAIN = Effort(descents=4, fewest=2, patience=2)
+
+
+@dataclass(frozen=True)
+class ScenarioPolicy:
+    """How far a search goes.
+
+    Attributes
+    ----------
+    machines : int
+        Most of them in a set.
+    proofs : int
+        Proofs at most: each takes as long as many descents.
+    worse : float
+        A machine joins the set if its norm is above that of the set by this share.
+    agrees : float
+        A proof so far above the set, relative, ends the search: intervals need 0.2 % alone.
+    several : float
+        Share of the work that is left for descents from several starts.
+    first, again : Effort
+        Descents for the first set where the structure is prescribed, and for the last one.
+    """
+
+    machines: int = 24
+    proofs: int = 8
+    worse: float = 1e-3
+    agrees: float = 0.005
+    several: float = 0.4
+    first: Effort = _FIRST
+    again: Effort = _AGAIN
+
+
+POLICY = ScenarioPolicy()
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """A controller with which no corner is worse than the set.
+
+    Attributes
+    ----------
+    part : PartProblem
+    theta : ndarray
+        Its free numbers.
+    level : float
+        The largest norm over the set, in scaled units.
+    """
+
+    part: PartProblem
+    theta: AnyVector
+    level: float
+
+    @property
+    def controller(self) -> control.StateSpace:
+        """The controller in the plant's units."""
+        return self.part.controller(self.part.parametrisation.gain(self.theta))
+
+    @property
+    def gain(self) -> float:
+        """The largest norm over the set, in the plant's units."""
+        return self.part.scaled.norm(self.level)
+
+
+@dataclass(frozen=True, eq=False)
+class Proven:
+    """A controller with the largest gain of all machines.
+
+    Attributes
+    ----------
+    controller : control.StateSpace
+    worst : WorstCaseGain
+        Proven.
+    """
+
+    controller: control.StateSpace
+    worst: WorstCaseGain
+
+
+class ScenarioSearch:
+    """One search; its set of machines grows and serves every controller that is tried.
+
+    Parameters
+    ----------
+    machines : Machines
+    scaled : ScaledPlant
+        The nominal plant, whose units all machines are in.
+    budget : Budget
+    """
+
+    def __init__(self, machines: Machines, scaled: ScaledPlant, budget: Budget) -> None:
+        self.machines, self.scaled, self.budget = machines, scaled, budget
+        self.history: list[dict[str, Any]] = []
+        corners = [(values, self._matrices(values)) for values in machines.corners()]
+        self._corners = [(v, m) for v, m in corners if m is not None]
+        self.known: list[tuple[Values, PlantMatrices]] = []
+        self._add({})
+
+    def descent(self, part: PartProblem) -> Descent:
+        """Return the descent over the set of now."""
+        return Descent(part, tuple(m for _, m in self.known))
+
+    def settled(
+        self, part: PartProblem, theta: AnyVector, thorough: bool = True, goal: float = 0.0
+    ) -> Settled | None:
+        """Descend from a point until no corner is worse.
+
+        Parameters
+        ----------
+        part : PartProblem
+        theta : ndarray
+        thorough : bool, optional
+            Whether long descents follow the short ones with which the set grows.
+        goal : float, optional
+            A level for which short ones will do.
+
+        Returns
+        -------
+        Settled or None
+            None if a loop stays unstable.
+        """
+        before = 0.0
+        while True:
+            theta, level = self.descent(part).lower(theta, self.budget, thorough=False)
+            if not np.isfinite(level):
+                return None
+            if self.budget.over:
+                break
+            if self._add_corner(part, theta, level):
+                continue
+            if not thorough or level <= max(goal, before * (1 + POLICY.worse)):
+                break
+            theta, before = self.descent(part).lower(theta, self.budget, thorough=True)
+            level = before
+            self.tell("descent", Settled(part, theta, level))
+            if self.budget.over or not self._add_corner(part, theta, level):
+                break
+        return Settled(part, theta, level)
+
+    def searched(
+        self,
+        part: PartProblem,
+        starts: Iterable[AnyVector],
+        effort: Effort,
+        below: float = np.inf,
+    ) -> Settled | None:
+        """Descend from several points, and go on from the best one until no corner is worse.
+
+        Where that one cannot be made stable on all machines, others are tried on the larger set;
+        `starts` may be without an end. None if no level comes below one in the plant's units.
+        """
+        source = iter(starts)
+        own = self.budget.share(POLICY.several)
+        found = self.descent(part).search(source, effort, own)
+        while found is not None and not self.budget.over:
+            if part.scaled.norm(found[1]) >= below:
+                return None
+            if not self._add_corner(part, *found):
+                break
+            descent = self.descent(part)
+            theta, level = descent.lower(found[0], self.budget, thorough=False)
+            stable = bool(np.isfinite(level))
+            found = (theta, level) if stable else descent.search(source, effort, own)
+        if found is None:
+            return None
+        best = Settled(part, *found)
+        self.tell("descents", best)
+        return self.settled(part, best.theta) or best
+
+    def proven(self, found: Settled) -> Proven | None:
+        """Prove a controller; where a proof finds a worse machine, add it and descend again."""
+        best: Proven | None = None
+        for _ in range(POLICY.proofs):
+            controller = found.controller
+            worst = worst_case_gain(self.machines.system.lft(controller))
+            self.budget.spend(100 * step_cost(len(controller.A) + self.machines.nominal.nx))
+            self.tell("proof", found, worst.upper)
+            if worst.proven and (best is None or worst.upper < best.worst.upper):
+                best = Proven(controller, worst)
+            enough = worst.upper <= found.gain * (1 + POLICY.agrees)
+            if enough or self.budget.over or not self._add_witness(worst, found):
+                break
+            again = self.settled(found.part, found.theta)
+            if again is None:
+                break
+            found = again
+        return best
+
+    def tell(self, what: str, found: Settled, gain: float | None = None) -> None:
+        """Write a step into the history."""
+        self.history.append(
+            {
+                "step": f"scenarios: {what}",
+                "states": found.part.order,
+                "machines": len(self.known),
+                "gain": found.gain if gain is None else gain,
+                "work": self.budget.spent,
+            }
+        )
+
+    def worst_known(self, found: Settled) -> list[tuple[int, tuple[Values, PlantMatrices]]]:
+        """Return the machines of the set with their places in it, the worst one first."""
+        K, descent = found.part.parametrisation.gain(found.theta), self.descent(found.part)
+        judged = [(descent.badness(K, m, self.budget), -i) for i, (_, m) in enumerate(self.known)]
+        return [(-i, self.known[-i]) for _, i in sorted(judged, reverse=True)]
+
+    def _add_corner(self, part: PartProblem, theta: AnyVector, level: float) -> bool:
+        """Add the worst corner, if it is worse than the set."""
+        if not self._corners or len(self.known) >= POLICY.machines:
+            return False
+        K, descent = part.parametrisation.gain(theta), self.descent(part)
+        judged = [descent.badness(K, matrices, self.budget) for _, matrices in self._corners]
+        worst = max(range(len(judged)), key=lambda i: (judged[i], -i))
+        unstable, norm = judged[worst]
+        worse = unstable or norm > level * (1 + POLICY.worse)
+        return worse and self._add(self._corners[worst][0])
+
+    def _add_witness(self, worst: WorstCaseGain, found: Settled) -> bool:
+        """Add the machine at a witness: of unstable ones the farthest one that is unstable, too."""
+        if not worst.witness or len(self.known) >= POLICY.machines:
+            return False
+        omega = worst.critical_frequency
+        if np.isfinite(worst.lower):
+            return self._add(worst.witness, omega)
+        far = self.machines.outward(worst.witness)
+        matrices = self._matrices(far, omega)
+        K = found.part.parametrisation.gain(found.theta)
+        worse = matrices is not None and self.descent(found.part).badness(
+            K, matrices, self.budget
+        )[0]  # fmt: skip
+        return self._add(far if worse else worst.witness, omega)
+
+    def _add(self, values: Values, omega: float = np.nan) -> bool:
+        """Add a machine; False if it is there already, or not well posed."""
+        matrices = self._matrices(values, omega)
+        if matrices is None:
+            return False
+        if any(matrices.fingerprint == known.fingerprint for _, known in self.known):
+            return False
+        self.known.append((values, matrices))
+        return True
+
+    def _matrices(self, values: Values, omega: float = np.nan) -> PlantMatrices | None:
+        plant = self.machines.at(values, omega)
+        return None if plant is None else self.scaled.in_units(PlantMatrices.of(plant))
+
+
+# Where searches over scenarios start, and how short their controllers may be.
+
+# A controller is shortened as long as its level rises by less than this share, as in D-K.
+_SHORTENED = 0.02
+# A worst gain so far above what no controller beats, relative, cannot be improved.
+_NEAR = 0.01
+# Machines of the set whose own smallest gain is asked for, the worst ones first.
+_ASKED = 2
+# The share of its usual work that a nominal search for fixed order gets.
+_EFFORT = 0.1
+# The safety net of a search for a single machine, in seconds.
+_SECONDS = 300.0
+# What it gets when that is nearly reached: no search ends at once.
+_LEAST = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class ByScenarios:
+    """The best proven controller of a search over scenarios.
+
+    Attributes
+    ----------
+    controller : control.StateSpace
+    worst : WorstCaseGain
+        Proven.
+    lower_bound : float
+        What no controller beats, not even one made for a single machine within the bounds; 0
+        if it was not asked for.
+    """
+
+    controller: control.StateSpace
+    worst: WorstCaseGain
+    lower_bound: float = 0.0
+
+    @property
+    def best_possible(self) -> bool:
+        """Whether next to nothing is left to gain."""
+        return self.worst.upper <= self.lower_bound * (1 + _NEAR)
+
+
+def with_structure(
+    machines: Machines, order: int, mask: NDArray[np.bool_], budget: Budget
+) -> tuple[ByScenarios | None, list[dict[str, Any]]]:
+    """Design a controller with free entries where a mask is true.
+
+    Raises
+    ------
+    InfeasibleError
+        If no gain of the pattern moves an unstable mode of the nominal plant; it is named.
+    """
+    part = _part(machines, order, mask)
+    if part is None:
+        return None, []
+    search = ScenarioSearch(machines, part.scaled, budget)
+    starts = part.proposals(budget.share(0.5), np.random.default_rng(0))
+    found = search.searched(part, starts, POLICY.first)
+    best = None if found is None else search.proven(found)
+    if best is None:
+        return None, search.history
+    # Then once more from other starts, on all machines that were worst for the first ones.
+    others = part.proposals(budget.share(0.5), np.random.default_rng(1))
+    enough = best.worst.lower * (1 - POLICY.agrees)
+    again = search.searched(part, others, POLICY.again, enough)
+    if again is not None:
+        best = _better(best, search.proven(again))
+    return ByScenarios(best.controller, best.worst), search.history
+
+
+class FreeSearch:
+    """The search for a controller without a pattern, of at most some order.
+
+    Parameters
+    ----------
+    machines : Machines
+    order : int or None
+        Most states; None for as few as cost next to nothing.
+    budget : Budget
+    """
+
+    def __init__(self, machines: Machines, order: int | None, budget: Budget) -> None:
+        self.machines, self.order, self.budget = machines, order, budget
+        self.search: ScenarioSearch | None = None
+        self._bounds: dict[int, float] = {}
+
+    @property
+    def history(self) -> list[dict[str, Any]]:
+        """What was done."""
+        return [] if self.search is None else self.search.history
+
+    def from_nominal(self) -> ByScenarios | None:
+        """Return the best controller of a search from the design for the nominal machine."""
+        try:
+            design = output_feedback(
+                self.machines.nominal,
+                order=self.order,
+                effort=1.0 if self.order is None else _EFFORT,
+                time_limit=_seconds(self.budget),
+            )
+        except (InfeasibleError, SolverError):
+            return None
+        return self.from_controller(design.controller)
+
+    def from_controller(self, controller: control.StateSpace) -> ByScenarios | None:
+        """Return the best controller of a search from a given one."""
+        part = self._part(controller.nstates)
+        if part is None:
+            return None
+        self.search = self.search or ScenarioSearch(self.machines, part.scaled, self.budget)
+        found = self.search.settled(part, _point(part, controller), thorough=False)
+        if found is None:
+            return None
+        bound = self._lower_bound(found)
+        if found.gain > bound * (1 + POLICY.agrees):
+            found = self.search.settled(part, found.theta) or found
+            bound = max(bound, self._lower_bound(found))
+        found = self._shorter(found, bound)
+        proven = self.search.proven(found)
+        return None if proven is None else ByScenarios(proven.controller, proven.worst, bound)
+
+    def _part(self, order: int) -> PartProblem | None:
+        plant = self.machines.nominal
+        return _part(self.machines, order, np.ones((order + plant.nu, order + plant.ny), bool))
+
+    def _shorter(self, found: Settled, bound: float) -> Settled:
+        """Return the controller of fewest states whose level is next to that of a long one.
+
+        Near a bound that no controller beats short descents will do.
+        """
+        if self.order is not None or not found.part.order or self.search is None:
+            return found
+        full = found.controller
+        try:
+            reducer = Reducer(self.machines.nominal, full)
+        except (np.linalg.LinAlgError, ValueError):
+            return found
+        for order in range(1, found.part.order):
+            part = self._part(order)
+            if part is None or self.budget.over:
+                break
+            points = [_point(part, c.controller) for c in reducer.of_order(order)]
+            first = self._nearest(part, [p for p in points if len(p) == part.parametrisation.size])
+            short = None if first is None else self.search.settled(part, first, thorough=False)
+            enough = found.level * (1 + _SHORTENED)
+            if short is None or short.level > 2 * enough:
+                continue
+            goal = found.level / found.gain * bound * (1 + POLICY.agrees)
+            short = self.search.settled(part, short.theta, goal=goal)
+            if short is not None and short.level <= enough:
+                return short
+        return found
+
+    def _nearest(self, part: PartProblem, points: list[AnyVector]) -> AnyVector | None:
+        """Return the point whose worst loop of the set is best."""
+        assert self.search is not None
+        descent, gain = self.search.descent(part), part.parametrisation.gain
+        judged = [
+            (max(descent.badness(gain(p), m, self.budget) for _, m in self.search.known), i)
+            for i, p in enumerate(points)
+        ]
+        return points[min(judged)[1]] if judged else None
+
+    def _lower_bound(self, found: Settled) -> float:
+        """Return the largest of the smallest gains that single machines of the set can have."""
+        assert self.search is not None
+        bounds = [0.0]
+        for place, (values, _) in self.search.worst_known(found)[:_ASKED]:
+            if place not in self._bounds:
+                self._bounds[place] = _smallest_gain(self.machines.at(values), self.budget)
+            bounds.append(self._bounds[place])
+        return max(bounds)
+
+
+def _seconds(budget: Budget) -> float:
+    """Return what a search of a single machine gets of the safety net."""
+    return min(max(budget.seconds_left, _LEAST), _SECONDS)
+
+
+def _smallest_gain(plant: GeneralizedPlant | None, budget: Budget) -> float:
+    """Return a gain that no controller of a single machine beats; 0 if none is known."""
+    try:
+        design = plant and output_feedback(plant, time_limit=_seconds(budget))
+    except (InfeasibleError, SolverError):
+        return 0.0
+    return (design and design.lower_bound) or 0.0
+
+
+def _part(machines: Machines, order: int, mask: NDArray[np.bool_]) -> PartProblem | None:
+    return StaticStructure("hinf", order, mask).problem(undivided(machines.nominal))
+
+
+def _point(part: PartProblem, controller: control.StateSpace) -> AnyVector:
+    """Return the free numbers of a controller, whose modes get even units."""
+    K = unstacked(scaled_matrix(controller, part.scaled), controller.nstates)
+    form, theta = ModalGain.of(K)
+    return form.gain(theta)[np.ones(form.shape, bool)]
+
+
+def _better(one: Proven, other: Proven | None) -> Proven:
+    return one if other is None or one.worst.upper <= other.worst.upper else other
